@@ -5,8 +5,10 @@
 - `InputError`: error for a scene, option or folder that cannot be used, in one line
 - `LimitAnalysis`: solver of many labellings of one assembly
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `Model`: how a structure is modelled and solved: crack model, friction, contact, solver
+- `Result`: λ of one structure under one labelling, whatever the crack model
 - `Scene`: validated content of a scene file
-- `SolveOptions`: modelling options of a solve, as on the command line
+- `SolveOptions`: name of `Model` before version 0.4
 - `SolverError`: error for a program that a solver does not support
 - `Status`: status of a result: collapse, locked, unstable or uncertified
 - `blocks_of`: find the blocks of a labelling
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from jld_core.build import build_assembly
     from jld_core.errors import InputError, SolverError
     from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
-    from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+    from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Result, Status
     from jld_core.models import SolveOptions, solve
     from jld_core.models.solve_many import BatchResult, solve_many
     from jld_core.scene import Scene, load_scene, parse_scene
@@ -45,6 +47,8 @@ __all__ = [
     "InputError",
     "LimitAnalysis",
     "LimitAnalysisResult",
+    "Model",
+    "Result",
     "Scene",
     "SolveOptions",
     "SolverError",
@@ -68,7 +72,7 @@ export_lazily(
         "build": ["build_assembly"],
         "errors": ["InputError", "SolverError"],
         "geometry_optimisation.sensitivity": ["geometry_sensitivities"],
-        "limit": ["LimitAnalysis", "LimitAnalysisResult", "Status"],
+        "limit": ["LimitAnalysis", "LimitAnalysisResult", "Model", "Result", "Status"],
         "models": ["SolveOptions", "solve"],
         "models.solve_many": ["BatchResult", "solve_many"],
         "scene": ["Scene", "load_scene", "parse_scene"],

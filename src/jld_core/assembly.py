@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from jld_core.linalg import components
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.shape_loads import ShapeLoads
+
+if TYPE_CHECKING:
+    from jld_core.scene.cracks import CrackModel
 
 DRY: Final = True
 """Label of a joint."""
@@ -267,6 +270,10 @@ class Assembly(NotebookRepr):
         Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
     fill : tuple of (k, 2) arrays
         Outlines of fill, for drawing.
+    cracks : "faces", CellCracks or FieldCracks
+        Along which planes blocks crack, which `solve` obeys.
+    scene : Scene or None
+        Scene of which it was built; cells are cut from it.
     """
 
     name: str
@@ -290,6 +297,8 @@ class Assembly(NotebookRepr):
     shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
     fill: tuple[Floats, ...] = ()
+    cracks: CrackModel = "faces"
+    scene: Any = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"

@@ -85,14 +85,22 @@ class Showable:
 class NotebookRepr(Showable):
     """Base class of objects that a notebook shows by a registered view.
 
-    Without a view a notebook shows the repr.
+    The module that registers the view is imported when it is first needed.
     """
+
+    views_module = "jld_core.views.notebook"
+
+    @property
+    def _view(self) -> View:
+        """Return the registered view of the class."""
+        if type(self) not in _VIEWS:
+            import_module(self.views_module)
+        return _VIEWS[type(self)]
 
     @cached_property
     def _drawing(self) -> str | bytes | None:
-        """Return the drawing from the registered view, computed once; None without a view."""
-        view = _VIEWS.get(type(self))
-        return None if view is None else view.drawing(self)
+        """Return the drawing from the registered view, computed once."""
+        return self._view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
         """Return the object's drawing as a matplotlib figure, made by the registered view.
@@ -106,13 +114,8 @@ class NotebookRepr(Showable):
         -------
         matplotlib.figure.Figure
             The drawing.
-
-        Raises
-        ------
-        KeyError
-            No view is registered for the class.
         """
-        return _VIEWS[type(self)].figure(self, ids=ids, values=values)
+        return self._view.figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:
         """Return the drawing where it is SVG text, as Jupyter calls for it."""
@@ -124,5 +127,4 @@ class NotebookRepr(Showable):
 
     def _repr_html_(self) -> str | None:
         """Return facts and drawing, as Jupyter calls for them."""
-        view = _VIEWS.get(type(self))
-        return None if view is None else view.html(self, self._drawing)
+        return self._view.html(self, self._drawing)

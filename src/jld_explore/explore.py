@@ -16,7 +16,7 @@ from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
-from jld_core.limit import SolveOptions
+from jld_core.limit import Model
 from jld_core.models import require_memory
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
@@ -56,7 +56,7 @@ STEPS: Final = (ExperimentStep(), ReliabilityStep())
 
 
 def explore(
-    scene: str | Path | Scene,
+    scene: str | Path | Mapping[str, Any] | Scene,
     out: str | Path | None = None,
     settings: ExploreSettings | None = None,
     report: Callable[[Progress], None] | None = None,
@@ -68,7 +68,7 @@ def explore(
     budget: int | None = None,
     jobs: int | None = None,
     seed: int | None = None,
-    model: SolveOptions | None = None,
+    model: Model | None = None,
     options: Mapping[str, Any] | None = None,
     robust: bool | None = None,
     experiment: int | None = None,
@@ -85,8 +85,8 @@ def explore(
 
     Parameters
     ----------
-    scene : str, Path or Scene
-        Scene file or scene.
+    scene : str, Path, dict or Scene
+        Scene file, dict as in such a file, or scene.
     out : str or Path, optional
         Results folder, new or empty unless `resume` is set. Default: a new temporary folder, which the result names.
     settings : ExploreSettings, optional
@@ -110,8 +110,8 @@ def explore(
         Number of worker processes, default 1.
     seed : int, optional
         Seed of the driver, default 0.
-    model : SolveOptions, optional
-        Options of model and solver; the objective sets `friction`, `range` and `floor_seconds`.
+    model : Model, optional
+        Crack model, model and solver; the objective sets `friction`, `range` and `floor_seconds`.
     options : mapping of str to object, optional
         Options of a named driver.
     robust : bool, optional
@@ -170,10 +170,10 @@ def explore(
         settings = settings.maximising(objective)
     if out is None and settings.resume:
         raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
-    parsed = scene if isinstance(scene, Scene) else load_scene(Path(scene))
+    parsed = scene if isinstance(scene, Scene) else load_scene(scene)
     folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
     try:
-        with nullcontext() if isinstance(scene, Scene) else error_context(scene, str(folder)):
+        with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
             return _search(parsed, folder, settings, report, announce, started)
     except InputError:
         if out is None:
@@ -192,6 +192,9 @@ def _search(
     started: float | None,
 ) -> Exploration:
     """Run a search with complete settings, see `explore`."""
+    if (cracks := settings.model.cracks) is not None:
+        scene = scene.model_copy(update={"cracks": cracks})
+        settings = replace(settings, model=replace(settings.model, cracks=None))
     deadline = Deadline(settings.seconds, started)
     if settings.cluster is not None:
         check_folder(folder, settings.resume)

@@ -7,7 +7,6 @@ are computed on the coarsest mesh, for the best layouts and for the structure wi
 from __future__ import annotations
 
 import json
-import math
 import time
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -21,7 +20,7 @@ from jld_core.errors import InputError
 from jld_core.fields.adaptive import CoarseBounds, FieldSetting
 from jld_core.fields.requirements import require_fields
 from jld_core.files import write_text
-from jld_core.limit import Status
+from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
@@ -156,7 +155,7 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
     findings = _findings(values, low[:checked], high[:checked], uncut)
     facts: dict[str, Any] = {
         "checked": checked,
-        "uncut": None if uncut is None else [end if math.isfinite(end) else None for end in uncut],
+        "uncut": None if uncut is None else [number(end) for end in uncut],
         "findings": findings,
         "skipped": skipped or None,
         "next": f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
@@ -164,7 +163,9 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
         else None,
         "seconds": time.perf_counter() - start,
     }
-    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, "fields": facts}))
+    best = [number(low[0]), number(high[0])] if checked else None
+    of_blocks = {"fields": facts, "by_fields": best, "uncut": facts["uncut"]}
+    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, **of_blocks}))
     write_results(done.folder, found.results)
     write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
     return found
@@ -201,16 +202,17 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
     found = []
     fallen = high < (1.0 - FALL) * values
     if fallen[0]:
-        share = 1.0 - high[0] / values[0]
         more = int(fallen.sum()) - 1
         others = f", and {more} more of the best {len(values)} fall by over {FALL:.0%}" if more else ""
-        found.append(f"the blocks of the best carry at most {high[0]:.4g}, {share:.0%} less than by faces{others}")
+        most = f"carry at most {high[0]:.4g}, {1.0 - high[0] / values[0]:.0%} less than by faces"
+        falls = "fall under their dead load, whatever the live load"  # an upper bound below 0 is no λ
+        found.append(f"the blocks of the best {most if high[0] >= 0.0 else falls}{others}")
     elif fallen.any():
         found.append(f"{int(fallen.sum())} of the best {len(values)} carry over {FALL:.0%} less than by faces")
-    stronger = np.flatnonzero(low[1:] > high[0]) + 1
+    stronger = np.flatnonzero(low[1:] > max(high[0], 0.0)) + 1
     if stronger.size:
         row = int(stronger[np.argmax(low[stronger])])
         found.append(f"row {row + 1} carries at least {low[row]:.4g}, more than the best can")
-    if uncut is not None and uncut[0] > high.max():
+    if uncut is not None and uncut[0] > max(high.max(), 0.0):
         found.append(f"without cuts it carries at least {uncut[0]:.4g}, more than any of the best {len(values)}")
     return found

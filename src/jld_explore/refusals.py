@@ -78,7 +78,7 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
         raise ParameterError(
             "cracks", "one layout in space takes minutes by fields", "a search by faces, then solve by fields"
         )
-    require_cracks(scene, assembly, settings.model)
+    require_cracks(assembly, settings.model)
 
 
 def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:

@@ -11,7 +11,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.files import write_text
 from jld_core.limit import Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_explore.report import Exploration, Summary
 from jld_explore.settings import ExploreSettings
@@ -42,7 +42,7 @@ def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> f
     plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
     if not plain or len(assembly.labels) > MOST:
         return None
-    high = solve(assembly, space.fixed & ~space.candidates).bracket[1]
+    high = solve_rigid(assembly, space.fixed & ~space.candidates).bracket[1]
     return float(high) if math.isfinite(high) else None
 
 

@@ -26,10 +26,10 @@ def arch() -> jc.Assembly:
 
 @pytest.mark.parametrize("function", [jc.solve, jc.solve_many])
 def test_signatures_state_every_option(function: Any) -> None:
-    """Editors and mypy see each option with its type and default; there is one owner, `SolveOptions`."""
+    """Editors see each option with its type and default; there is one owner, `Model`."""
     shown = inspect.signature(function).parameters
-    stated = {one.name: (one.default, one.type) for one in fields(SolveOptions)}
-    assert list(shown)[2:] == list(stated)
+    stated = {one.name: (one.default, one.type) for one in fields(jc.Model)}
+    assert list(shown)[3:] == list(stated)
     for name, (default, kind) in stated.items():
         assert (shown[name].default, shown[name].annotation) == (default, kind)
         assert shown[name].kind is inspect.Parameter.KEYWORD_ONLY

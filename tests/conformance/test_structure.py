@@ -48,7 +48,8 @@ ORDER = [
     ["jld_core"],
     ["jld_core.exchange"],
     ["jld_core.geometry_optimisation"],
-    ["jld_core.models", "jld_core.views"],
+    ["jld_core.views"],
+    ["jld_core.models"],
     ["jld_core.assembly_sequence"],
     ["jld_core.limit"],
     ["jld_core.solvers"],
@@ -59,7 +60,8 @@ ORDER = [
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
-    ["jld_core.scene", "jld_core.assembly"],
+    ["jld_core.assembly"],
+    ["jld_core.scene"],
     ["jld_core.linalg", "jld_core.plugins", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
@@ -283,8 +285,9 @@ def test_public_names() -> None:
     import jld_core
     import jld_explore
 
-    core = """blocks_of Scene load_scene parse_scene Assembly build_assembly SolveOptions solve solve_many BatchResult
-    geometry_sensitivities LimitAnalysis LimitAnalysisResult Status InputError SolverError samples views solvers"""
+    core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many BatchResult
+    geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples views
+    solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
     Step StepContext StopReason"""

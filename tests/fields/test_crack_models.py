@@ -127,10 +127,10 @@ def test_cells_divide_the_grid() -> None:
     for cell, fits in ((0.05, True), (0.1, True), (0.03, False), (0.2, False)):
         scene = parse_scene({**document, "cracks": {"kind": "cells", "cell": cell}})
         if fits:
-            require_cracks(scene, build_assembly(scene))
+            require_cracks(build_assembly(scene))
             continue
         with pytest.raises(InputError, match="do not divide the width"):
-            require_cracks(scene, build_assembly(scene))
+            require_cracks(build_assembly(scene))
 
 
 def test_pieces_share_the_label_of_their_face() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
-from jld_core.scene import PointLoad, Scene
+from jld_core.scene import PointLoad, Scene, load_scene
 from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
@@ -87,13 +89,13 @@ def build_robust(scene: Scene) -> Assembly:
     return replace(nominal, strengths=weak.strengths, nominal=nominal.strengths, members=weak.members)
 
 
-def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
+def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geometry | None = None) -> Assembly:
     """Convert a scene to an assembly, in scene units.
 
     Parameters
     ----------
-    scene : Scene
-        Validated scene.
+    scene : Scene, str, Path or dict
+        Validated scene, the name of a scene file or its content.
     geometry : Geometry, optional
         Geometry of a scene that differs only in materials and loads, to save its computation.
 
@@ -107,6 +109,8 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     InputError
         Geometry, references, loads or materials are invalid; the message names them.
     """
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
     elements = weighed(geometry.elements, geometry.entries, scene)
@@ -132,7 +136,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
+    assembly = replace(assembly, warnings=warnings, notes=_means(scene), cracks=scene.cracks, scene=scene)
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
     return with_members(assembly, scene.members, pressures)

@@ -21,7 +21,7 @@ from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.variables import variables_of
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
@@ -186,7 +186,7 @@ class _Search:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
             return None
-        result = solve(assembly, self.labels)
+        result = solve_rigid(assembly, self.labels)
         low = math.inf if result.status is Status.LOCKED else result.bracket[0]
         if result.status in (Status.COLLAPSE, Status.LOCKED) and (self.best is None or low > self.best[0]):
             self.best = (low, parameters, result)
@@ -264,7 +264,7 @@ def prove_box(
     for problem in search.problems:
         problem.require_valid(low, high)
     before = search.try_position(np.zeros(search.count)) if ((low <= 0.0) & (high >= 0.0)).all() else None
-    before = before or solve(assembly, labels)
+    before = before or solve_rigid(assembly, labels)
     tree = search.node(search.bound(low, high))
     bound = _branch(search, tree, low, high, gap, began + seconds, progress)
     if search.best is None:

@@ -23,7 +23,7 @@ from jld_core.geometry_optimisation.step import CaseState, Goal, Region, StepAns
 from jld_core.geometry_optimisation.variables import Variables
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.program import Template
 
 _ROUNDS: Final = 12
@@ -157,7 +157,7 @@ class Evaluator:
         if assembly is None:
             return None
         self.solves += 1
-        result = solve(assembly, self.labels)
+        result = solve_rigid(assembly, self.labels)
         if result.status not in (Status.COLLAPSE, Status.LOCKED):
             return None
         if self.dead_stands is None:
@@ -275,7 +275,7 @@ class Evaluator:
         states = [replace(state, forces=own) for state, own in zip(states, forces, strict=True)]
         for margin in _MARGINS:
             self.solves += 1
-            result = solve(_with_friction_factor(assembly, factor * (1.0 + margin)), self.labels)
+            result = solve_rigid(_with_friction_factor(assembly, factor * (1.0 + margin)), self.labels)
             if stands(result):
                 return Evaluated(values, -factor * (1.0 + margin), result, states, factor * (1.0 + margin))
         return None
@@ -306,7 +306,7 @@ class Evaluator:
             if assembly is None:
                 return None
             self.solves += 1
-            result = solve(assembly, self.labels)
+            result = solve_rigid(assembly, self.labels)
             if stands(result):
                 return Evaluated(trial, -(whole + trial[-1]), result, states)
         return None

@@ -17,7 +17,7 @@ from jld_core.geometry_optimisation.field_search import FieldPoint, FieldSearch
 from jld_core.geometry_optimisation.move_run import MoveOptions, MoveRun
 from jld_core.geometry_optimisation.optimise import MovedJoints, moved_result
 from jld_core.geometry_optimisation.search import GeometrySearch
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
@@ -96,7 +96,7 @@ def move_by_fields(
         problem = "blocks that crack anywhere do not stand, nor at any position of joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     found = search.evaluator.assembly(best[0].values)
-    result = None if found is None else solve(found, labels)
+    result = None if found is None else solve_rigid(found, labels)
     before = search.first()
     value = math.nan if result is None else result.load_factor
     return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)

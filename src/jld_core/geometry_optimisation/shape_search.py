@@ -10,11 +10,12 @@ from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.joint_profiles import Shape
 from jld_core.geometry_optimisation.joint_shapes import shaped_scene
 from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
@@ -109,7 +110,7 @@ def shape_joints(
         """Return the proven lower bound on λ with a shape, NaN without one."""
         key: tuple[float, ...] = astuple(one)
         if key not in known:
-            result = solve(shaped_scene(scene, assembly, labels, one, direction))
+            result = solve_rigid(build_assembly(shaped_scene(scene, assembly, labels, one, direction)))
             locked = result.status is Status.LOCKED
             known[key] = math.inf if locked else result.bracket[0]
             if result.status not in (Status.COLLAPSE, Status.LOCKED):
@@ -127,7 +128,7 @@ def shape_joints(
         end = "interrupted"
     best = kept[0][0]
     shaped = shaped_scene(scene, assembly, labels, best, direction)
-    return ShapedJoints(shaped, best, solve(assembly, labels), solve(shaped), trials, end)
+    return ShapedJoints(shaped, best, solve_rigid(assembly, labels), solve_rigid(build_assembly(shaped)), trials, end)
 
 
 def _improve(

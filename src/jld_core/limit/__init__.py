@@ -1,5 +1,6 @@
 """Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
+- `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
 - `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
 - `RENAMED_BENDING`: values of `inner_bending` of version 0.2, by their new names
 - `BatchAnalysis`: batch solver of one limit analysis
@@ -10,11 +11,13 @@
 - `Friction`: friction model: associative or zero-dilation
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `Model`: how a structure is modelled and solved, as on the command line
 - `Motion`: velocities with their jumps, margin and upper bound on λ
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
+- `Result`: λ of one structure under one labelling: what all results have
 - `Settled`: range of thrust after a support movement
-- `SolveOptions`: model and solver options, as on the command line
+- `SolveOptions`: name of `Model` before version 0.4
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
 - `ZeroDilation`: evidence and range of solutions without dilation
@@ -26,6 +29,7 @@
 - `number`: convert a float to a JSON number or null
 - `relative_width`: compute the relative width of a bracket
 - `result_of`: convert a proof to a result in scene units
+- `stands_in_words`: say whether a structure stands without live load
 """
 
 from __future__ import annotations
@@ -38,14 +42,24 @@ from jld_core.limit.brackets import exceeds, load_scale, relative_width
 from jld_core.limit.governing import CaseBounds, governing
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
-from jld_core.limit.options import FLOOR_SECONDS, RENAMED_BENDING, Condense, Contacts, Friction, SolveOptions
+from jld_core.limit.options import (
+    FIELD_SECONDS,
+    FLOOR_SECONDS,
+    RENAMED_BENDING,
+    Condense,
+    Contacts,
+    Friction,
+    Model,
+    SolveOptions,
+)
 from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.result import LimitAnalysisResult, Result, number, stands_in_words
 from jld_core.limit.result_building import governing_result, result_of
 from jld_core.limit.settlement import Settled
 from jld_core.limit.status import Status
 
 __all__ = [
+    "FIELD_SECONDS",
     "FLOOR_SECONDS",
     "RENAMED_BENDING",
     "BatchAnalysis",
@@ -56,9 +70,11 @@ __all__ = [
     "Friction",
     "LimitAnalysis",
     "LimitAnalysisResult",
+    "Model",
     "Motion",
     "Proof",
     "Prover",
+    "Result",
     "Settled",
     "SolveOptions",
     "State",
@@ -72,4 +88,5 @@ __all__ = [
     "number",
     "relative_width",
     "result_of",
+    "stands_in_words",
 ]

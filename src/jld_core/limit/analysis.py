@@ -18,7 +18,7 @@ from jld_core.limit.batch_results import FACES_WHERE_BATCH_IS_FASTER
 from jld_core.limit.bounds import Prover
 from jld_core.limit.brackets import load_scale, relative_width
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, run_fallbacks
-from jld_core.limit.options import SolveOptions
+from jld_core.limit.options import Model
 from jld_core.limit.proof import Proof
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.limit.repair import Repair
@@ -45,11 +45,11 @@ class LimitAnalysis:
     assembly : Assembly
         Structure to analyse.
     solver : str or Solver
-        Solver of the first attempt, see `SolveOptions`.
+        Solver of the first attempt, see `Model`.
     gap : float
         Relative width of the bracket above which a result is uncertified.
     inner_bending : {"uncoupled", "kern"}
-        Bending of inner faces, see `SolveOptions`.
+        Bending of inner faces, see `Model`.
     margin : float or None
         Slack kept in every yield row while solving, scaled, see `Template.program`. Default: that of the template.
     reference : (m,) bool array or None
@@ -59,6 +59,8 @@ class LimitAnalysis:
     single_labelling : bool
         State that only one labelling will be analysed. The batch solver is then made for it alone, where that is
         faster.
+    seconds : float or None
+        Time after which no further solution method is begun, s. None: no limit.
     """
 
     def __init__(
@@ -72,10 +74,11 @@ class LimitAnalysis:
         reference: Bits | None = None,
         template: Template | None = None,
         single_labelling: bool = False,
+        seconds: float | None = None,
     ) -> None:
         start = time.perf_counter()
         self.assembly, self.gap, self.single_labelling = assembly, gap, single_labelling
-        self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
+        self.options = Model(inner_bending=inner_bending, condense="off", solver=solver, gap=gap, seconds=seconds)
         if template is None:
             scaling = scaling_of(assembly)
             template = Template(assembly, scaling, yield_set(assembly, scaling, self.options.inner_bending))

@@ -11,6 +11,7 @@ from jld_core.batch.batch_solver import BatchSolver
 from jld_core.limit.admissible import State
 from jld_core.limit.bounds import Prover
 from jld_core.limit.brackets import apart, relative_width
+from jld_core.limit.options import Model
 from jld_core.limit.proof import Proof
 from jld_core.limit.repair import Repair
 from jld_core.limit.status import Status
@@ -33,7 +34,7 @@ class Analysis(Protocol):
     prover, repair: for `template`. first_solver: solver of the first attempt. reference: (m,) labelling, True = dry, on
     which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width above
     which a bracket is uncertified. load_scale: scaled λ below which differences are negligible. single_labelling: True
-    if only one labelling will be analysed.
+    if only one labelling will be analysed. options: model and solver options; `seconds` ends the attempts.
     """
 
     assembly: Assembly
@@ -46,6 +47,7 @@ class Analysis(Protocol):
     gap: float
     load_scale: float
     single_labelling: bool
+    options: Model
 
     @property
     def batch(self) -> BatchSolver | None:

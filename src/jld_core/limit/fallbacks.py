@@ -6,6 +6,8 @@ checks every bound before it counts.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -188,7 +190,11 @@ def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Pro
     Proof
         Bounds and status after the last method.
     """
+    limit = attempt.analysis.options.seconds
+    until = math.inf if limit is None else time.perf_counter() + limit
     for fallback in fallbacks:
+        if attempt.proof.solve_log and time.perf_counter() > until:
+            break
         if fallback.when(attempt) and not attempt.settled:
             fallback.run(attempt)
             if not attempt.settled:

@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
+import numpy as np
+
 from jld_core import tolerances
 from jld_core.deprecation import warn_renamed
 from jld_core.errors import ParameterError
 from jld_core.mechanics import InnerBending
+from jld_core.scene.cracks import CrackModel, FieldCracks, cracks_of, cracks_to_json
 from jld_core.solvers import Solver, require_solver
 
 Friction = Literal["associative", "zero-dilation"]
@@ -22,6 +25,9 @@ Condense = Literal["auto", "on", "off"]
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 
+FIELD_SECONDS: Final = 60.0
+"""Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
+
 RENAMED_BENDING: Final[dict[str, InnerBending]] = {"paper": "uncoupled"}
 """Values of `inner_bending` of version 0.2, by their new names; they are accepted until version 0.4."""
 
@@ -30,10 +36,10 @@ _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": Inn
 
 
 @dataclass(frozen=True)
-class SolveOptions:
-    """Options of the model and of the solver, named as on the command line.
+class Model:
+    """How a structure is modelled and solved: crack model, friction, contact, bending, solver.
 
-    Options of spatial models have no effect in planar scenes.
+    Fields are named as on the command line. Options of spatial models have no effect in planar scenes.
 
     Parameters
     ----------
@@ -54,7 +60,13 @@ class SolveOptions:
     solver : str or Solver
         Solver of the first attempt, by name or as an object. Repairs and auxiliary programs use their own solvers.
     gap : float
-        Relative width of the bracket above which a result is uncertified.
+        Relative width of the bracket above which a result is uncertified. By fields that of `cracks` stands for the
+        default.
+    cracks : "faces", "cells:A", "fields", "fields:GAP", crack model or None
+        Along which planes blocks crack: the faces drawn, faces of cells of size A (length), or anywhere, to the
+        relative width GAP of the bracket. None: as the scene says.
+    seconds : float or None
+        Time after which nothing further is tried, for each load case, s. None: 60 by fields, else no limit.
 
     Raises
     ------
@@ -71,8 +83,12 @@ class SolveOptions:
     condense: Condense = "auto"
     solver: str | Solver = "auto"
     gap: float = tolerances.GAP
+    cracks: CrackModel | str | None = None
+    seconds: float | None = None
 
     def __post_init__(self) -> None:
+        if self.cracks is not None:
+            object.__setattr__(self, "cracks", cracks_of(self.cracks))
         if self.inner_bending in RENAMED_BENDING:
             current = RENAMED_BENDING[self.inner_bending]
             warn_renamed(f'inner_bending="{self.inner_bending}"', f'inner_bending="{current}"', stacklevel=4)
@@ -89,24 +105,37 @@ class SolveOptions:
             raise ParameterError(
                 "effective_area", "point contacts have no effective area", '`contact="convex"` with it'
             )
-        if not self.floor_seconds >= 0.0:
+        if not (_is_number(self.floor_seconds) and self.floor_seconds >= 0.0):
             raise ParameterError(
-                "floor_seconds", f"{self.floor_seconds:g} is no number of seconds", "seconds, 0 for no bound"
+                "floor_seconds", f"{_shown(self.floor_seconds)} is no number of seconds", "seconds, 0 for no bound"
             )
-        if not 0.0 < self.gap < math.inf:
-            raise ParameterError("gap", f"{self.gap:g} is no relative width", "a number above 0")
+        if not (_is_number(self.gap) and 0.0 < self.gap < math.inf):
+            raise ParameterError("gap", f"{_shown(self.gap)} is no relative width", "a number above 0")
+        if self.seconds is not None and not (_is_number(self.seconds) and self.seconds >= 0.0):
+            raise ParameterError("seconds", f"{_shown(self.seconds)} is no time", "seconds, at least 0")
         if isinstance(self.solver, str):
             require_solver(self.solver)
 
     @property
     def supports_bounds_over_labellings(self) -> bool:
-        """Return True if λ is that of associative friction on whole faces.
+        """Return True if λ of rigid elements is that of associative friction on whole faces.
 
-        All other model options must have their default values. Bounds over many labellings hold only under these
-        options.
+        Bounds over many labellings hold only under these options.
         """
-        same = SolveOptions(condense=self.condense, solver=self.solver, gap=self.gap)
-        return self == same
+        return not self.beyond_whole_faces
+
+    @property
+    def beyond_whole_faces(self) -> dict[str, Any]:
+        """Return the options that differ from associative friction on whole faces, by name."""
+        plain = ("friction", "range", "floor_seconds", "contact", "effective_area", "inner_bending")
+        return {name: getattr(self, name) for name in plain if getattr(self, name) != getattr(Model, name)}
+
+    @property
+    def by_fields(self) -> FieldCracks | None:
+        """Return the crack model with the gap asked for where blocks crack by fields, else None."""
+        if not isinstance(self.cracks, FieldCracks):
+            return None
+        return self.cracks if self.gap == tolerances.GAP else FieldCracks(kind="fields", gap=self.gap)
 
     @property
     def ranks_by_lower_bound(self) -> bool:
@@ -122,7 +151,22 @@ class SolveOptions:
         Returns
         -------
         dict of str to object
-            One entry for each field.
+            One entry for each field that is not None.
         """
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
-        return {**{key: value for key, value in self.__dict__.items() if key != "solver"}, "solver": solver}
+        found = {name: value for name, value in vars(self).items() if value is not None}
+        return found | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
+
+
+SolveOptions = Model
+"""Name of `Model` before version 0.4."""
+
+
+def _is_number(value: object) -> bool:
+    """Return True for a real number, and False for truth values and other objects."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    """Return a number in short, and any other object as Python writes it."""
+    return f"{value:g}" if _is_number(value) else repr(value)

@@ -123,6 +123,8 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
     scale = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
     width = relative_width(decided.low, decided.high, scale)
     stands = [one.stands_at_zero for one in found]
+    ends = [[end / factor for end in one.least_bracket] for one, factor in zip(found, assembly.required, strict=True)]
+    least = (float(np.max([low for low, _ in ends])), float(np.max([high for _, high in ends])))
     return replace(
         first,
         assembly=assembly,
@@ -134,6 +136,7 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
         iterations=sum(one.iterations for one in found),
         seconds={key: sum(one.seconds[key] for one in found) for key in first.seconds},
         cases=cases,
+        least_bracket=least,
         governing=list(cases)[decided.case],
     )
 

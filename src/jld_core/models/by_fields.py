@@ -16,10 +16,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
-from jld_core.limit import CaseBounds, Status, governing, number
+from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing, number, stands_in_words
 from jld_core.limit.governing import Governing
-from jld_core.models.crack_models import FIELD_SECONDS
-from jld_core.scene.cracks import FieldCracks, cracks_in_words, cracks_to_json
+from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
@@ -32,9 +31,9 @@ _LEAST_SECONDS: Final = 5.0
 """Least time for the question whether a structure stands without live load, s; else that of its bounds."""
 
 
-@dataclass(frozen=True)
-class FieldResult:
-    """λ of one labelling by stress and velocity fields.
+@dataclass(frozen=True, repr=False)
+class FieldResult(Result):
+    """λ of one labelling by stress and velocity fields, with what every `Result` has.
 
     Attributes
     ----------
@@ -46,15 +45,19 @@ class FieldResult:
         The crack model, with the gap asked for.
     cases : dict of str to FieldBounds or SpatialBounds
         Bounds of each load case by its name; a single load has the name "".
-    seconds : float
-        Wall-clock time, s.
+    seconds : dict of str to float
+        Wall-clock time: total, s.
     """
 
     assembly: Assembly
     labels: Bits
     cracks: FieldCracks
     cases: dict[str, FieldBounds | SpatialBounds]
-    seconds: float
+    seconds: dict[str, float]
+
+    views_module = "jld_core.views.field_notebook"
+    notes = ()
+    forces = mechanism = instability_mechanism = None
 
     @property
     def governing(self) -> Governing:
@@ -80,51 +83,86 @@ class FieldResult:
         return self.assembly.by_case[case], self.labels, bounds
 
     @property
-    def status(self) -> Status:
+    def status(self) -> Status:  # type: ignore[override]
         """Return the outcome of the bounds by fields.
 
         It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
         """
         return self.governing.status
 
+    @property
+    def load_factor(self) -> float:  # type: ignore[override]
+        """Return the lower bound on λ; with load cases the least of λ / required."""
+        return self.governing.low
+
+    @property
+    def bracket(self) -> tuple[float, float]:  # type: ignore[override]
+        """Return the proven bounds on λ, NaN where one is missing."""
+        return self.governing.low, self.governing.high
+
+    @property
+    def gap(self) -> float:  # type: ignore[override]
+        """Return the relative width of the bracket."""
+        return _width(*self.bracket)
+
+    @property
+    def facts(self) -> dict[str, Any]:  # type: ignore[override]
+        """Return no further facts."""
+        return {}
+
     @cached_property
-    def stands_at_zero(self) -> bool | None:
+    def _reversed(self) -> list[tuple[float, float]]:
+        """Return bounds on the least λ of each load case."""
+        return [
+            least_by_fields(alone, self.labels, bounds, max(self.seconds["total"], _LEAST_SECONDS))
+            for alone, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
+        ]
+
+    @property
+    def stands_at_zero(self) -> bool | None:  # type: ignore[override]
         """Return True if the structure stands without live load in every load case.
 
         False if it does not in one of them; None where it is undecided.
         """
-        known = [
-            stands_by_fields(alone, self.labels, case_bounds_of(bounds), max(self.seconds, _LEAST_SECONDS))
-            for alone, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
-        ]
+        known = [stands_by(bounds, least) for bounds, least in zip(self.cases.values(), self._reversed, strict=True)]
         return False if False in known else None if None in known else True
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the object that `jld solve --cracks fields --json` prints.
+    @property
+    def least_bracket(self) -> tuple[float, float]:  # type: ignore[override]
+        """Return the proven bounds on the least λ from which on the structure stands, NaN where unknown."""
+        if self.stands_at_zero:
+            return 0.0, 0.0
+        ends = np.array(self._reversed) / self.assembly.required[:, None]
+        low, high = np.maximum(ends, 0.0).max(axis=0).tolist()
+        return low, high
 
-        Returns
-        -------
-        dict
-            Plain numbers, strings, lists and dicts; None stands for NaN and infinities.
-        """
+    @property
+    def reason(self) -> str | None:  # type: ignore[override]
+        """Explain in one sentence why the bounds of the governing case did not reach the gap; None where they did."""
+        if self.status is not Status.UNCERTIFIED:
+            return None
+        bounds = list(self.cases.values())[self.governing.case]
+        words = {
+            FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
+            FieldStatus.NO_UPPER: "no velocity field could be certified",
+        }
+        limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
+        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object that `jld solve --cracks fields --json` prints, see `Result.to_json`."""
         found, several = self.governing, bool(self.assembly.cases)
         ids, faces = self.assembly.elements.ids, self.assembly.interfaces
         first = next(iter(self.cases.values()))
         return {
-            "name": self.assembly.name,
-            "cracks": cracks_to_json(self.cracks),
-            "load_factor": number(found.load_factor),
-            "bracket": [number(found.low), number(found.high)],
-            "gap": number(_width(found.low, found.high)),
-            "status": str(found.status),
-            "stands_at_zero": self.stands_at_zero,
+            **self._head(),
             "friction": "associative",
             "contact": "convex",
             "dimension": self.assembly.dimension,
             "elements": len(ids),
             "interfaces": len(faces),
-            "seconds": {"total": self.seconds},
-            "warnings": [*self.assembly.warnings, *self.assembly.notes],
+            "seconds": dict(self.seconds),
+            "warnings": self.warnings,
             **(
                 {
                     "governing": list(self.cases)[found.case],
@@ -141,7 +179,7 @@ class FieldResult:
             ],
         }
 
-    def facts(self) -> dict[str, str]:
+    def facts_in_words(self) -> dict[str, str]:
         """Describe the result by named facts, for the terminal.
 
         Returns
@@ -160,27 +198,16 @@ class FieldResult:
             "bracket": bracket + (f"   (relative width {width:.1e})" if math.isfinite(width) else ""),
         }
         if found.status is Status.UNCERTIFIED:
-            facts["reason"] = self._reason()
+            facts["reason"] = str(self.reason)
         for (name, bounds), required in zip(self.cases.items(), self.assembly.required, strict=True):
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
             if several:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
-        stands = self.stands_at_zero
-        facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
+        facts["stands at 0"] = stands_in_words(self)
         parts = [_parts(bounds) for bounds in self.cases.values()]
         facts[parts[0][0]] = ", ".join(str(count) for _, count in parts)
-        facts["seconds"] = f"{self.seconds:.3g}"
+        facts["seconds"] = f"{self.seconds['total']:.3g}"
         return facts
-
-    def _reason(self) -> str:
-        """Explain in one sentence why the bounds of the governing case did not reach the gap."""
-        bounds = list(self.cases.values())[self.governing.case]
-        words = {
-            FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
-            FieldStatus.NO_UPPER: "no velocity field could be certified",
-        }
-        limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
-        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
 
 
 def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
@@ -244,7 +271,8 @@ def solve_by_fields(
 
         bound = spatial_bounds
     cases = {name: bound(one, own, gap=gap, seconds=seconds) for name, one in zip(names, assembly.by_case, strict=True)}
-    return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, time.perf_counter() - start)
+    spent = {"total": time.perf_counter() - start}
+    return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, spent)
 
 
 def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
@@ -274,10 +302,12 @@ def _width(low: float, high: float) -> float:
     return (high - low) / max(abs(high), abs(low), 1e-300)
 
 
-def stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds: float) -> bool | None:
-    """Decide whether a structure of crackable blocks stands without live load.
+def least_by_fields(
+    alone: Assembly, labels: Bits, bounds: FieldBounds | SpatialBounds, seconds: float
+) -> tuple[float, float]:
+    """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
 
-    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
+    The reversed live load that it carries is the opposite of that λ.
 
     Parameters
     ----------
@@ -285,26 +315,49 @@ def stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds:
         Structure under one load case.
     labels : (m,) bool array
         Labels, True = dry.
-    bounds : CaseBounds
+    bounds : FieldBounds or SpatialBounds
         Its bounds by fields.
     seconds : float
-        Time for the bound under the reversed live load, on a coarse mesh, s.
+        Time for the bounds under the reversed live load, on a coarse mesh, s.
+
+    Returns
+    -------
+    (float, float)
+        Proven bounds; NaN where one is unknown.
+    """
+    if bounds.upper < 0.0:
+        return math.nan, math.nan
+    if not alone.dead.any():
+        return 0.0, 0.0
+    if not math.isfinite(bounds.lower):
+        return math.nan, math.nan
+    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
+    back = replace(alone, live=-alone.live, live_points=points, shape_loads=None)
+    other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
+    low, high = -other.upper, -other.lower
+    return low if math.isfinite(low) else math.nan, high if math.isfinite(high) else math.nan
+
+
+def stands_by(bounds: FieldBounds | SpatialBounds, least: tuple[float, float]) -> bool | None:
+    """Decide whether a structure of crackable blocks stands without live load.
+
+    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
+
+    Parameters
+    ----------
+    bounds : FieldBounds or SpatialBounds
+        Its bounds by fields.
+    least : (float, float)
+        Bounds on its least λ, see `least_by_fields`.
 
     Returns
     -------
     bool or None
         None where it is undecided.
     """
-    if bounds.status is Status.UNSTABLE:
+    if bounds.upper < 0.0 or least[0] > 0.0:
         return False
-    if not alone.dead.any():
-        return True
-    if not bounds.low >= 0.0:
-        return None
-    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
-    back = replace(alone, live=-alone.live, live_points=points, shape_loads=None)
-    other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
-    return True if case_bounds_of(other).low >= 0.0 else None
+    return True if least[1] <= 0.0 <= bounds.lower or least == (0.0, 0.0) else None
 
 
 def _shown(value: float) -> str:

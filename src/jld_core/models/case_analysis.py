@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, SolveOptions, governing_result, result_of
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Proof, Status, governing_result, result_of
 from jld_core.mechanics import require_materials
 from jld_core.models.labelling import limit_analysis, require_solver_accepts, solve_labelling
 
@@ -22,7 +25,7 @@ class CaseAnalysis:
     ----------
     assembly : Assembly
         Structure, with or without load cases.
-    model : SolveOptions, optional
+    model : Model, optional
         Model and solver options. Default: those of `solve`.
     reference : (m,) bool array, optional
         Labelling on which solvers are set up, True = dry. Default: that of the assembly.
@@ -44,12 +47,12 @@ class CaseAnalysis:
     def __init__(
         self,
         assembly: Assembly,
-        model: SolveOptions | None = None,
+        model: Model | None = None,
         *,
         reference: Bits | None = None,
         single_labelling: bool = False,
     ) -> None:
-        self.assembly, self.model = assembly, model or SolveOptions()
+        self.assembly, self.model = assembly, model or Model()
         self._reference = assembly.labels if reference is None else reference
         self._single = single_labelling
         self._turn = threading.Lock()  # A limit analysis may be used by one thread at a time.
@@ -91,9 +94,11 @@ class CaseAnalysis:
         """
         start = time.perf_counter()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
+        least = least_bracket(analysis, labels, self.model, proof)
         elapsed = time.perf_counter() - start
         assemble = analysis.seconds if self._single else 0.0
-        return result_of(analysis.template, labels, self.model, proof, assemble=assemble, elapsed=elapsed)
+        found = result_of(analysis.template, labels, self.model, proof, assemble=assemble, elapsed=elapsed)
+        return replace(found, least_bracket=least)
 
     def _analyses(self) -> Iterator[LimitAnalysis]:
         """Yield the analysis of each load case, in their order."""
@@ -105,3 +110,52 @@ class CaseAnalysis:
         analysis = limit_analysis(case, self.model, reference=self._reference, single_labelling=alone)
         require_solver_accepts(analysis, self.model)
         return analysis
+
+
+_FAR: Final = 4.0
+"""Factor between a λ at which a structure stands and the least one, above which the least is sought once more."""
+
+
+def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
+    """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
+
+    The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
+    that, it takes λ₀ less the least λ.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of the structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    model : Model
+        Model of the proof.
+    proof : Proof
+        Proof of the labelling, with `stands` decided.
+
+    Returns
+    -------
+    (float, float)
+        Proven bounds in scene units; zeros where the structure stands without live load. NaN where unknown, and where
+        friction has no dilation or areas are effective, since the states under such models are not convex.
+    """
+    unknown = math.nan, math.nan
+    if proof.stands:
+        return 0.0, 0.0
+    convex = model.friction == "associative" and not model.effective_area
+    if proof.stands is None or proof.state is None or proof.status is Status.UNSTABLE or not convex:
+        return unknown
+    assembly, at, found = analysis.assembly, proof.state.load * analysis.template.scaling.load, unknown
+    for _ in range(2):
+        back = replace(assembly, dead=assembly.dead + at * assembly.live, live=-assembly.live, shape_loads=None)
+        other = limit_analysis(back, model, reference=labels, single_labelling=True)
+        less = solve_labelling(other, labels, model)
+        scale = other.template.scaling.load
+        ends = at - scale * less.high, at - scale * less.low
+        if not math.isfinite(ends[1]):
+            break
+        found = max(ends[0], 0.0) if math.isfinite(ends[0]) else math.nan, ends[1]
+        if at <= _FAR * ends[1]:
+            break
+        at = 2.0 * ends[1]
+    return found

@@ -1,49 +1,66 @@
-"""Check that a scene and its options allow the crack model of the scene."""
+"""What a structure is under a crack model: its elements, their cells, or stress and velocity fields."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
+from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.limit import SolveOptions
-from jld_core.scene import Scene
-from jld_core.scene.cracks import CellCracks, FieldCracks
+from jld_core.limit import Model
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_of
 
-FIELD_SECONDS: Final = 60.0
-"""Default time for the bounds of one load case, s; no mesh is begun that is not expected to be done by then."""
+_DIVIDES: Final = 1e-9
+"""Relative error that a whole number of cells may have."""
 
 
-def require_cracks(
-    scene: Scene, assembly: Assembly, options: SolveOptions | None = None, where: str = "cracks"
-) -> None:
-    """Raise InputError if a scene cannot be analysed with its crack model.
+def under(assembly: Assembly, model: Model | None = None) -> Assembly:
+    """Return an assembly with the crack model that a model names, else with its own.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with the crack model.
     assembly : Assembly
-        Assembly of the scene.
-    options : SolveOptions, optional
-        Model options. Cracks by fields require the default of every option.
-    where : str
-        Key or option that states the crack model, for error messages.
+        Assembly with the crack model of its scene.
+    model : Model, optional
+        Model; its `cracks` counts where it is not None.
+
+    Returns
+    -------
+    Assembly
+        Assembly whose `cracks` is the crack model to obey.
+    """
+    cracks = assembly.cracks if model is None or model.cracks is None else cracks_of(model.cracks)
+    return assembly if cracks == assembly.cracks else replace(assembly, cracks=cracks)
+
+
+def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
+    """Raise InputError if an assembly cannot be analysed with its crack model.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with its crack model, see `under`.
+    model : Model, optional
+        Model options. Cracks by fields take associative friction and whole faces only.
 
     Raises
     ------
     InputError
-        If the cells do not divide the grid. With cracks by fields: if an option differs from its default, or as
-        `require_fields` (planar) or `require_spatial_fields`.
+        If the cells do not divide the grid. With cracks by fields: if an option asks for another model or solver, for
+        low values, or as `require_fields` (planar) or `require_spatial_fields`.
     """
-    if isinstance(scene.cracks, CellCracks):
-        _require_cells(scene, scene.cracks.cell, where)
-    if not isinstance(scene.cracks, FieldCracks):
+    if isinstance(assembly.cracks, CellCracks):
+        _require_cells(assembly, assembly.cracks.cell, model)
+    if not isinstance(assembly.cracks, FieldCracks):
         return
-    default = SolveOptions()
-    for name, value in vars(options or default).items():
-        if value != getattr(default, name):
-            raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
+    model = model or Model()
+    asked = [*model.beyond_whole_faces]
+    asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
+    for name in asked:
+        raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
+    if assembly.nominal is not None:
+        raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
     # Local imports: `jld check` and `jld solve` without fields are to start quickly.
     if assembly.dimension == 3:
         from jld_core.fields.space_bounds import require_spatial_fields
@@ -55,22 +72,53 @@ def require_cracks(
         require_fields(assembly)
 
 
-def _require_cells(scene: Scene, cell: float, where: str) -> None:
-    """Raise InputError unless cells of size `cell` divide the grid of a scene.
+def rigid(assembly: Assembly, labels: Bits, what: str = "") -> tuple[Assembly, Bits]:
+    """Return the rigid elements under a crack model: those of the assembly, or the finer cells.
 
-    Of general elements any size is accepted here. where: key or option of the size, for the message.
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with its crack model, see `under`.
+    labels : (m,) or (k, m) bool array
+        Labels, True = dry.
+    what : str
+        What needs rigid elements, to refuse cracks by fields; "" where fields are left as they are.
+
+    Returns
+    -------
+    (Assembly, (M,) or (k, M) bool array)
+        Elements that are solved as rigid, and their labels.
+
+    Raises
+    ------
+    InputError
+        Blocks crack by fields and `what` is given, or no cells can be cut.
     """
-    if scene.grid is None:
+    if what and isinstance(assembly.cracks, FieldCracks):
+        raise InputError("cracks", f"{what} needs rigid cells, and fields have none", '"faces" or "cells"')
+    if not isinstance(assembly.cracks, CellCracks):
+        return assembly, labels
+    from jld_core.refinement.cells import cells_of
+
+    require_cracks(assembly)
+    cells = cells_of(assembly, assembly.cracks.cell)
+    return cells.fine, cells.labels(labels)
+
+
+def _require_cells(assembly: Assembly, cell: float, model: Model | None) -> None:
+    """Raise InputError unless cells of size `cell` divide the grid of an assembly's scene.
+
+    Of general elements any size is accepted here. The message names the parameter where the model states the cells.
+    """
+    grid = None if assembly.scene is None else assembly.scene.grid
+    if grid is None:
         return
-    for name, length in zip(("width", "height"), scene.grid.cell, strict=True):
+    for name, length in zip(("width", "height"), grid.cell, strict=True):
         parts = length / cell
         if round(parts) < 1 or abs(parts - round(parts)) > _DIVIDES * parts:
-            raise InputError(
-                where,
+            stated = model is not None and model.cracks is not None
+            raise (ParameterError if stated else InputError)(
+                "cracks",
                 f"cells of {cell:g} do not divide the {name} {length:g} of a cell of the grid",
                 f"{length:g} over a whole number, as {length / max(2, round(parts)):g}",
             )
-
-
-_DIVIDES: Final = 1e-9
-"""Relative error that a whole number of cells may have."""

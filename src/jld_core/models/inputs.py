@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,8 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.scene import Scene, load_scene
 from jld_core.sub_assembly import with_members
 
-Structure = str | Path | Scene | Assembly
-"""What can be solved: a scene file, a scene or an assembly."""
+Structure = str | Path | Mapping[str, Any] | Scene | Assembly
+"""What can be solved: a scene file, a dict as in the file, a scene or an assembly."""
 
 Labels = str | ArrayLike
 """One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
@@ -27,11 +27,11 @@ _LETTERS: Final = {"d": True, "i": False}
 
 
 def assembly_of(structure: Structure) -> Assembly:
-    """Return the assembly of a scene file, of a scene, or an assembly itself.
+    """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
 
     Parameters
     ----------
-    structure : str, Path, Scene or Assembly
+    structure : str, Path, dict, Scene or Assembly
         A text is the name of a scene file.
 
     Returns
@@ -48,9 +48,11 @@ def assembly_of(structure: Structure) -> Assembly:
         return structure
     if isinstance(structure, Scene):
         return build_assembly(structure)
+    if isinstance(structure, Mapping):
+        return build_assembly(structure)
     if not isinstance(structure, str | Path):
         problem = f"{type(structure).__name__!r} is no structure"
-        raise ParameterError("structure", problem, "the name of a scene file, a Scene or an Assembly")
+        raise ParameterError("structure", problem, "the name of a scene file, a dict, a Scene or an Assembly")
     scene = load_scene(Path(structure))
     with error_context(structure):
         return build_assembly(scene)

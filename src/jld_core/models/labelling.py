@@ -13,7 +13,8 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, SolverError
-from jld_core.limit import LimitAnalysis, Proof, SolveOptions
+from jld_core.limit import LimitAnalysis, Model, Proof
+from jld_core.limit import SolveOptions as SolveOptions
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
@@ -23,7 +24,7 @@ from jld_core.solvers import RawStatus, is_large
 
 
 def limit_analysis(
-    assembly: Assembly, options: SolveOptions, reference: Bits | None = None, *, single_labelling: bool = False
+    assembly: Assembly, options: Model, reference: Bits | None = None, *, single_labelling: bool = False
 ) -> LimitAnalysis:
     """Build the limit analysis that `solve_labelling` needs for the given options.
 
@@ -31,7 +32,7 @@ def limit_analysis(
     ----------
     assembly : Assembly
         Assembly without load cases, or one load case of an assembly.
-    options : SolveOptions
+    options : Model
         Options; only solver, gap and inner bending are used here.
     reference : (m,) bool array, optional
         Labelling on which solvers are set up, True = dry. Default: all faces dry.
@@ -46,11 +47,17 @@ def limit_analysis(
     """
     solver, gap, bending = options.solver, options.gap, options.inner_bending
     return LimitAnalysis(
-        assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single_labelling=single_labelling
+        assembly,
+        solver=solver,
+        gap=gap,
+        inner_bending=bending,
+        reference=reference,
+        single_labelling=single_labelling,
+        seconds=options.seconds,
     )
 
 
-def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
+def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
     """Raise InputError if the options do not support an assembly.
 
     Call this function before any work starts.
@@ -59,7 +66,7 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
     ----------
     assembly : Assembly
         Assembly to be solved, with all its load cases.
-    options : SolveOptions
+    options : Model
         Options to check. Only effective areas and a solver other than "auto" can fail.
     dry : (m,) bool array
         Faces that may be dry in some labelling, True = may be dry.
@@ -76,14 +83,14 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
             require_solver_accepts(limit_analysis(case, options), options)
 
 
-def require_solver_accepts(analysis: LimitAnalysis, options: SolveOptions) -> None:
+def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
     """Raise InputError if a solver does not accept the programs of an analysis.
 
     Parameters
     ----------
     analysis : LimitAnalysis
         Analysis that uses the solver.
-    options : SolveOptions
+    options : Model
         Options that name the solver.
 
     Raises
@@ -102,7 +109,7 @@ def require_solver_accepts(analysis: LimitAnalysis, options: SolveOptions) -> No
 def solve_labelling(
     analysis: LimitAnalysis,
     labels: Bits,
-    options: SolveOptions,
+    options: Model,
     *,
     stands: bool = False,
     pruning_threshold: float = -math.inf,
@@ -115,7 +122,7 @@ def solve_labelling(
         Analysis returned by `limit_analysis` for the same options.
     labels : (m,) bool array
         Labels, True = dry.
-    options : SolveOptions
+    options : Model
         Modelling options.
     stands : bool, optional
         Also decide whether the structure stands at λ = 0.
@@ -137,9 +144,7 @@ def solve_labelling(
     return _proof(analysis, labels, options, stands, pruning_threshold)
 
 
-def _proof(
-    analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, pruning_threshold: float
-) -> Proof:
+def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, pruning_threshold: float) -> Proof:
     """Prove λ of one labelling under the friction of the options, on the contacts as given.
 
     labels: (m,) True = dry. stands, pruning_threshold: as in `solve_labelling`.
@@ -250,4 +255,4 @@ FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
         Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
     ),
 }
-"""Fallbacks tried in order, by the value of `SolveOptions.condense` ("off", "on", "auto")."""
+"""Fallbacks tried in order, by the value of `Model.condense` ("off", "on", "auto")."""

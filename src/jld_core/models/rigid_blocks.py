@@ -236,7 +236,9 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
         route += [f"rigid: {step}" for step in proof.solve_log]
         if proof.status is Status.UNSTABLE:
             # If the assembly of rigid blocks is unstable, the full model is too: cracks only add mechanisms.
-            return Proof(status=Status.UNSTABLE, solve_log=route, solves=solves)
+            falls = proof.collapse_below_zero or proof.motion
+            lifted_fall = None if falls is None else _of_elements(full, rigid, inner, falls)
+            return Proof(status=Status.UNSTABLE, solve_log=route, solves=solves, collapse_below_zero=lifted_fall)
         if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
         boundary = proof.state.forces * scaling.face

@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import (
-    FLOOR_SECONDS,
-    BatchAnalysis,
-    CaseBounds,
-    Condense,
-    Contacts,
-    Friction,
-    LimitAnalysisResult,
-    SolveOptions,
-    Status,
-    governing,
-)
-from jld_core.mechanics import InnerBending, require_materials
+from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
+from jld_core.mechanics import require_materials
+from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
 from jld_core.models.labelling import limit_analysis, solve_labelling
-from jld_core.models.solve import solve
-from jld_core.solvers import Solver
+from jld_core.models.solve import model_of, options_of_model, solve_cracked
+from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from jld_core.scene.cracks import CrackModel
 
 
 @dataclass(frozen=True)
@@ -51,7 +42,7 @@ class BatchResult:
         Proven bounds on `load_factor`; NaN where a bound is unproven or infinite.
     status : tuple of Status
         Outcome of each labelling.
-    model : SolveOptions
+    model : Model
         Model and solver options.
     cases : dict of str to BatchResult
         Results of each load case by its name; empty without load cases.
@@ -65,7 +56,7 @@ class BatchResult:
     low: Floats
     high: Floats
     status: tuple[Status, ...]
-    model: SolveOptions = field(default_factory=SolveOptions)
+    model: Model = field(default_factory=Model)
     cases: dict[str, BatchResult] = field(default_factory=dict)
     governing: tuple[str, ...] = ()
 
@@ -73,7 +64,11 @@ class BatchResult:
         return len(self.status)
 
     def __repr__(self) -> str:
-        best = "" if np.isnan(self.load_factor).all() else f", largest λ = {np.nanmax(self.load_factor):.9g}"
+        best = (
+            ""
+            if np.isnan(self.load_factor).all()
+            else f", largest λ = {np.nanmax(self.load_factor):.9g}, cracks {cracks_in_words(self.cracks)}"
+        )
         return f"BatchResult({self.assembly.name!r}, {len(self)} labellings{best})"
 
     @property
@@ -81,7 +76,12 @@ class BatchResult:
         """Return the index of the labelling with the largest λ; None if no labelling has a λ."""
         return None if np.isnan(self.load_factor).all() else int(np.nanargmax(self.load_factor))
 
-    def result(self, number: int) -> LimitAnalysisResult:
+    @property
+    def cracks(self) -> CrackModel:
+        """Return the crack model of the labellings."""
+        return self.assembly.cracks
+
+    def result(self, number: int) -> Result:
         """Solve one of the labellings again, for its forces and its mechanism.
 
         Parameters
@@ -91,10 +91,10 @@ class BatchResult:
 
         Returns
         -------
-        LimitAnalysisResult
-            Full result of the labelling.
+        Result
+            Full result of the labelling, as of `solve`.
         """
-        return solve(self.assembly, self.labels[number], **vars(self.model))
+        return solve_cracked(self.assembly, self.labels[number], self.model)
 
     def to_frame(self) -> pd.DataFrame:
         """Return a table with one row per labelling.
@@ -120,35 +120,27 @@ class BatchResult:
         return pd.DataFrame(columns)
 
 
+@options_of_model
 @one_thread()
 def solve_many(
-    structure: Structure,
-    labellings: ArrayLike | Iterable[Labels],
-    *,
-    friction: Friction = "associative",
-    range: bool = False,
-    floor_seconds: float = FLOOR_SECONDS,
-    contact: Contacts = "convex",
-    effective_area: bool = False,
-    inner_bending: InnerBending = "uncoupled",
-    condense: Condense = "auto",
-    solver: str | Solver = "auto",
-    gap: float = tolerances.GAP,
+    structure: Structure, labellings: ArrayLike | Iterable[Labels], model: Model | None = None, **options: Any
 ) -> BatchResult:
     """Compute the collapse load factors of many labellings of one structure.
 
     The compiled batch solver settles most labellings of whole faces with associative friction. For 1000 labellings of
     24 planar faces it takes about one hundredth of the time of as many calls of `solve`. All others are solved one by
-    one.
+    one. Blocks crack as the scene says, unless the model names another crack model.
 
     Parameters
     ----------
-    structure : str, Path, Scene or Assembly
-        Scene file, scene or assembly, planar or spatial, with or without load cases.
+    structure : str, Path, dict, Scene or Assembly
+        As in `solve`.
     labellings : (k, m) array or sequence of labellings
         Each labelling as in `solve`: m truth values, numbers 0 and 1, or letters d and i.
-    friction, range, floor_seconds, contact, effective_area, inner_bending, condense, solver, gap
-        Options of model and solver, as in `SolveOptions`.
+    model : Model, optional
+        As in `solve`.
+    **options
+        Fields of `Model`, which replace those of `model`.
 
     Returns
     -------
@@ -165,16 +157,41 @@ def solve_many(
     >>> many = solve_many("scenes/flat_beam_arch.json", ["d" * 24, "di" * 12])
     >>> many.load_factor
     """
-    model = SolveOptions(friction, range, floor_seconds, contact, effective_area, inner_bending, condense, solver, gap)
-    assembly = assembly_of(structure)
+    chosen = model_of(model, options)
+    assembly = under(assembly_of(structure), chosen)
     rows = labellings_of(assembly, labellings)
+    require_cracks(assembly, chosen)
+    if isinstance(assembly.cracks, FieldCracks):
+        return _by_fields(assembly, rows, chosen)
+    elements, own = rigid(assembly, rows)
+    each = [_solve_many(case, own, chosen) for case in elements.by_case]
+    whole = [replace(one, assembly=case, labels=rows) for case, one in zip(assembly.by_case, each, strict=True)]
     if not assembly.cases:
-        return _solve_many(assembly, rows, model)
-    each = [_solve_many(one, rows, model) for one in assembly.by_case]
-    return _governing(assembly, rows, model, {case.name: one for case, one in zip(assembly.cases, each, strict=True)})
+        return whole[0]
+    return _governing(assembly, rows, chosen, {case.name: one for case, one in zip(assembly.cases, whole, strict=True)})
 
 
-def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchResult:
+def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
+    """Bound k labellings of blocks that crack by fields, one by one; labels: (k, m) True = dry."""
+    from jld_core.models.by_fields import FieldResult, case_bounds_of  # loads the mesh and the programs of fields
+
+    found = [solve_cracked(assembly, row, model) for row in labels]
+    bounds = [[case_bounds_of(one) for one in each.cases.values()] for each in found if isinstance(each, FieldResult)]
+    each = [_collected(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
+    if not assembly.cases:
+        return each[0]
+    return _governing(assembly, labels, model, {case.name: one for case, one in zip(assembly.cases, each, strict=True)})
+
+
+def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
+    """Return bounds of k labellings under one load as one result; labels: (k, m) True = dry."""
+    value, low, high = (
+        np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
+    )
+    return BatchResult(assembly, labels, value, low, high, tuple(one.status for one in bounds), model)
+
+
+def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     """Solve k labellings under one load, by the batch solver where it settles them.
 
     labels: (k, m) True = dry. model: model and solver options.
@@ -198,7 +215,7 @@ def _solve_many(assembly: Assembly, labels: Bits, model: SolveOptions) -> BatchR
     return BatchResult(assembly, labels, load_factor, low, high, done, model)
 
 
-def _governing(assembly: Assembly, labels: Bits, model: SolveOptions, cases: dict[str, BatchResult]) -> BatchResult:
+def _governing(assembly: Assembly, labels: Bits, model: Model, cases: dict[str, BatchResult]) -> BatchResult:
     """Combine the results of load cases into the least λ / required of each labelling.
 
     labels: (k, m) True = dry. cases: results by the names of the load cases.

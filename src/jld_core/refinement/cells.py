@@ -5,7 +5,7 @@ Pieces of one joint face share its label; all other faces are inner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,8 +77,53 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         raise InputError(where, error.problem, error.expected) from None
     if len(refined.parent) == len(assembly.elements):
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
-    fine = build_assembly(refined.scene) if assembly.nominal is None else build_robust(refined.scene)
+    plain = refined.scene.model_copy(update={"cracks": "faces"})
+    fine = build_assembly(plain) if assembly.nominal is None else build_robust(plain)
     return CrackCells(fine, joint_faces(assembly, fine, refined.parent))
+
+
+def cells_of(assembly: Assembly, cell: float) -> CrackCells:
+    """Split the elements of an assembly into cells, under the assembly's loads.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly of a scene, or one of its load cases (`by_case`).
+    cell : float
+        Size of the cells along every axis, length.
+
+    Returns
+    -------
+    CrackCells
+        The finer assembly, and the joint face of each of its faces.
+
+    Raises
+    ------
+    InputError
+        As `crack_cells`, or if the assembly was changed since it was built of its scene.
+    """
+    if assembly.scene is None:
+        raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
+    whole = (build_assembly if assembly.nominal is None else build_robust)(assembly.scene)
+    for place, one in ((None, whole), *enumerate(whole.by_case)):
+        if len(one.cases) == len(assembly.cases) and _same(one, assembly):
+            found = crack_cells(assembly.scene, assembly, cell)
+            return found if place is None or found.fine is assembly else replace(found, fine=found.fine.by_case[place])
+    raise InputError(
+        "cracks",
+        "cells are cut from a scene, and this assembly was changed since it was built of it",
+        "a changed scene",
+    )
+
+
+def _same(one: Assembly, other: Assembly) -> bool:
+    """Return True if two assemblies have the same elements, loads and strengths."""
+    pairs = [(getattr(one, name), getattr(other, name)) for name in ("dead", "live")]
+    pairs += list(zip(vars(one.strengths).values(), vars(other.strengths).values(), strict=True))
+    pairs += [(a.dead, b.dead) for a, b in zip(one.cases, other.cases, strict=True)]
+    pairs += [(a.live, b.live) for a, b in zip(one.cases, other.cases, strict=True)]
+    alike = one.elements.ids == other.elements.ids
+    return alike and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:

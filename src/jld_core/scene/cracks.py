@@ -7,14 +7,13 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, ValidationError
 
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.scene.complaints import first_complaint, shown
 from jld_core.scene.part import Part, Positive
 
 FORMS: Final = '"faces", {"kind": "cells", "cell": SIZE} or {"kind": "fields", "gap": GAP}'
 """Values of the key "cracks", for error messages."""
 
-_OPTION: Final = "--cracks"
 _OPTIONS: Final = "faces, cells:SIZE or fields[:GAP]"
 
 
@@ -70,8 +69,35 @@ def cracks_by_kind(given: Any) -> Any:
         raise InputError(f".{found.where}" if found.where else "", found.problem, found.expected) from None
 
 
+def cracks_of(given: Any) -> CrackModel:
+    """Return the crack model that a text, a value of the key "cracks" or a crack model names.
+
+    Parameters
+    ----------
+    given : str, dict, CellCracks or FieldCracks
+        As on the command line, "cells:0.05"; as in a scene; or the crack model.
+
+    Returns
+    -------
+    "faces", CellCracks or FieldCracks
+        The crack model.
+
+    Raises
+    ------
+    InputError
+        Nothing of these names a crack model.
+    """
+    if isinstance(given, str):
+        return parse_cracks(given)
+    try:
+        found: CrackModel = cracks_by_kind(given)
+    except InputError as error:
+        raise ParameterError("cracks", error.problem, error.expected) from None
+    return found
+
+
 def parse_cracks(text: str) -> CrackModel:
-    """Return the crack model that the option --cracks names.
+    """Return the crack model that a text names, as on the command line.
 
     Parameters
     ----------
@@ -94,13 +120,13 @@ def parse_cracks(text: str) -> CrackModel:
     if kind == "fields" and not colon:
         return FieldCracks(kind="fields")
     if kind not in ("cells", "fields"):
-        raise InputError(_OPTION, f"{text!r} names no crack model", _OPTIONS)
+        raise ParameterError("cracks", f"{text!r} names no crack model", _OPTIONS)
     try:
         value = float(number)
     except ValueError:
-        raise InputError(_OPTION, f"{text!r} has no number after its colon", _OPTIONS) from None
+        raise ParameterError("cracks", f"{text!r} has no number after its colon", _OPTIONS) from None
     if not 0.0 < value < math.inf:
-        raise InputError(_OPTION, f"{number} is wrong", f"a {'length' if kind == 'cells' else 'number'} above 0")
+        raise ParameterError("cracks", f"{number} is wrong", f"a {'length' if kind == 'cells' else 'number'} above 0")
     return CellCracks(kind="cells", cell=value) if kind == "cells" else FieldCracks(kind="fields", gap=value)
 
 

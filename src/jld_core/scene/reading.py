@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from pydantic import ValidationError
 
 from jld_core.errors import InputError, ParameterError
@@ -25,13 +27,13 @@ class NeedsImport(InputError):
     """
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
     """Read and validate a scene file.
 
     Parameters
     ----------
-    path : str or Path
-        JSON file in UTF-8.
+    path : str, Path or dict
+        JSON file in UTF-8, or its content.
 
     Returns
     -------
@@ -44,6 +46,10 @@ def load_scene(path: str | Path) -> Scene:
         The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key; `NeedsImport` for a
         drawing.
     """
+    if isinstance(path, Mapping):
+        return parse_scene(path)
+    if not isinstance(path, str | Path):
+        raise ParameterError("path", f"{type(path).__name__!r} is no scene", "the name of a scene file, or a dict")
     path = Path(path)
     if path.suffix.lower().lstrip(".") in DRAWINGS and path.is_file():
         raise _not_imported(path, "it is a drawing or a file of solids, not a scene")
@@ -99,11 +105,11 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     InputError
         One line that names the key or element and what is expected.
     """
-    if not isinstance(document, dict):
+    if not isinstance(document, Mapping):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
     try:
         _refuse_extremes(document)
-        document = {key: value for key, value in document.items() if key != "$schema"}  # only used by editors
+        document = {key: _plain(value) for key, value in document.items() if key != "$schema"}  # for editors alone
         return Scene.model_validate(with_numbers(document))
     except InputError as error:
         raise error.within(file) from None
@@ -174,6 +180,15 @@ _Path = tuple[Any, "str | int"] | None
 """Path of a value within a scene: the path of what holds it, and its key or index; None for the scene."""
 
 
+def _plain(value: Any) -> Any:
+    """Return a value with dicts, lists and numbers of Python for mappings, tuples, arrays and numbers of numpy."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
 def _refuse_extremes(document: object) -> None:
     """Refuse JSON values that cannot be computed with or written again.
 
@@ -186,11 +201,13 @@ def _refuse_extremes(document: object) -> None:
             short = _words(where)
             short = short if len(short) <= 40 else short[:37] + "..."
             raise InputError(short, "it is nested too deeply", f"at most {_DEPTH} levels")
-        if isinstance(value, dict):
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.tolist()
+        if isinstance(value, Mapping):
             for key in value:
                 _refuse_surrogates(where, key)
             pending += [((where, key), inner, depth + 1) for key, inner in value.items()]
-        elif isinstance(value, list):
+        elif isinstance(value, list | tuple):
             pending += [((where, index), inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
             _refuse_surrogates(where, value)

@@ -15,10 +15,11 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.build.plausibility import Resultant, resultant
-from jld_core.limit import LimitAnalysisResult, number
+from jld_core.limit import LimitAnalysisResult, number, stands_in_words
 from jld_core.limit.member_results import tensions
 from jld_core.notebook_repr import register_repr
 from jld_core.program import Template
+from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
 
 if TYPE_CHECKING:
@@ -156,8 +157,8 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     for name, rate in result.facts.get("sensitivities", {}).items():
         facts[f"∂λ/∂{name}"] = _rate(rate)
     facts |= advice(result)
-    stands = result.stands_at_zero
-    facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
+    facts["stands at 0"] = stands_in_words(result)
+    facts["cracks"] = cracks_in_words(result.cracks)
     facts["solve log"] = ", ".join(result.solve_log)
     facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
     return facts

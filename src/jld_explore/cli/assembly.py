@@ -21,8 +21,9 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
+from jld_core.models import rigid
 from jld_core.scene.units import force_in_words
-from jld_explore.cli.layout import layout_of, start_of_design
+from jld_explore.cli.layout import layout_of, require_whole_faces, start_of_design
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of
@@ -71,10 +72,12 @@ def assembly(
     if seconds is not None and not seconds > 0.0:
         raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
     deadline = Deadline(seconds, context.obj)
-    scene, found, labels = layout_of(source, rank)
+    scene, found, labels, model = layout_of(source, rank)
     begun = start or start_of_design(source)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
+        require_whole_faces(model, "an order of laying")
+        found, labels = rigid(found, labels, "an order of laying")
         stations = None if props is None else stations_below(found, props)
         bodies, parts = Bodies(found, sideways), Parts(found, stations)
         quick: Laying | None = None

@@ -10,10 +10,9 @@ from jld_core.build import build_assembly
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.mechanics import require_materials
-from jld_core.models import require_memory
+from jld_core.models import require_memory, rigid
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene, load_scene
-from jld_explore.cli.cracks import of_cells
 from jld_explore.cli.model_options import Strict
 from jld_explore.cli.options import SceneFile
 from jld_explore.cli.streams import say, warn
@@ -75,8 +74,8 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     with error_context(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
         settlements_of(parsed, assembly)
-        require_cracks(parsed, assembly)
-        of_cells(parsed, assembly, assembly.labels)
+        require_cracks(assembly)
+        rigid(assembly, assembly.labels)
         if parsed.move is not None:
             from jld_explore.cli.moving import require_movable  # few scenes have joints that move
 

@@ -11,11 +11,11 @@ import typer
 from jld_core.arrays import Bits
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.models.crack_models import FIELD_SECONDS
+from jld_core.limit import FIELD_SECONDS
 from jld_core.scene import Scene
 from jld_core.scene.design import partial_factors
 from jld_explore.cli.check import load, warn_of
-from jld_explore.cli.cracks import Cracks, FieldSeconds, with_cracks
+from jld_explore.cli.cracks import Cracks, Seconds, with_cracks
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
@@ -31,7 +31,7 @@ def check_design(
         typer.Option("--set", help="Set of partial factors: EN 1990, EN 1990 EQU, EN 1996-1-1, or one of the scene."),
     ] = None,
     cracks: Cracks = None,
-    seconds: FieldSeconds = FIELD_SECONDS,
+    seconds: Seconds = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the page (PDF and HTML) and design_check.json.")] = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
     as_json: AsJson = False,
@@ -50,7 +50,9 @@ def check_design(
     scene, labels = _layout(source, rank)
     with error_context(source):
         scene = with_cracks(scene, cracks)
-        check = design_check(scene, labels, partial_factors(scene.design, set_), seconds=seconds)
+        check = design_check(
+            scene, labels, partial_factors(scene.design, set_), seconds=FIELD_SECONDS if seconds is None else seconds
+        )
     if not as_json and not source.is_dir():
         warn_of(source, check.assembly)
     told = json.dumps(to_json(check), indent=1)
@@ -73,7 +75,9 @@ def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
         if rank is not None:
             raise ParameterError("rank", f"{file} is a scene, which has no ranks", "a folder written by jld explore")
         return load(file)[0], None
-    from jld_explore.cli.layout import layout_of  # reading a folder needs pandas, a scene does not
+    from jld_explore.cli.layout import layout_of, require_whole_faces  # a folder needs pandas, a scene does not
 
-    scene, _, labels = layout_of(source, rank)
+    scene, _, labels, model = layout_of(source, rank)
+    with error_context(source):
+        require_whole_faces(model, "the design check")
     return scene, labels

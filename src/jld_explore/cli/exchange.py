@@ -12,7 +12,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.refinement import refine
 from jld_core.refinement.cell_options import KINDS
 from jld_core.samples.bonds import BONDS
@@ -97,8 +97,8 @@ def export_command(
     table = out.with_suffix(".blocks.csv")
     for file in (out, table):
         refuse_itself(source, file)
-    scene, assembly, labels = layout_of(source, rank)
-    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind in ANALYSED else None)
+    scene, assembly, labels, model = layout_of(source, rank)
+    layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, model) if kind in ANALYSED else None)
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))

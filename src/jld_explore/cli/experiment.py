@@ -15,9 +15,8 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.models import solve
-from jld_explore.cli.cracks import rigid_cells
+from jld_core.limit import LimitAnalysisResult, Model, Status
+from jld_core.models import rigid, solve_rigid
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, Source
@@ -76,13 +75,13 @@ def experiment(
         residual_friction=residual_friction,
     )
     settings = Settings(scheme=scheme, segments=segments, moving=moving)
-    scene, assembly, labels = layout_of(source, rank)
+    _, assembly, labels, model = layout_of(source, rank)
     start = time.perf_counter()
     with error_context(source):
-        assembly, labels = rigid_cells(scene, assembly, labels)
+        assembly, labels = rigid(assembly, labels, "an experiment")
         curve = run_experiment(assembly, labels, joints=joints, settings=settings)
         spent = time.perf_counter() - start
-        limit = solve(assembly, labels)
+        limit = solve_rigid(assembly, labels, model)
     facts = summary(curve, limit.load_factor) | {"seconds": spent}
     if out is not None:
         facts |= _without_dilation(assembly, labels) if curve.stands else {}
@@ -106,7 +105,8 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     labels: (m,) True = dry. In space only one λ is computed, since the search for the range takes long.
     """
     planar = assembly.dimension == 2
-    found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
+    model = Model(friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
+    found = solve_rigid(assembly, labels, model)
     if found.status is not Status.COLLAPSE:
         return {"zero_dilation_lowest": None, "zero_dilation_highest": None, "zero_dilation_proven": None}
     highest = found.facts["highest_found"] if planar else found.load_factor

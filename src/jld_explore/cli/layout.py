@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
-from jld_core.errors import ParameterError, error_context
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.limit import LimitAnalysisResult, Model, Status
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.cli.streams import warn
@@ -39,32 +39,61 @@ def start_of_design(source: Path) -> LayingStart:
     return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 
-def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """Return the scene, assembly and labels (m,) of the layout that a command refers to.
+class LaidOut(NamedTuple):
+    """Layout that a command refers to, and the model that its source states.
+
+    Attributes
+    ----------
+    scene : Scene
+        Its scene.
+    assembly : Assembly
+        Its structure, with the crack model of the source; low values of materials where a search was robust.
+    labels : (m,) bool array
+        Labels, True = dry.
+    model : Model
+        Model of the search; of a scene the default.
+    """
+
+    scene: Scene
+    assembly: Assembly
+    labels: Bits
+    model: Model
+
+
+def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> LaidOut:
+    """Return the layout that a command refers to.
 
     source: scene file, results folder, or folder of a design, which has one best layout. rank: row of the folder's
-    results from 1; None for the strongest. The layout of a scene file is its own labelling. Raises InputError for a
-    rank without results, or a rank that the folder does not have.
+    results from 1; None for the strongest. The layout of a scene file is its own labelling. uncertain: values with
+    uncertainty are used as such, so that no note says that means stand for them. Raises InputError for a rank without
+    results, or a rank that the folder does not have.
     """
-    found = layout_with_distributions(source, rank)
-    for note in found[1].notes:
-        warn(f"jld: note: {source}: {note}")
-    return found
-
-
-def layout_with_distributions(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """Return what `layout_of` does, without a note on values with uncertainty, for commands that use them."""
     source = best_of_design(source)
-    if not source.is_dir():
+    if source.is_dir():
+        done = read_folder(source)
+        layout = done.layout(rank)
+        found = LaidOut(done.scene, layout.assembly, layout.labels, done.model)
+    else:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
         scene = load_scene(source)
         with error_context(source):
             assembly = build_assembly(scene)
-        return scene, assembly, assembly.labels
-    done = read_folder(source)
-    layout = done.layout(rank)
-    return done.scene, layout.assembly, layout.labels
+        found = LaidOut(scene, assembly, assembly.labels, Model())
+    for note in () if uncertain else found.assembly.notes:
+        warn(f"jld: note: {source}: {note}")
+    return found
+
+
+def require_whole_faces(model: Model, what: str) -> None:
+    """Raise InputError for a model beyond associative friction on whole faces.
+
+    what: route that knows no other model.
+    """
+    for name, value in model.beyond_whole_faces.items():
+        shown = str(value).lower() if isinstance(value, bool) else value
+        problem = f"the search in this folder had {name.replace('_', ' ')} {shown}, and {what} knows no such model"
+        raise InputError("model", problem, "a folder of a search without it, or jld solve")
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import typer
 
@@ -54,3 +54,10 @@ def current_bending(given: str) -> InnerBending:
         return cast(InnerBending, given)
     warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
     return RENAMED_BENDING[given]
+
+
+def asked(context: typer.Context, values: dict[str, Any]) -> dict[str, Any]:
+    """Return those values, by name of the option, that the command line states itself."""
+    sources = {name: context.get_parameter_source(f"{name}_" if name == "range" else name) for name in values}
+    # by name, since typer may bring a click of its own
+    return {name: value for name, value in values.items() if getattr(sources[name], "name", "") == "COMMANDLINE"}

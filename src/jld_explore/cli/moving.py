@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -20,11 +21,11 @@ from jld_core.geometry_optimisation.field_moves import move_by_fields
 from jld_core.geometry_optimisation.move_run import Point
 from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
 from jld_core.geometry_optimisation.search import GeometrySearch
-from jld_core.models import solve, solve_by_fields
+from jld_core.models import solve_by_fields, solve_rigid
 from jld_core.scene import Scene
-from jld_core.scene.cracks import FieldCracks
+from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_explore.cli.cracks import Cracks, with_cracks
-from jld_explore.cli.layout import layout_of
+from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.move_output import json_number, value_text, write_move
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
 from jld_explore.cli.proving_boxes import prove_positions
@@ -118,9 +119,14 @@ def move(
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
         raise ParameterError(given, "it supports nominal values of materials only", "one without `robust`")
-    scene, assembly, labels = layout_of(source, rank)
+    scene, assembly, labels, model = layout_of(source, rank)
     scene = with_cracks(scene, cracks)
     by_fields = isinstance(scene.cracks, FieldCracks)
+    with error_context(source):
+        require_whole_faces(model, "a move of joints")
+        if isinstance(scene.cracks, CellCracks):
+            raise InputError("cracks", "joints do not move where blocks crack by cells", '"faces" or "fields"')
+    assembly = replace(assembly, cracks=scene.cracks)
     if by_fields and robust:
         raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces")
     if robust and assembly.nominal is None:
@@ -174,7 +180,7 @@ def _finish(
     """
     facts = _facts(done)
     if assembly.nominal is not None and done.after is not None:
-        nominal = solve(done.after.assembly.at_nominal, labels).load_factor
+        nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = json_number(nominal)
     check = _bounded if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)

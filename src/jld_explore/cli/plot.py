@@ -10,7 +10,7 @@ import typer
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import best_of_design, layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
@@ -88,7 +88,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
         number = None if rank is None else int(rank)
     except ValueError:
         raise ParameterError("rank", f"{rank!r} is wrong", "one rank for an animation") from None
-    scene, assembly, labels = layout_of(source, number)
+    scene, assembly, labels, model = layout_of(source, number)
     if scene.cracks != "faces":
         raise InputError(
             f"{source}: cracks", "animations show rigid elements of the grid", 'a still picture, or "faces"'
@@ -96,7 +96,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
     name = f"mechanism_{rank or 1}.{kind}"
     target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))
     refuse_itself(source, target)
-    result = solve(assembly, labels)
+    result = solve_rigid(assembly, labels, model)
     if result.governing is not None:
         result = result.cases[result.governing]
     from jld_core.views.animation import save_animation

@@ -20,7 +20,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.files import require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
-from jld_core.models import solve
+from jld_core.models import solve_by_elements, solve_rigid
 from jld_core.scene import load_scene
 from jld_core.scene.units import METRES
 from jld_explore.cli.layout import best_of_design, start_of_design
@@ -137,7 +137,7 @@ def content_of(source: Path, rank: int | None) -> Printed:
         assumed = tuple(str(one) for one in facts.get("assumed", []))
         layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
         start = start_of_design(source)
-        return _printed(layout, solve(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
+        return _printed(layout, solve_rigid(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
     if source.is_dir():
         done = read_folder(source)
         row = done.row(rank)
@@ -157,7 +157,8 @@ def content_of(source: Path, rank: int | None) -> Printed:
     scene = load_scene(source)
     with error_context(source):
         assembly = build_assembly(scene)
-        return _printed(Layout(scene, assembly, assembly.labels), solve(assembly), _NOTHING)
+        found = solve_by_elements(assembly, assembly.labels, what="a printed report")
+        return _printed(Layout(scene, assembly, assembly.labels), found, _NOTHING)
 
 
 def _printed(

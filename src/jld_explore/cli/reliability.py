@@ -10,7 +10,7 @@ import typer
 
 from jld_core.errors import ParameterError, error_context
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_with_distributions
+from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.reliability.analysis import SAMPLES, Reliability, ReliabilityOptions, analyse, structure_of
@@ -39,13 +39,14 @@ def reliability(
     factor is below --required; each sample is decided by proven bounds. The exit code is 4 if samples stay undecided.
     """
     options = ReliabilityOptions(required, samples, seed, jobs or os.cpu_count() or 1)
-    scene, assembly, labels = layout_with_distributions(source, rank)
+    scene, assembly, labels, model = layout_of(source, rank, uncertain=True)
     if against is not None and not source.is_dir():
         problem = f"{source} is a scene, which has one layout"
         raise ParameterError("against", problem, "a folder written by jld explore")
     with error_context(source):
+        require_whole_faces(model, "reliability")
         structure = structure_of(scene, assembly, labels)
-        other = None if against is None else layout_with_distributions(source, against)[2]
+        other = None if against is None else layout_of(source, against, uncertain=True).labels
         found = analyse(structure, labels, options)
         compared = None
         if other is not None:

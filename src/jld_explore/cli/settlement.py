@@ -14,9 +14,9 @@ from jld_core.errors import InputError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import Settled
 from jld_core.limit.settlement import settle
-from jld_explore.cli.cracks import rigid_cells
+from jld_core.models import rigid
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of
+from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
 
@@ -37,11 +37,12 @@ def settlement(
     """
     if out is not None:
         require_folder(out)
-    scene, assembly, labels = layout_of(source, rank)
+    scene, assembly, labels, model = layout_of(source, rank)
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
     with error_context(source):
-        assembly, labels = rigid_cells(scene, assembly, labels)
+        require_whole_faces(model, "a movement of supports")
+        assembly, labels = rigid(assembly, labels, "a movement of supports")
         found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:

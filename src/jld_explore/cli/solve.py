@@ -6,34 +6,23 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, SolveOptions, Status
+from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, Model, Result, Status
 from jld_core.mechanics import require_materials
-from jld_core.models import cost_estimate, require_model
-from jld_core.models import solve as solve_assembly
-from jld_core.models.crack_models import FIELD_SECONDS
-from jld_core.scene import Scene
+from jld_core.models import cost_estimate, require_model, rigid, solve_cracked, solve_rigid, under
+from jld_core.models.crack_models import require_cracks
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP
+from jld_core.views.notebook import aligned, facts_of_result
 from jld_explore.cli.check import check_search, load, warn_of
-from jld_explore.cli.cracks import (
-    Cracks,
-    FieldSeconds,
-    check_cracks,
-    named,
-    of_cells,
-    result_in_words,
-    say_by_fields,
-    with_cracks,
-)
+from jld_explore.cli.cracks import Cracks, Seconds
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.model_options import (
     Bending,
@@ -44,6 +33,7 @@ from jld_explore.cli.model_options import (
     Gap,
     Robust,
     Strict,
+    asked,
     current_bending,
 )
 from jld_explore.cli.options import AsJson, Rank
@@ -51,8 +41,12 @@ from jld_explore.cli.rates import draw_rates, with_rates
 from jld_explore.cli.solve_options import FloorSeconds, FrictionModel, ResultFolder, SolutionRange, SolvedFile
 from jld_explore.cli.streams import say, warn
 
+if TYPE_CHECKING:
+    from jld_explore.cli.layout import LaidOut
+
 
 def solve(
+    context: typer.Context,
     scene: SolvedFile,
     rank: Rank = None,
     friction: FrictionModel = "associative",
@@ -68,105 +62,111 @@ def solve(
     strict: Strict = False,
     robust: Robust = False,
     cracks: Cracks = None,
-    field_seconds: FieldSeconds = FIELD_SECONDS,
+    seconds: Seconds = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
 
-    Print status, λ, bracket and evidence. With --out also write result.json and pictures. The exit code is 4 if the
-    bracket stays too wide (uncertified).
+    Print status, λ, bracket and evidence. A folder's layout is solved by the model of its search, unless an option says
+    otherwise. With --out also write result.json and pictures. The exit code is 4 if the bracket stays too wide
+    (uncertified).
     """
     if out is not None:
         require_folder(out)
-    options = SolveOptions(
-        friction=friction,
-        range=range_,
-        floor_seconds=floor_seconds,
-        effective_area=effective_area,
-        contact=contact,
-        inner_bending=current_bending(inner_bending),
-        condense=condense,
-        solver=solver,
-        gap=gap,
-    )
+    values: dict[str, Any] = {
+        "friction": friction,
+        "range": range_,
+        "floor_seconds": floor_seconds,
+        "effective_area": effective_area,
+        "contact": contact,
+        "inner_bending": current_bending(inner_bending),
+        "condense": condense,
+        "solver": solver,
+        "gap": gap,
+        "cracks": cracks,
+        "seconds": seconds,
+    }
+    Model(**values)  # before any file is read
     own = not (scene.is_dir() or rank is not None)
-    given = _own_labelling(scene, strict) if own else _layout_of(scene, rank)
-    parsed, assembly, labels = _checked(scene, given, options, cracks, robust=robust)
-    if own and not as_json:
-        warn_of(scene, assembly)
-    if isinstance(parsed.cracks, FieldCracks):
-        with error_context(scene):
-            say_by_fields(parsed, assembly, labels, field_seconds, out, as_json)
-        return
-    if (long := cost_estimate(assembly).long) is not None and not as_json:
-        warn(f"jld: {long}")
+    laid = _own_layout(scene, strict) if own else _layout_of(scene, rank)
+    model = _model(laid.model, asked(context, values))
+    assembly = build_robust(laid.scene) if robust and laid.assembly.nominal is None else laid.assembly
+    assembly = under(assembly, model)
+    if "search" in laid.scene.model_fields_set:
+        check_search(scene, laid.scene, laid.assembly)
     with error_context(scene):
-        result = solve_assembly(assembly, labels, **vars(options))
-    if robust:
-        result = _with_nominal(assembly, result)
-    result = named(parsed, with_rates(result, vertices=as_json or out is not None))
+        require_materials(assembly, laid.labels, ~laid.labels)
+        settlements_of(laid.scene, assembly)
+        require_model(assembly, model, laid.labels)
+        require_cracks(assembly, model)
+        by_fields = isinstance(assembly.cracks, FieldCracks)
+        elements, labels = rigid(assembly, laid.labels)
+        if own and not as_json:
+            warn_of(scene, assembly)
+        if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
+            warn(f"jld: {long}")
+        result: Result
+        if by_fields:
+            result = solve_cracked(assembly, labels, model)
+        else:
+            result = replace(solve_rigid(elements, labels, model), cracks=assembly.cracks)
+    if isinstance(result, LimitAnalysisResult):
+        result = _with_nominal(result) if elements.nominal is not None else result
+        result = with_rates(result, vertices=as_json or out is not None)
     if out is not None:
         _write_result(result, out)
-    say(json.dumps(result.to_json(), indent=1) if as_json else result_in_words(parsed, result))
+    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result)))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
 
-def _own_labelling(path: Path, strict: bool) -> tuple[Scene, Assembly, Bits]:
-    """Return the scene, the assembly and the labelling (m,) that a scene file states."""
+def _own_layout(path: Path, strict: bool) -> LaidOut:
+    """Return the layout that a scene file states."""
+    from jld_explore.cli.layout import LaidOut
+
     scene, assembly = load(path, strict)
-    return scene, assembly, assembly.labels
+    return LaidOut(scene, assembly, assembly.labels, Model())
 
 
-def _layout_of(folder: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """Return a scene, its assembly and a labelling of a results folder."""
+def _layout_of(folder: Path, rank: int | None) -> LaidOut:
+    """Return a layout of a results folder."""
     from jld_explore.cli.layout import layout_of  # reading a folder needs pandas, a scene does not
 
     return layout_of(folder, rank)
 
 
-def _checked(
-    path: Path,
-    given: tuple[Scene, Assembly, Bits],
-    options: SolveOptions,
-    cracks: str | None,
-    *,
-    robust: bool,
-) -> tuple[Scene, Assembly, Bits]:
-    """Check that a layout can be solved under the options; return it as it is solved.
-
-    given: scene, assembly and labels (m,) of the layout; the result has the same form. Raises InputError for options
-    that do not fit.
-    """
-    scene, assembly, labels = given
-    if "search" in scene.model_fields_set:
-        check_search(path, scene, assembly)
-    if robust:
-        assembly = build_robust(scene)
-    scene = with_cracks(scene, cracks)
-    with error_context(path):
-        require_materials(assembly, labels, ~labels)
-        settlements_of(scene, assembly)
-        require_model(assembly, options, labels)
-        check_cracks(scene, assembly, cracks, options, robust)
-        if not isinstance(scene.cracks, FieldCracks):
-            assembly, labels = of_cells(scene, assembly, labels)
-    return scene, assembly, labels
+def _model(model: Model, options: dict[str, Any]) -> Model:
+    """Return a model with the options given; with friction alone, the range of a search without dilation goes."""
+    alone = options.get("friction") == "associative"
+    without: dict[str, Any] = {"range": False, "floor_seconds": FLOOR_SECONDS} if alone else {}
+    return replace(model, **(without | options))
 
 
-def _with_nominal(assembly: Assembly, result: LimitAnalysisResult) -> LimitAnalysisResult:
+def _facts(result: Result) -> dict[str, str]:
+    """Describe a result by named facts."""
+    if isinstance(result, LimitAnalysisResult):
+        return facts_of_result(result)
+    by_fields: Any = result
+    found: dict[str, str] = by_fields.facts_in_words()
+    return found
+
+
+def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:
     """Return the result with λ at the nominal values of materials besides."""
-    nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
+    nominal = solve_rigid(result.assembly.at_nominal, result.labels, result.model).load_factor
     return replace(result, facts={**result.facts, "load_factor_nominal": None if math.isnan(nominal) else nominal})
 
 
-def _write_result(result: LimitAnalysisResult, out: Path) -> None:
+def _write_result(result: Result, out: Path) -> None:
     """Write result.json and pictures into a folder."""
     require_folder(out)
     from jld_core.views import figures  # importing matplotlib takes longer than most solves
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
+    if not isinstance(result, LimitAnalysisResult):
+        _draw_fields(result, out)
+        return
     draw_rates(result, out)
     if any(case.place is not None for case in result.assembly.cases):
         from jld_core.views.path import figure_of_path, path_values
@@ -183,3 +183,17 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
         figure = figures.figure_of_result(one)
         for ending in ("png", "svg"):
             figures.save_figure(figure, out / f"result{after}.{ending}")
+
+
+def _draw_fields(found: Any, out: Path) -> None:
+    """Draw labels, stresses and cracks under each load case into a folder, as png and svg."""
+    from jld_core.fields.bounds import FieldBounds
+    from jld_core.views import field_figures, figures  # importing matplotlib takes longer than many solves
+
+    several = len(found.cases) > 1
+    for k, (case, bounds) in enumerate(zip(found.assembly.by_case, found.cases.values(), strict=True), 1):
+        if not isinstance(bounds, FieldBounds):
+            continue  # fields in space have no picture
+        figure = field_figures.figure_of_fields(case, found.labels, bounds)
+        for ending in ("png", "svg"):
+            figures.save_figure(figure, out / f"result{f'-{k}' if several else ''}.{ending}")

@@ -22,9 +22,9 @@ from jld_core.limit.thrust import (
     thrust_ranges,
     words_of_range,
 )
-from jld_explore.cli.cracks import rigid_cells
+from jld_core.models import rigid
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of
+from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
 
@@ -53,9 +53,10 @@ def thrust(
     """
     if out is not None:
         require_folder(out)
-    scene, assembly, labels = layout_of(source, rank)
+    scene, assembly, labels, model = layout_of(source, rank)
     with error_context(source):
-        assembly, labels = rigid_cells(scene, assembly, labels)
+        require_whole_faces(model, "a range of reactions")
+        assembly, labels = rigid(assembly, labels, "a range of reactions")
         resultants = _resultants(assembly, support, joint, section)
         names: list[str | None] = [case.name for case in assembly.cases] or [None]
         found = [thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case]

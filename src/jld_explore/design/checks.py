@@ -17,7 +17,7 @@ from jld_core.assembly_sequence import assembly_order
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene.units import force_in_words
 from jld_explore.design.crushing import why_no_fields
 from jld_explore.design.options import LAID, LOW_FRICTION
@@ -116,7 +116,7 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
     scene = at_low_friction(winner.scene, low)
     assembly = build_assembly(scene)
     if why_no_fields(assembly):
-        result = solve(assembly)
+        result = solve_rigid(assembly)
         words = f"friction of {low:.3g}: by faces λ = {result.load_factor:.4g} ({result.status})"
         return Check("low friction", words, {"friction": low, "load_factor": _number(result.load_factor)})
     bounds = field_bounds(assembly, assembly.labels, until.remaining())
@@ -144,7 +144,7 @@ def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[s
     """
     winner = _winner(work)
     assembly = built(winner)
-    result, names = solve(assembly), [case.name for case in assembly.cases]
+    result, names = solve_rigid(assembly), [case.name for case in assembly.cases]
     number = names.index(str(result.governing)) if result.governing in names else 0
     place = work.folder / "experiment.json"
     scene = one_case(winner.scene, number)

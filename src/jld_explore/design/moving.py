@@ -16,7 +16,7 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.geometry_optimisation.optimise import move_joints
 from jld_core.limit import Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.design.crushing import with_crushing, with_materials_of
@@ -198,6 +198,6 @@ def moved_trial(task: Task, strength: float, seconds: float) -> Trial | str:
         fields = field_bounds(assembly, assembly.labels, (1.0 - _MOVING) * seconds)
     except InputError as error:
         return f"{error.where}: {error.problem}".lstrip(": ")
-    found = solve(assembly)
+    found = solve_rigid(assembly)
     words = f"{task.words}, {done.end}"
     return Trial(task.tessellation, "moved", scene, found.load_factor, faces_of(found.bracket), fields, words)

@@ -17,7 +17,7 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.files import require_folder
 from jld_core.limit import Status
-from jld_core.models import solve
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.design.checks import check_winner
@@ -198,7 +198,7 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
     fields: bounds by fields on its λ; None computes them in `seconds`.
     """
     assembly = build_assembly(scene)
-    found = solve(assembly)
+    found = solve_rigid(assembly)
     if fields is None:
         fields = field_bounds(assembly, assembly.labels, seconds)
     name, words = tessellation.name, work.searched[tessellation.name]
@@ -217,7 +217,7 @@ def _solve_usual(work: Design) -> None:
     if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
-    found = solve(assembly)
+    found = solve_rigid(assembly)
     try:
         allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
     except InputError:  # limits that nothing satisfies: the search says so

@@ -10,14 +10,14 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit import CaseBounds, LimitAnalysisResult, Status, number
+from jld_core.limit import FIELD_SECONDS, CaseBounds, LimitAnalysisResult, Status, number
 from jld_core.limit.force_range import extreme_value
 from jld_core.limit.reserve import Reserve, least_share
 from jld_core.limit.thrust import ResultantRange, reactions_of_supports
 from jld_core.mechanics import require_materials
-from jld_core.models import solve, solve_by_fields
-from jld_core.models.by_fields import FieldResult, case_bounds_of, stands_by_fields
-from jld_core.models.crack_models import FIELD_SECONDS, require_cracks
+from jld_core.models import solve_by_fields, solve_rigid
+from jld_core.models.by_fields import FieldResult, case_bounds_of, least_by_fields, stands_by
+from jld_core.models.crack_models import require_cracks
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
@@ -238,7 +238,7 @@ def _structures(
             if len(built.interfaces) != len(labels):
                 problem = "the design tension equals the design prestress of a member"
                 raise InputError("members", problem, "a larger tension, or other factors")
-            require_cracks(design, built)
+            require_cracks(built)
             found[prestress] = built, labels
             if isinstance(scene.cracks, CellCracks):
                 cells = crack_cells(design, built, scene.cracks.cell)
@@ -252,7 +252,7 @@ def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> 
     """Solve a structure under all its load cases, by fields where the scene says so."""
     if isinstance(scene.cracks, FieldCracks):
         return solve_by_fields(structure, labels, gap=scene.cracks.gap, seconds=seconds)
-    return solve(structure, labels)
+    return solve_rigid(structure, labels)
 
 
 def _cases(
@@ -264,8 +264,9 @@ def _cases(
     found = []
     for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
         if isinstance(solution, FieldResult):
-            bounds = case_bounds_of(list(solution.cases.values())[k])
-            stands = stands_by_fields(alone, labels, bounds, seconds)
+            by_fields = list(solution.cases.values())[k]
+            bounds = case_bounds_of(by_fields)
+            stands = stands_by(by_fields, least_by_fields(alone, labels, by_fields, seconds))
         else:
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero

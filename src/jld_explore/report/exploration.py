@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import ParameterError
 from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
-from jld_core.models import solve, solve_by_fields
+from jld_core.models import solve_by_elements, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene
-from jld_core.scene.cracks import CellCracks, FieldCracks
+from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import cut
 from jld_explore.study_state import StopReason
@@ -65,9 +64,18 @@ class Exploration(NotebookRepr):
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
 
+    views_module = "jld_explore.report.notebook"
+
     def __repr__(self) -> str:
         best, proven = self.summary.best, ", proven" if self.summary.proven else ""
-        found = "none ranked" if best is None else f"best λ = {best:.9g}{proven}"
+        found = (
+            "none ranked"
+            if best is None
+            else f"best λ = {best:.9g}{proven}, cracks {cracks_in_words(self.scene.cracks)}"
+        )
+        if best is not None and self.scene.cracks == "faces" and self.summary.by_fields is not None:
+            low, high = ("none" if end is None else f"{end:.4g}" for end in self.summary.by_fields)
+            found += f", λ in [{low}, {high}] wherever blocks crack"
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 
     def plot(self) -> Figure:
@@ -122,16 +130,8 @@ class Exploration(NotebookRepr):
         InputError
             If there is no such row, or blocks crack by fields.
         """
-        layout, cracks = self.layout(rank), self.scene.cracks
-        assembly, labels = layout.assembly, layout.labels
-        if isinstance(cracks, FieldCracks):
-            raise InputError(
-                "cracks", "fields have no forces of rigid elements", "`field_result`, which has both bounds"
-            )
-        if isinstance(cracks, CellCracks):
-            cells = crack_cells(self.scene, assembly, cracks.cell)
-            assembly, labels = cells.fine, cells.labels(labels)
-        return solve(assembly, labels, **vars(self.model))
+        layout = self.layout(rank)
+        return solve_by_elements(layout.assembly, layout.labels, self.model, "a picture of forces")
 
     def field_result(self, rank: int | None = None, seconds: float = FIELD_PICTURE) -> FieldResult:
         """Return both bounds by fields on λ of one layout, with stresses and velocities.

@@ -13,7 +13,7 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult, Status, number
 from jld_core.models import cost_estimate
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
@@ -192,6 +192,9 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if study.scene.cracks != "faces":
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
     found["cracks"] = cracks_to_json(study.scene.cracks)
+    ranked = results[results["status"] == str(Status.COLLAPSE)] if wide else results.head(0)
+    ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
+    found |= {"by_fields": [number(end) for end in ends[0]] if ends else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
@@ -222,9 +225,7 @@ def _uncounted(results: pd.DataFrame) -> list[str]:
     """Return a warning for each count that is blank in some rows because time ran out."""
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
     told = "the time limit ended the counting; --resume with more time goes on with it"
-    return [
-        f"{name}: blank in {number} of {len(results)} layouts; {told}" for name, number in missing.items() if number
-    ]
+    return [f"{name}: blank in {count} of {len(results)} layouts; {told}" for name, count in missing.items() if count]
 
 
 def write_pictures(

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
-from jld_core.errors import InputError
+from jld_core.errors import InputError, ParameterError
 from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
 from jld_core.scene import load_scene
 from jld_core.scene.cracks import FieldCracks
@@ -65,12 +65,12 @@ class _Summary(BaseModel):
     front: list[_Point] = []
 
 
-def read_folder(folder: Path) -> Exploration:
+def read_folder(folder: str | Path) -> Exploration:
     """Read a finished study from its folder.
 
     Parameters
     ----------
-    folder : Path
+    folder : str or Path
         Results folder.
 
     Returns
@@ -83,6 +83,9 @@ def read_folder(folder: Path) -> Exploration:
     InputError
         If a file is missing, damaged or of another scene.
     """
+    if not isinstance(folder, str | Path):
+        raise ParameterError("folder", f"{type(folder).__name__!r} is no folder", "the name of a results folder")
+    folder = Path(folder)
     for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():
             if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():

@@ -53,11 +53,17 @@ class Summary(Mapping[str, Any]):
     seed : int
         Seed of the driver.
     warnings : list of str
-        Warnings about the scene and the search.
+        Warnings about the scene and the search, and how bounds by fields differ from λ by faces.
     front : list of dict
         Points of the front: `count`, `load_factor`, `bound`, `proven`.
     next : str or None
         Advice on how to complete a proof; None if there is none.
+    cracks : str or dict
+        Crack model of λ, as in a scene.
+    by_fields : [float or None, float or None] or None
+        Bounds on λ of the best layout where its blocks may crack anywhere; None where unknown.
+    uncut : [float or None, float or None] or None
+        The same of the structure without cuts; None where unknown.
     facts : dict
         All entries of summary.json, also those of a single driver or option.
     """
@@ -83,6 +89,9 @@ class Summary(Mapping[str, Any]):
     warnings: list[str] = field(default_factory=list)
     front: list[dict[str, Any]] = field(default_factory=list)
     next: str | None = None
+    cracks: Any = "faces"
+    by_fields: list[float | None] | None = None
+    uncut: list[float | None] | None = None
     facts: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -104,8 +113,9 @@ class Summary(Mapping[str, Any]):
         TypeError
             If a field without a default is missing.
         """
-        known = {one.name for one in fields(cls)} - {"facts"}
-        return cls(**{name: value for name, value in facts.items() if name in known}, facts=dict(facts))
+        known = {one.name for one in fields(cls)} - {"facts", "warnings"}
+        found = [*facts.get("warnings", []), *(facts.get("fields") or {}).get("findings", [])]
+        return cls(**{name: value for name, value in facts.items() if name in known}, warnings=found, facts=dict(facts))
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of summary.json as a new dict."""

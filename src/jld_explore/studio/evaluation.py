@@ -41,8 +41,8 @@ def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
         labels = with_members(assembly, from_string(letters))
-    found = solve(assembly, labels).to_json()
-    elements = assembly.elements
+    result = solve(assembly, labels)
+    found, elements = result.to_json(), result.assembly.elements
     found["labelling"] = to_string(labels[: assembly.faces])
     found["centroids"] = dict(zip(elements.ids, elements.centroid.tolist(), strict=True))
     found["seconds"] = {**found["seconds"], "answer": time.perf_counter() - start}

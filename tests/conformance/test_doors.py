@@ -1,0 +1,735 @@
+"""Every key of a scene × every door: the door says what `solve` says, or refuses in one line.
+
+The keys are those of the schema, and a new key without its row fails. A row has two scenes that differ by its key: λ of
+both must differ, and every door has to follow. Keys that one door alone reads (`OF_ONE_DOOR`) have tests of their own.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import pytest
+from pydantic import BaseModel
+
+import jld_core as jc
+import jld_experiment
+from jld_core.limit import Result
+from jld_core.limit.thrust import thrust_ranges
+from jld_core.models import rigid
+from jld_core.scene.design import partial_factors
+from jld_explore import explore
+from jld_explore.design_check.check import design_check
+from jld_explore.notebook import make_page
+from jld_explore.reliability.analysis import ReliabilityOptions, analyse, structure_of
+from jld_explore.settings import ExploreSettings
+from jld_explore.studio.evaluation import evaluate
+
+Document = dict[str, Any]
+
+ROUNDING = 2e-5
+"""Relative error within which doors agree."""
+
+
+# --- scenes ---------------------------------------------------------------------------------------------------
+
+
+def changed(document: Document, **values: Any) -> Document:
+    """Return a scene with other values, by paths whose parts are joined by two underscores; None takes a key away."""
+    made = deepcopy(document)
+    for path, value in values.items():
+        *before, last = path.split("__")
+        place: Any = made
+        for part in before:
+            place = place[int(part)] if isinstance(place, list) else place.setdefault(part, {})
+        if value is None:
+            del place[last]
+        else:
+            place[int(last) if isinstance(place, list) else last] = value
+    return made
+
+
+def box(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> Document:
+    return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **more}
+
+
+STACK: Document = {
+    "elements": [box("s", 0, 0, 4, 0.5, support=True), box("a", 1, 0.5, 2, 1.5), box("b", 1, 1.5, 2, 2.5)],
+    "materials": {
+        "density": 2000.0,
+        "dry": {"friction_coefficient": 0.3},
+        "inner": {"tensile_strength": 2e4, "shear_strength": 3e4},
+    },
+    "loads": {"live": [{"element": "b", "force": [1000.0, 0.0]}]},
+    "search": {"candidates": [["a", "b"]], "symmetry": "none", "segmentation": False},
+}
+"""Two stones, the upper one pushed: it slides."""
+
+TALL = changed(STACK, materials__dry__friction_coefficient=2.0)
+"""The same, and it tilts."""
+
+WIDE = changed(STACK, materials__dry__friction_coefficient=0.6)
+
+CANTILEVER: Document = {
+    **STACK,
+    "elements": [box("s", 0, 0, 0.5, 1, support=True), box("a", 0.5, 0, 1, 1), box("b", 1, 0, 1.5, 1)],
+    "loads": {"live": [{"element": "b", "force": [0.0, -1000.0]}]},
+    "labels": {"inner": [["s", "a"], ["a", "b"]]},
+    "materials": {**STACK["materials"], "inner": {"tensile_strength": 1e5, "shear_strength": 1e5}},
+}
+"""Two stones glued to a wall: the outer one bends them off."""
+
+SHEARED = changed(
+    CANTILEVER,
+    materials__inner__shear_strength=1e4,
+    elements__1=box("a", 0.5, 0, 0.6, 1),
+    elements__2=box("b", 0.6, 0, 0.7, 1),
+)
+"""Shorter: they shear off."""
+
+BEAM: Document = {
+    **CANTILEVER,
+    "elements": [*CANTILEVER["elements"], box("t", 1.5, 0, 2, 1, support=True)],
+    "labels": {"inner": [["s", "a"], ["a", "b"], ["b", "t"]]},
+}
+"""The same between two walls."""
+
+GRID: Document = {
+    **{key: value for key, value in STACK.items() if key != "elements"},
+    "grid": {"cell": [0.5, 0.5], "thickness": 1.0, "rows": ["a", "b", "#"]},
+    "loads": {"live": [{"element": "c0r0", "force": [1000.0, 0.0]}]},
+    "search": {"candidates": [["c0r0", "c0r1"]], "symmetry": "none", "segmentation": False},
+}
+
+_SIDES = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+
+
+def cuboid(name: str, low: list[float], high: list[float], **more: Any) -> Document:
+    (a, b, c), (x, y, z) = low, high
+    corners = [[a, b, c], [x, b, c], [x, y, c], [a, y, c], [a, b, z], [x, b, z], [x, y, z], [a, y, z]]
+    return {"id": name, "vertices": corners, "faces": _SIDES, **more}
+
+
+SPATIAL: Document = {
+    **STACK,
+    "elements": [
+        cuboid("s", [0, 0, 0], [3, 3, 0.5], support=True),
+        cuboid("a", [1, 1, 0.5], [2, 2, 1.5]),
+        cuboid("b", [1, 1, 1.5], [2, 2, 2.5]),
+    ],
+    "loads": {"live": [{"element": "b", "force": [1000.0, 0.0, 0.0]}]},
+}
+
+STATED: Document = {
+    **WIDE,
+    "interfaces": [
+        {"elements": ["s", "a"], "polygon": [[1, 0.5], [2, 0.5]]},
+        {"elements": ["a", "b"], "polygon": [[1, 1.5], [2, 1.5]]},
+    ],
+}
+STATED_INNER: Document = {
+    **CANTILEVER,
+    "interfaces": [
+        {"elements": ["s", "a"], "polygon": [[0.5, 1], [0.5, 0]], "label": "inner"},
+        {"elements": ["a", "b"], "polygon": [[1, 1], [1, 0]], "label": "inner"},
+    ],
+}
+STATED_SHEARED: Document = {
+    **SHEARED,
+    "interfaces": [
+        {"elements": ["s", "a"], "polygon": [[0.5, 1], [0.5, 0]], "label": "inner"},
+        {"elements": ["a", "b"], "polygon": [[0.6, 1], [0.6, 0]], "label": "inner"},
+    ],
+}
+
+TIE = {"kind": "tie", "from": {"element": "b", "at": [1.2, 2.4]}, "to": {"element": "s", "at": [0.2, 0.4]}}
+TIED = changed(TALL, members=[{**TIE, "tension": 500.0}])
+PIN = {"kind": "pin", "from": {"element": "b", "at": [1.5, 1.6]}, "to": {"element": "a", "at": [1.5, 1.4]}}
+PINNED = changed(STACK, members=[{**PIN, "shear": 500.0}])
+
+FILLED: Document = {
+    **STACK,
+    "elements": [box("s", 0, -1, 6, 0, support=True), box("a", 0, 0, 3, 0.6), box("b", 0, 0.6, 3, 1.2)],
+    "materials": {"density": 2500.0, "dry": {"friction_coefficient": 0.6}, "inner": STACK["materials"]["inner"]},
+    "fill": {"level": 2.0, "density": 1800.0, "friction_angle": 30.0},
+}
+
+OVER = {"path": [[0.6, 1], [1.4, 1]], "name": "cart", "steps": 3, "axles": [{"weight": 500.0}]}
+
+
+class Row(NamedTuple):
+    """Two scenes that differ by one key."""
+
+    before: Document
+    after: Document
+
+
+def row(document: Document, **values: Any) -> Row:
+    return Row(document, changed(document, **values))
+
+
+def of(before: Document, **values: Any) -> Row:
+    """A key that no scene of the row has by default: its scene with a first and with a second value."""
+    first = {name: one for name, (one, _) in values.items()}
+    second = {name: other for name, (_, other) in values.items()}
+    return Row(changed(before, **first), changed(before, **second))
+
+
+def live(before: Document, one: Document, other: Document) -> Row:
+    return Row(changed(before, loads__live=[one]), changed(before, loads__live=[other]))
+
+
+FACE = {"along": [[1, 1.5], [1, 2.5]]}
+HALF = {"along": [[1, 1.5], [1, 2.0]]}
+PATCH = {"patch": [[1, 1, 2.5], [2, 1, 2.5], [2, 2, 2.5], [1, 2, 2.5]]}
+PART = {"patch": [[1.2, 1, 2.5], [2, 1, 2.5], [2, 2, 2.5], [1.2, 2, 2.5]]}
+
+
+def pressed(name: str) -> Document:
+    """A stack under a push and a pressure all over one of its stones."""
+    return changed(STACK, loads__live=[STONE, {"face": {"between": [name, "outside"]}, "pressure": 100.0}])
+
+
+STONE = {"element": "b", "force": [1000.0, 0.0]}
+
+OF_A_LOAD = {
+    "<PointLoad>.element": live(STACK, {"element": "b", "force": [1000.0, 0]}, {"element": "a", "force": [1000.0, 0]}),
+    "<PointLoad>.force": live(STACK, {"element": "b", "force": [1000.0, 0]}, {"element": "b", "force": [800.0, 0]}),
+    "<PointLoad>.at": live(
+        TALL,
+        {"element": "b", "force": [1000.0, 0], "at": [1.5, 2.1]},
+        {"element": "b", "force": [1000.0, 0], "at": [1.5, 2.4]},
+    ),
+    "<PointLoad>.moment": live(
+        TALL,
+        {"element": "b", "force": [1000.0, 0], "moment": -100.0},
+        {"element": "b", "force": [1000.0, 0], "moment": -200.0},
+    ),
+    "<BodyLoad>.body": live(STACK, {"body": [0.1, 0.0]}, {"body": [0.2, 0.0]}),
+    "<FaceLoad>.face.between": Row(pressed("b"), pressed("a")),
+    "<FaceLoad>.face.along": live(STACK, {"face": FACE, "pressure": 500.0}, {"face": HALF, "pressure": 500.0}),
+    "<FaceLoad>.face.patch": live(
+        SPATIAL, {"face": PATCH, "traction": [500.0, 0.0, 0.0]}, {"face": PART, "traction": [500.0, 0.0, 0.0]}
+    ),
+    "<FaceLoad>.pressure": live(STACK, {"face": FACE, "pressure": 500.0}, {"face": FACE, "pressure": [500.0, 400.0]}),
+    "<FaceLoad>.line": live(STACK, {"face": FACE, "line": [500.0, 0.0]}, {"face": FACE, "line": [700.0, 0.0]}),
+    "<FaceLoad>.traction": live(
+        SPATIAL, {"face": PATCH, "traction": [500.0, 0.0, 0.0]}, {"face": PATCH, "traction": [600.0, 0.0, 0.0]}
+    ),
+    "<FillLoad>.on_fill.at": Row(
+        *(
+            changed(FILLED, loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": at}, "weight": 2e3}])
+            for at in (1.0, 3.2)
+        )
+    ),
+    "<FillLoad>.on_fill.width": Row(
+        *(
+            changed(
+                FILLED,
+                loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": 3.3, "width": w}, "weight": 2e3}],
+            )
+            for w in (0.2, 1.0)
+        )
+    ),
+    "<FillLoad>.weight": Row(
+        *(
+            changed(FILLED, loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": 1.0}, "weight": w}])
+            for w in (2e3, 4e3)
+        )
+    ),
+}
+"""Keys of an entry of a live load."""
+
+
+def as_dead(document: Document) -> Document:
+    """The same entries as dead load, a part of them, under another live load."""
+    first = next(one["id"] for one in document["elements"] if one["id"] == "b")
+    force = [1000.0] + [0.0] * (len(document["elements"][0].get("polygon", [[0, 0, 0]])[0]) - 1)
+    return {**document, "loads": {"dead": document["loads"]["live"], "live": [{"element": first, "force": force}]}}
+
+
+def in_case(document: Document) -> Document:
+    """The same loads as the only one of the load cases."""
+    return {**document, "loads": {"cases": [{"name": "one", **document["loads"]}]}}
+
+
+CASES = changed(
+    STACK, loads={"cases": [{"name": "one", "live": [STONE]}, {"name": "two", "live": [{"body": [-0.01, 0]}]}]}
+)
+MOVING = changed(BEAM, loads={"moving": [OVER]})
+ON_CANTILEVER = changed(CANTILEVER, loads={"moving": [OVER]})
+PUSHES = "loads__pushes__directions"
+PUSHED = changed(STACK, loads={"pushes": {"directions": 2}})
+LEANING = changed(PUSHED, elements__2=box("b", 1, 1.5, 1.6, 2.5), materials__dry__friction_coefficient=2.0)
+CUT_UP = changed(CANTILEVER, cracks={"kind": "cells", "cell": 0.25})
+SIDE = {"label": "inner"}
+FIELDS = changed(TALL, materials__inner__compressive_strength=6e4, cracks={"kind": "fields", "gap": 0.4})
+
+ROWS: dict[str, Row] = {
+    "grid.cell": row(GRID, grid__cell=[0.6, 0.5]),
+    "grid.thickness": row(GRID, grid__thickness=0.8),
+    "grid.rows": row(GRID, grid__rows=["aa", "bb", "##"]),
+    "elements.polygon": row(STACK, elements__2=box("b", 1, 1.5, 2, 2.4)),
+    "elements.vertices": row(SPATIAL, elements__2=cuboid("b", [1, 1, 1.5], [2, 2, 2.3])),
+    "elements.weight": of(STACK, elements__2__weight=(15e3, 12e3)),
+    "elements.density": of(STACK, elements__2__density=(1500.0, 1800.0)),
+    "elements.volume": of(SPATIAL, elements__2__volume=(0.9, 0.8)),
+    "elements.centroid": of(
+        changed(SPATIAL, materials__dry__friction_coefficient=2.0),
+        elements__2__centroid=([1.5, 1.5, 2.0], [1.4, 1.5, 2.0]),
+    ),
+    "elements.block": row(STACK, elements__1__block="X", elements__2__block="X"),
+    "elements.support": row(changed(TALL, loads__live=[{"body": [0.1, 0.0]}]), elements__1__support=True),
+    "thickness": of(STACK, thickness=(1.0, 0.7)),
+    "tolerance": of(
+        changed(
+            STACK, elements=[*STACK["elements"], box("c", 2.004, 1.5, 3.004, 2.5), box("d", 2.004, 0.5, 3.004, 1.5)]
+        ),
+        tolerance=(0.001, 0.01),
+    ),
+    "interfaces.elements": Row(
+        *(
+            changed(
+                changed(STATED, loads__live__0__force=[-1000.0, 0.0]),
+                elements=[*STACK["elements"], box("t", 2, 0.5, 2.5, 3, support=True)],
+                interfaces=[*STATED["interfaces"], {**SIDE, "elements": ["t", name], "polygon": [[2, y], [2, y + 1]]}],
+            )
+            for name, y in (("a", 0.5), ("b", 1.5))
+        )
+    ),
+    "interfaces.polygon": row(
+        changed(STATED, materials__dry__friction_coefficient=2.0), interfaces__1__polygon=[[1.0, 1.5], [1.8, 1.5]]
+    ),
+    "interfaces.label": of(STATED, interfaces__1__label=("dry", "inner")),
+    "interfaces.friction_coefficient": of(STATED, interfaces__1__friction_coefficient=(0.3, 0.2)),
+    "interfaces.friction_angle": of(STATED, interfaces__1__friction_angle=(15.0, 10.0)),
+    "interfaces.tensile_strength": of(STATED_INNER, interfaces__0__tensile_strength=(1.1e5, 1.2e5)),
+    "interfaces.shear_strength": of(STATED_SHEARED, interfaces__0__shear_strength=(5e3, 6e3)),
+    "interfaces.compressive_strength": of(
+        changed(STATED, materials__dry__friction_coefficient=2.0), interfaces__0__compressive_strength=(6e4, 8e4)
+    ),
+    "interfaces.cohesion": of(STATED, interfaces__1__cohesion=(100.0, 200.0)),
+    "interfaces.inner_friction_coefficient": of(
+        changed(
+            STATED, interfaces__1__label="inner", materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
+        ),
+        interfaces__1__inner_friction_coefficient=(0.05, 0.1),
+    ),
+    "interfaces.inner_friction_angle": of(
+        changed(
+            STATED, interfaces__1__label="inner", materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
+        ),
+        interfaces__1__inner_friction_angle=(3.0, 6.0),
+    ),
+    "materials.density": row(STACK, materials__density=1800.0),
+    "materials.gravity": of(STACK, materials__gravity=(9.81, [1.0, -9.0])),
+    "materials.dry.friction_angle": of(
+        changed(STACK, materials__dry={"cohesion": 0.0}), materials__dry__friction_angle=(15.0, 12.0)
+    ),
+    "materials.dry.friction_coefficient": row(STACK, materials__dry__friction_coefficient=0.25),
+    "materials.dry.compressive_strength": of(TALL, materials__dry__compressive_strength=(1e5, 1.2e5)),
+    "materials.dry.cohesion": of(STACK, materials__dry__cohesion=(100.0, 200.0)),
+    "materials.dry.tensile_strength": of(
+        changed(TALL, materials__dry__cohesion=5e3), materials__dry__tensile_strength=(500.0, 1000.0)
+    ),
+    "materials.inner.tensile_strength": row(CANTILEVER, materials__inner__tensile_strength=1.2e5),
+    "materials.inner.shear_strength": row(
+        changed(SHEARED, materials__inner__shear_strength=1e4), materials__inner__shear_strength=8e3
+    ),
+    "materials.inner.compressive_strength": of(CANTILEVER, materials__inner__compressive_strength=(8e4, 9e4)),
+    "materials.inner.friction_angle": of(
+        changed(
+            STACK, labels={"inner": [["a", "b"]]}, materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
+        ),
+        materials__inner__friction_angle=(3.0, 6.0),
+    ),
+    "materials.inner.friction_coefficient": of(
+        changed(
+            STACK, labels={"inner": [["a", "b"]]}, materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
+        ),
+        materials__inner__friction_coefficient=(0.05, 0.1),
+    ),
+    "cracks<CellCracks>.kind": row(CUT_UP, cracks="faces"),
+    "cracks<CellCracks>.cell": Row(CUT_UP, changed(CUT_UP, cracks__cell=0.5)),
+    "cracks<FieldCracks>.kind": Row(changed(FIELDS, cracks="faces"), FIELDS),
+    "loads.cases.required": Row(CASES, changed(CASES, loads__cases__0__required=2.0)),
+    "loads.moving.axles.weight": row(MOVING, loads__moving__0__axles__0__weight=700.0),
+    "loads.moving.axles.distance": of(
+        changed(
+            ON_CANTILEVER, loads__moving__0__steps=6, loads__moving__0__axles=[{"weight": 500.0}, {"weight": 400.0}]
+        ),
+        loads__moving__0__axles__1__distance=(0.2, 0.4),
+    ),
+    "loads.moving.path": row(ON_CANTILEVER, loads__moving__0__path=[[0.6, 1], [1.2, 1]]),
+    "loads.moving.steps": Row(
+        *(
+            changed(
+                ON_CANTILEVER,
+                loads__moving__0__axles=[{"weight": 500.0}, {"weight": 500.0, "distance": 0.4}],
+                loads__moving__0__steps=steps,
+            )
+            for steps in (3, 6)
+        )
+    ),
+    "loads.moving.both_directions": Row(
+        *(
+            changed(
+                ON_CANTILEVER,
+                loads__moving__0__steps=2,
+                loads__moving__0__axles=[{"weight": 900.0}, {"weight": 100.0, "distance": 0.4}],
+                loads__moving__0__both_directions=both,
+            )
+            for both in (False, True)
+        )
+    ),
+    "loads.moving.required": of(MOVING, loads__moving__0__required=(1.0, 2.0)),
+    "loads.pushes.of_weight": of(PUSHED, loads__pushes__of_weight=(1.0, 0.5)),
+    "loads.pushes.directions": Row(*(changed(LEANING, **{PUSHES: number}) for number in (1, 2))),
+    "loads.pushes.required": of(PUSHED, loads__pushes__required=(1.0, 2.0)),
+    "members.kind": Row(PINNED, changed(STACK, members=[{**PIN, "kind": "tie", "tension": 500.0}])),
+    "members.from.element": Row(
+        *(row(STACK, members=[{**TIE, "from": {"element": e, "at": [1.2, 1.5]}, "tension": 500.0}]).after for e in "ba")
+    ),
+    "members.from.at": row(TIED, members__0__from__at=[1.2, 2.0]),
+    "members.to.element": Row(
+        changed(TIED, members__0__to={"element": "s", "at": [1.2, 0.5]}),
+        changed(TIED, members__0__to={"element": "a", "at": [1.2, 0.5]}),
+    ),
+    "members.to.at": row(TIED, members__0__to__at=[0.8, 0.4]),
+    "members.through.element": Row(
+        *(
+            changed(STACK, members=[{**TIE, "through": [{"element": name, "at": [1.1, 1.5]}], "tension": 500.0}])
+            for name in "ab"
+        )
+    ),
+    "members.through.at": Row(
+        *(
+            changed(
+                TIED,
+                members__0__from={"element": "b", "at": [1.2, 2.4]},
+                members__0__through=[{"element": "b", "at": at}],
+            )
+            for at in ([1.1, 1.8], [1.3, 2.0])
+        )
+    ),
+    "members.tension": row(TIED, members__0__tension=700.0),
+    "members.compression": Row(
+        *(changed(TIED, loads__live__0__force=[-1000.0, 0.0], members__0__compression=c) for c in (100.0, 300.0))
+    ),
+    "members.prestress": Row(
+        *(
+            changed(TIED, members__0__tension=500.0, loads__live__0__force=[-1000.0, 0.0], members__0__prestress=p)
+            for p in (100.0, 300.0)
+        )
+    ),
+    "members.shear": row(PINNED, members__0__shear=700.0),
+    "fill.level": row(FILLED, fill__level=2.3),
+    "fill.density": row(FILLED, fill__density=1600.0),
+    "fill.friction_angle": row(FILLED, fill__friction_angle=32.0),
+    "fill.cohesion": of(FILLED, fill__cohesion=(1e3, 2e3)),
+    "fill.surcharge": of(FILLED, fill__surcharge=(1e3, 2e3)),
+    "fill.dispersal": Row(
+        *(changed(OF_A_LOAD["<FillLoad>.on_fill.at"].after, fill__dispersal=angle) for angle in (10.0, 45.0))
+    ),
+    "fill.active": of(
+        changed(FILLED, loads__live__0__force=[-1e4, 0.0], elements__0=box("s", -3, -1, 6, 0, support=True)),
+        fill__active=(1.0, 0.5),
+    ),
+    "fill.passive": of(FILLED, fill__passive=(0.4, 0.5)),
+    "fill.passive_cohesion": of(changed(FILLED, fill__cohesion=5e3), fill__passive_cohesion=(0.1, 0.3)),
+    "fill.from": of(FILLED, fill__from=(0.0, 1.0)),
+    "fill.to": of(FILLED, fill__to=(6.0, 2.0)),
+    "labels.default": of(STACK, labels__default=("dry", "inner")),
+    "labels.inner": row(STACK, labels__inner=[["a", "b"]]),
+    "labels.dry": Row(
+        changed(STACK, elements__1__block="X", elements__2__block="X"),
+        changed(STACK, elements__1__block="X", elements__2__block="X", labels__dry=[["a", "b"]]),
+    ),
+}
+for ending, one in OF_A_LOAD.items():
+    ROWS[f"loads.live{ending}"] = one
+    ROWS[f"loads.cases.live{ending}"] = Row(in_case(one.before), in_case(one.after))
+    ROWS[f"loads.dead{ending}"] = Row(as_dead(one.before), as_dead(one.after))
+    ROWS[f"loads.cases.dead{ending}"] = Row(in_case(as_dead(one.before)), in_case(as_dead(one.after)))
+for part in ("dry", "inner"):
+    for key in (
+        "friction_angle",
+        "friction_coefficient",
+        "compressive_strength",
+        "cohesion",
+        "tensile_strength",
+        "shear_strength",
+    ):
+        if (known := ROWS.get(f"materials.{part}.{key}")) is None:
+            continue
+        pairs = [["a", "b"]] if "friction" in key or key == "cohesion" else [["s", "a"]]
+        ROWS[f"materials.faces.{part}.{key}"] = Row(
+            *(
+                changed(
+                    known.before
+                    if part == "inner"
+                    else changed(known.before, materials__dry={"friction_coefficient": 2.0}),
+                    materials__faces=[{"between": pairs[0], part: one["materials"][part]}],
+                )
+                for one in known
+            )
+        )
+ROWS["materials.faces.between"] = Row(
+    *(
+        changed(WIDE, materials__faces=[{"between": pair, "dry": {"friction_coefficient": 0.1}}])
+        for pair in (["s", "a"], ["a", "b"])
+    )
+)
+
+NAMES = {
+    "name", "units.length", "units.force", "source", "notes", "expected", "elements.id", "elements.faces",
+    "loads.cases.name", "loads.moving.name", "loads.pushes.name", "members.name",
+}  # fmt: skip
+"""Keys that name things, or order what other keys state."""
+
+FIELDS_ALONE = {f"loads.{where}<PointLoad>.width" for where in ("live", "dead", "cases.live", "cases.dead")} | {
+    "cracks<FieldCracks>.gap"
+}
+"""Keys that cracks by fields alone read."""
+
+OF_ONE_DOOR = ("search.", "move.", "design.", "settlements.")
+"""Keys of searches, of moves, of the design check and of movements of supports."""
+
+
+def models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that a field may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from models(part)
+
+
+def keys(model: type[BaseModel] = jc.Scene, at: str = "") -> Iterator[str]:
+    """Yield every key of the schema that holds a value; of several forms each with its name."""
+    for name, field in model.model_fields.items():
+        path = f"{at}.{field.alias or name}" if at else field.alias or name
+        inner = list(models(field.annotation))
+        if not inner:
+            yield path
+        for one in inner:
+            yield from keys(one, path if len(inner) == 1 else f"{path}<{one.__name__}>")
+
+
+def test_every_key_has_a_row() -> None:
+    known = {*ROWS, *NAMES, *FIELDS_ALONE}
+    stated = {key for key in keys() if not key.startswith(OF_ONE_DOOR)}
+    assert sorted(stated - known) == []
+    assert sorted(known - stated) == []
+
+
+# --- doors ----------------------------------------------------------------------------------------------------
+
+
+class Answer(NamedTuple):
+    """What a door says: status, and bounds on λ or on the governing factor."""
+
+    status: str
+    low: float
+    high: float
+
+
+def answer(found: Any) -> Answer:
+    """Return what a result or the JSON output of one says."""
+    if isinstance(found, Result):
+        return Answer(str(found.status), *found.bracket)
+    ends = [math.nan if end is None else end for end in found["bracket"]]
+    return Answer(found["status"], *ends)
+
+
+@cache
+def _solved(text: str) -> Answer:
+    return answer(jc.solve(json.loads(text)))
+
+
+def solved(document: Document) -> Answer:
+    """Return what `solve` says, once for all doors."""
+    return _solved(json.dumps(document))
+
+
+def by_solve_many(document: Document, jld: Any, folder: Path) -> Answer:
+    assembly = jc.build_assembly(document)
+    found = jc.solve_many(assembly, [assembly.labels])
+    return Answer(str(found.status[0]), found.low[0], found.high[0])
+
+
+def by_command(document: Document, jld: Any, folder: Path) -> Answer:
+    file = folder / "scene.json"
+    file.write_text(json.dumps(document))
+    told = jld("solve", file, "--json")
+    if told.code == 2:
+        raise refusal(told)
+    return answer(json.loads(told.out))
+
+
+def by_search(document: Document, jld: Any, folder: Path) -> Answer:
+    settings = ExploreSettings(check_fields=0, pictures=False, driver="enumeration", budget=8)
+    done = explore(document, folder / "search", settings)
+    letters = "".join("d" if dry else "i" for dry in done.assembly.labels[: done.assembly.faces])
+    own = done.results[done.results["labelling"] == letters].iloc[0]
+    return Answer(str(own["status"]), float(own["bracket_lo"]), float(own["bracket_hi"]))
+
+
+def by_experiment(document: Document, jld: Any, folder: Path) -> Answer:
+    """λ of what the experiment is given, which the command prints beside what it carries; no stone is moved."""
+
+    class Given(Exception):
+        pass
+
+    def given(assembly: jc.Assembly, labels: Any, **settings: Any) -> Any:
+        jld_experiment.require_one_load(assembly)
+        jld_experiment.specimen_of(assembly, labels)
+        raise Given(assembly, labels)
+
+    file = folder / "scene.json"
+    file.write_text(json.dumps(document))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jld_experiment, "run_experiment", given)
+        try:
+            raise refusal(jld("experiment", file))
+        except Given as stop:
+            return answer(jc.solve(*stop.args))
+
+
+def by_move(document: Document, jld: Any, folder: Path) -> Answer:
+    file, out = folder / "scene.json", folder / "moved.json"
+    file.write_text(json.dumps({**document, "move": {"box": 1e-6}}))
+    told = jld("move", file, "-o", out, "--seconds", "0", "--json")
+    if told.code:
+        raise refusal(told)
+    found = json.loads(told.out)
+    start = found["start"]
+    return Answer("collapse", start, start)
+
+
+def by_studio(document: Document, jld: Any, folder: Path) -> Answer:
+    return answer(evaluate({"scene": document}))
+
+
+def by_notebook(document: Document, jld: Any, folder: Path) -> Answer:
+    scene = jc.load_scene(document)
+    page = make_page(scene)
+    found = page.answer({"labelling": page.data["labelling"], "materials": page.data["notebook"]["materials"]})
+    return answer(found)
+
+
+def by_design_check(document: Document, jld: Any, folder: Path) -> Answer:
+    """Partial factors of 1: utilisation is one over the governing factor."""
+    ones = {"live": 1, "strength": 1, "friction": 1, "members": 1}
+    ones |= {name: [1, 1] for name in ("self_weight", "dead", "prestressing")}
+    scene = jc.load_scene({**document, "design": {"set": "none", "factors": ones}})
+    worst = design_check(scene, None, partial_factors(scene.design, None), seconds=5.0).governing
+    bounds, required = worst.bounds, worst.required
+    return Answer(str(bounds.status), bounds.low / required, bounds.high / required)
+
+
+def fails_between(document: Document, fails: Callable[[Document, float], bool]) -> Answer:
+    """Return λ as a bracket in which a door that answers yes or no changes its answer; of the answer of `solve`."""
+    told = solved(document)
+    low, high = told.low * (1.0 - 1e-4), told.high * (1.0 + 1e-4)
+    return Answer("collapse", math.nan if fails(document, low) else low, high if fails(document, high) else math.nan)
+
+
+def by_reliability(document: Document, jld: Any, folder: Path) -> Answer:
+    """The density is hardly uncertain: samples fail above λ, and not below."""
+    density = {"mean": document["materials"]["density"], "cov": 1e-7, "kind": "normal"}
+    scene = jc.load_scene(changed(document, materials__density=density))
+    assembly = jc.build_assembly(scene)
+    structure = structure_of(scene, assembly, assembly.labels)
+
+    def fails(_: Document, required: float) -> bool:
+        found = analyse(structure, assembly.labels, ReliabilityOptions(required, 2, 0, 1))
+        return found.simulation.failures == 2
+
+    return fails_between(document, fails)
+
+
+def by_thrust(document: Document, jld: Any, folder: Path) -> Answer:
+    """Reactions exist under live load below λ, and not above."""
+    assembly = jc.build_assembly(document)
+    elements, labels = rigid(assembly, assembly.labels, "thrust")
+    cases = list(zip(elements.by_case, assembly.required.tolist(), strict=True))
+
+    def falls(_: Document, factor: float) -> bool:
+        ranges = (thrust_ranges(one, labels, resultants=(), load_factor=factor * need) for one, need in cases)
+        return any(one.stands is False for one in ranges)
+
+    return fails_between(document, falls)
+
+
+class Refused(Exception):
+    """A door refused, in one line."""
+
+
+def refusal(told: Any) -> Refused:
+    """Return the refusal of a command; it has to be one line on stderr with exit code 2."""
+    assert (told.code, told.out) == (2, ""), told
+    return Refused(told.err.strip().splitlines()[-1])
+
+
+REFUSED: dict[str, dict[str, str]] = {}
+"""What each door refused, by key, for whoever looks."""
+
+DOORS: dict[str, Callable[[Document, Any, Path], Answer]] = {
+    "solve_many": by_solve_many,
+    "jld solve": by_command,
+    "explore": by_search,
+    "jld experiment": by_experiment,
+    "jld move": by_move,
+    "studio": by_studio,
+    "check-design": by_design_check,
+    "reliability": by_reliability,
+    "thrust": by_thrust,
+}
+
+
+def agree(one: Answer, other: Answer) -> bool:
+    """Return True if two answers have one status and brackets that meet."""
+    if one.status != other.status and {one.status, other.status} != {"collapse", "uncertified"}:
+        return False
+    if one.status in ("unstable", "locked"):
+        return True
+    scale = ROUNDING * max(map(abs, (one.low, one.high, other.low, other.high)))
+    return one.low <= other.high + scale and other.low <= one.high + scale
+
+
+def test_every_row_changes_the_answer() -> None:
+    """Both scenes of a row have a λ, and it differs."""
+    alike = []
+    for key, (before, after) in ROWS.items():
+        found = solved(before), solved(after)
+        if {"unstable", "locked", "failed"} & {one.status for one in found} or agree(*found):
+            alike.append((key, *found))
+    assert alike == []
+
+
+def said(door: str, document: Document, jld: Any, folder: Path) -> Answer | str:
+    """Return the answer of a door, or the line by which it refuses."""
+    folder.mkdir()
+    try:
+        return DOORS[door](document, jld, folder)
+    except (jc.InputError, Refused) as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_door_says_what_solve_says(door: str, jld: Any, tmp_path: Path) -> None:
+    wrong = []
+    for number, (key, row) in enumerate(ROWS.items()):
+        for document in row:
+            told = said(door, document, jld, tmp_path / f"{number}-{document is row.after}")
+            if isinstance(told, str):
+                assert "\n" not in told
+                REFUSED.setdefault(door, {})[key] = told
+            elif not agree(told, solved(document)):
+                wrong.append((key, told, solved(document)))
+    assert wrong == []
