@@ -297,12 +297,11 @@ def stands_by_fields(alone: Assembly, labels: Bits, bounds: CaseBounds, seconds:
     """
     if bounds.status is Status.UNSTABLE:
         return False
-    if not alone.dead.any():
+    if not alone.dead_loads:
         return True
     if not bounds.low >= 0.0:
         return None
-    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
-    back = replace(alone, live=-alone.live, live_points=points, shape_loads=None)
+    back = replace(alone, live_loads=-1.0 * alone.live_loads)
     other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
     return True if case_bounds_of(other).low >= 0.0 else None
 
