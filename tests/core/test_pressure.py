@@ -138,7 +138,7 @@ def test_a_moving_load_is_the_least_of_its_positions() -> None:
         for number, block in enumerate(sides):
             scene = bridge()
             scene["loads"] = {"live": [{"element": f"b{block}", "force": [0.0, -1000.0], "at": [place, 1.0]}]}
-            behind = number or block < place - 1e-9 and place == 3.0
+            behind = number or (block < place - 1e-9 and place == 3.0)
             name = f"moving at {place:g}" + (" behind the joint" if behind else "")
             expected[name] = solve(parse_scene(scene)).load_factor
     assert {name: case.load_factor for name, case in moving.cases.items()} == pytest.approx(expected, rel=1e-6)
