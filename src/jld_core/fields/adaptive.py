@@ -74,7 +74,7 @@ class FieldSetting:
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
         """Compute material, units, coarsest mesh and loads of a planar assembly.
 
-        patch: length that each live force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
+        patch: length that each force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
         InputError as `material_of` and `loaded_mesh` do.
         """
         material = material_of(assembly)

@@ -90,7 +90,7 @@ def loaded_solids(
     assembly : Assembly
         Spatial assembly with one load case.
     patch : float, optional
-        Side of the square that each live force without a width of its own is spread on, centred at its place. By
+        Side of the square that each force without a width of its own is spread on, centred at its place. By
         default all of these on one free region become one linear traction: over the whole region where its normal part
         has one sign, else over the largest part that is symmetric about the resultant.
     labels : (m,) bool array, optional
