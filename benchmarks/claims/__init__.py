@@ -19,6 +19,7 @@ FAMILIES: Final[dict[str, int]] = {
     "fields": 500,
     "geometry": 3000,
     "laying": 1000,
+    "loads": 560,
     "members": 200,
     "proofs": 3000,
     "time_limits": 200,

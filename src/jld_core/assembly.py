@@ -15,9 +15,9 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
+from jld_core.loads import Loads, resultants
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.shape_loads import ShapeLoads
 
 if TYPE_CHECKING:
     from jld_core.scene.cracks import CrackModel
@@ -52,6 +52,8 @@ class Elements:
         Vertex indices of each face of each element, outward; empty in the plane.
     gravity : float
         Magnitude of the acceleration from which the weights were computed.
+    stated : tuple of frozenset of str
+        Which of "weight", "volume" and "centroid" the scene states for each element; () for none.
     """
 
     ids: tuple[str, ...]
@@ -63,6 +65,7 @@ class Elements:
     shape: tuple[Floats, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...] = ()
     gravity: float = 9.81
+    stated: tuple[frozenset[str], ...] = ()
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -76,6 +79,7 @@ class Elements:
             shape=tuple(self.shape[k] for k in rows),
             faces=tuple(self.faces[k] for k in rows) if self.faces else (),
             gravity=self.gravity,
+            stated=tuple(self.stated[k] for k in rows) if self.stated else (),
             **numbers,
         )
 
@@ -88,6 +92,16 @@ class Elements:
     def free(self) -> Ints:
         """Return the indices (k,) of the elements that are no supports, ascending."""
         return np.flatnonzero(~self.support)
+
+    @cached_property
+    def fixed_weight(self) -> Bools:
+        """Return a mask (n,) of elements whose body forces do not grow with their outline."""
+        return np.array([bool(one & {"weight", "volume"}) for one in self.stated or (frozenset(),) * len(self)])
+
+    @cached_property
+    def fixed_centroid(self) -> Bools:
+        """Return a mask (n,) of elements whose centroid does not follow their outline."""
+        return np.array(["centroid" in one for one in self.stated or (frozenset(),) * len(self)])
 
     @cached_property
     def mass(self) -> Floats:
@@ -190,10 +204,6 @@ class Strengths:
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
 
-Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
-"""Positions and vectors of point forces."""
-
-
 @dataclass(frozen=True)
 class LoadCase:
     """One load case of an assembly: its loads, and the load factor required under them.
@@ -202,27 +212,18 @@ class LoadCase:
     ----------
     name : str
         Name.
-    dead, live : (n, 3) or (n, 6) arrays
+    dead_loads, live_loads : Loads
         Loads as those of `Assembly`; the dead load includes the part that is common to all cases.
     required : float
         Required load factor; λ is divided by it, so that 1 is just enough.
-    live_points : Points
-        Live point forces, for drawing.
-    live_widths : tuple of float or None
-        Lengths of the patches that fields spread these forces on, None where not stated; () for none stated.
-    shape_loads : ShapeLoads or None
-        Loads that change with the shapes of elements, as in `Assembly`.
     place : (str, float) or None
         Of a moving load: its name and direction, and the distance of its first axle along the path; else None.
     """
 
     name: str
-    dead: Floats
-    live: Floats
+    dead_loads: Loads
+    live_loads: Loads
     required: float = 1.0
-    live_points: Points = ()
-    live_widths: tuple[float | None, ...] = ()
-    shape_loads: ShapeLoads | None = None
     place: tuple[str, float] | None = None
 
 
@@ -242,12 +243,10 @@ class Assembly(NotebookRepr):
         Rigid elements, and their plane contacts.
     strengths : Strengths
         Strengths of all interfaces under both labels.
-    dead, live : (n, 3) or (n, 6) arrays
-        Loads about centroids, planar (fx, fy, m) or spatial (f, m), scene units. Dead ones hold self-weight.
+    dead_loads, live_loads : Loads
+        Loads as they act. Dead ones hold self-weight; prestress and bond are part of the members.
     labels : (m,) bool array
         Labels that the scene gives, True = dry.
-    live_points : Points
-        Positions and vectors of the live point forces, for drawing.
     moved : float
         Largest distance by which a corner was moved to close gaps and overlaps, length.
     sink : int
@@ -257,15 +256,11 @@ class Assembly(NotebookRepr):
     notes : tuple of str
         What results leave out of the scene, one sentence each.
     cases : tuple of LoadCase
-        Load cases if there are several; `dead` and `live` are those of the first. Solvers use `by_case`.
+        Load cases if there are several; the loads are those of the first. Solvers use `by_case`.
     touching : tuple of (int, int)
         Pairs of supports that share a face; both belong to one block.
     nominal : Strengths or None
         Nominal strengths, where `strengths` holds the low values of materials.
-    live_widths : tuple of float or None
-        Lengths of the patches of the live point forces, as in `LoadCase`.
-    shape_loads : ShapeLoads or None
-        Parts of the loads that change with the shapes of elements; None where they are unknown.
     members : Members
         Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
     fill : tuple of (k, 2) arrays
@@ -282,10 +277,9 @@ class Assembly(NotebookRepr):
     elements: Elements
     interfaces: Interfaces
     strengths: Strengths
-    dead: Floats
-    live: Floats
+    dead_loads: Loads
+    live_loads: Loads
     labels: Bits
-    live_points: Points = ()
     moved: float = 0.0
     sink: int = -1
     warnings: tuple[str, ...] = ()
@@ -293,8 +287,6 @@ class Assembly(NotebookRepr):
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
-    live_widths: tuple[float | None, ...] = ()
-    shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
     fill: tuple[Floats, ...] = ()
     cracks: CrackModel = "faces"
@@ -315,14 +307,36 @@ class Assembly(NotebookRepr):
         return ("N", "V", "M") if self.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
 
     @cached_property
+    def dead(self) -> Floats:
+        """Return the dead loads about centroids (n, 3) or (n, 6), with prestress and bond, scene units."""
+        total, stress = resultants(self.dead_loads, self.elements), self.members.self_stress
+        return total if stress is None else total + stress
+
+    @cached_property
+    def live(self) -> Floats:
+        """Return the live loads about centroids: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), scene units."""
+        return resultants(self.live_loads, self.elements)
+
+    @property
+    def pressed(self) -> bool:
+        """Return True if a load acts on part of a face, and so changes where the face moves."""
+        return bool(self.dead_loads.tractions or self.live_loads.tractions)
+
+    @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
         """Return one assembly for each load case under its loads alone; itself without cases."""
         if not self.cases:
             return (self,)
-        names = ("dead", "live", "live_points", "live_widths", "shape_loads")
-        loads = [{name: getattr(case, name) for name in names} for case in self.cases]
-        titles = [f"{self.name}: {case.name}" for case in self.cases]
-        return tuple(replace(self, name=title, cases=(), **own) for title, own in zip(titles, loads, strict=True))
+        return tuple(
+            replace(
+                self,
+                name=f"{self.name}: {case.name}",
+                cases=(),
+                dead_loads=case.dead_loads,
+                live_loads=case.live_loads,
+            )
+            for case in self.cases
+        )
 
     @cached_property
     def at_nominal(self) -> Assembly:

@@ -8,7 +8,6 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import INNER, Assembly
-from jld_core.shape_loads import ShapeLoads
 
 
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
@@ -34,7 +33,7 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
     kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
     rest = faces.take(kept)
     cases = tuple(
-        replace(case, dead=case.dead[rows], live=case.live[rows], shape_loads=_of(case.shape_loads, rows))
+        replace(case, dead_loads=case.dead_loads.take(rows), live_loads=case.live_loads.take(rows))
         for case in assembly.cases
     )
     left = replace(
@@ -43,9 +42,8 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
         strengths=assembly.strengths.take(kept),
         nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
-        dead=assembly.dead[rows],
-        live=assembly.live[rows],
-        shape_loads=_of(assembly.shape_loads, rows),
+        dead_loads=assembly.dead_loads.take(rows),
+        live_loads=assembly.live_loads.take(rows),
         labels=assembly.labels[kept],
         cases=cases,
         touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
@@ -102,11 +100,3 @@ def with_members(assembly: Assembly, labels: Bits) -> Bits:
     whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
     whole[..., : assembly.faces] = labels[..., : assembly.faces]
     return whole
-
-
-def _of(loads: ShapeLoads | None, rows: Ints) -> ShapeLoads | None:
-    """Return the loads that change with shape on some elements; None if they are unknown.
-
-    rows: (k,) indices of the elements.
-    """
-    return None if loads is None else loads.take(rows)

@@ -30,7 +30,7 @@ def test_a_line_load_acts_along_part_of_the_edges() -> None:
     """From x = 1 to x = 4: 1.25 m of the slope on a and 2.5 m on b, each force at its middle whatever the thickness."""
     line = {"face": {"along": [[4, 4], [1, 1.75]]}, "line": [1.0, -3.0]}
     assembly = build_assembly(parse_scene(slope(line)))
-    found = dict(assembly.live_points)
+    found = {tuple(at.tolist()): force for _, at, force in assembly.live_loads.arrows()}
     assert found[1.5, 2.125] == pytest.approx((1.25, -3.75))
     assert found[3.0, 3.25] == pytest.approx((2.5, -7.5))
     for k, (x, y, force) in enumerate([(1.5, 2.125, (1.25, -3.75)), (3.0, 3.25, (2.5, -7.5))], 1):

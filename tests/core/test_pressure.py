@@ -131,17 +131,41 @@ def bridge(**moving: Any) -> dict[str, Any]:
 
 def test_a_moving_load_is_the_least_of_its_positions() -> None:
     moving = solve(parse_scene(bridge()))
-    found = []
+    expected = {}
     for place in np.linspace(0.0, 3.0, 7).tolist():
-        scene = bridge()
-        element = f"b{min(int(place), 2)}"
-        scene["loads"] = {"live": [{"element": element, "force": [0.0, -1000.0], "at": [place, 1.0]}]}
-        found.append(solve(parse_scene(scene)).load_factor)
-    # at the end of the path the load stands on the support, which carries it
-    assert len(moving.cases) == 6
-    assert [case.load_factor for case in moving.cases.values()] == pytest.approx(found[:6], rel=1e-6)
-    assert moving.load_factor == pytest.approx(min(found[:6]), rel=1e-6)
+        # on a joint the load stands on either block; at the ends of the path a support carries it alone
+        sides = sorted({int(np.floor(place)), int(np.ceil(place)) - 1} & {0, 1, 2}, reverse=True)
+        for number, block in enumerate(sides):
+            scene = bridge()
+            scene["loads"] = {"live": [{"element": f"b{block}", "force": [0.0, -1000.0], "at": [place, 1.0]}]}
+            behind = number or (block < place - 1e-9 and place == 3.0)
+            name = f"moving at {place:g}" + (" behind the joint" if behind else "")
+            expected[name] = solve(parse_scene(scene)).load_factor
+    assert {name: case.load_factor for name, case in moving.cases.items()} == pytest.approx(expected, rel=1e-6)
+    assert moving.load_factor == pytest.approx(min(expected.values()), rel=1e-6)
     assert list(moving.cases)[1] == "moving at 0.5"
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_an_axle_on_a_joint_is_the_limit_from_either_side(both: bool) -> None:
+    """A bar of one strong stone between loose ones: just before the joint it tips, just behind it another does."""
+    scene = {
+        "grid": {"cell": [0.5, 0.4], "thickness": 0.3, "rows": ["#aaab", "....#"]},
+        "materials": {
+            "density": 1,
+            "dry": {"friction_coefficient": 0.0},
+            "inner": {"tensile_strength": 1e5, "shear_strength": 1e7},
+        },
+        "labels": {"inner": [["c0r0", "c1r0"]]},
+    }
+
+    def factor(place: float, steps: int, length: float) -> float:
+        path = [[place, 0.8], [place + length, 0.8]]
+        moving = {"axles": [{"weight": 1000.0}], "path": path, "steps": steps, "both_directions": both}
+        return solve(parse_scene({**scene, "loads": {"moving": [moving]}})).load_factor
+
+    nearby = min(factor(x, 1, 0.1) for x in (1.0 - 1e-4, 1.0 + 1e-4, 1.5 - 1e-4, 1.5 + 1e-4, 2.0 - 1e-4, 2.0 + 1e-4))
+    assert factor(0.5, 5, 2.0) == pytest.approx(nearby, rel=1e-3)
 
 
 def test_axles_follow_each_other_and_turn_round() -> None:
@@ -153,8 +177,9 @@ def test_axles_follow_each_other_and_turn_round() -> None:
     there, back = cases[3], cases[10]
     assert (there.name, back.name) == ("moving at 1.5", "moving back at 1.5")
     # the first axle has gone 1.5 of 2.5, the second follows by 0.5; the way back is the mirror image
-    assert there.live_points == (((1.75, 1.0), (0.0, -3.0)), ((1.25, 1.0), (0.0, -1.0)))
-    assert back.live_points == (((1.25, 1.0), (0.0, -3.0)), ((1.75, 1.0), (0.0, -1.0)))
+    for case, places in ((there, (1.75, 1.25)), (back, (1.25, 1.75))):
+        assert case.live_loads.points.at.tolist() == [[place, 1.0] for place in places]
+        assert case.live_loads.points.force.tolist() == [[0.0, -3.0], [0.0, -1.0]]
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_a_cuboid_tilts_in_every_direction() -> None:
 
 def test_horizontal_follows_gravity() -> None:
     """With gravity along +y, horizontal is across it: in space the first axis, and the vertical one of the scene."""
-    cases = build_assembly(parse_scene({**cuboid(4, [0, 9.81, 0]), "members": []})).cases
+    cases = build_assembly(parse_scene({**cuboid(4, [0, 9.81, 0]), "members": []})).by_case
     weight = 6000 * 9.81
     pushes = np.array([case.live[1, :3] for case in cases]) / weight
     assert np.allclose(pushes, [[1, 0, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1]], atol=1e-12)
@@ -92,7 +92,7 @@ def test_pushes_equal_stated_cases_beside_moving_loads() -> None:
     by_hand = block(0.3, {})
     by_hand["loads"] = {"cases": [{"name": str(x), "live": [{"body": [0.1 * x, 0]}]} for x in (1, -1)]}
     one, other = (build_assembly(parse_scene(scene)) for scene in (pushed, by_hand))
-    assert np.array_equal([case.live for case in one.cases], [case.live for case in other.cases])
+    assert np.array_equal([case.live for case in one.by_case], [case.live for case in other.by_case])
     pushed["loads"]["moving"] = [{"axles": [{"weight": 1.0}], "path": [[-0.3, 2], [0.7, 2]], "steps": 2}]
     assert [case.name for case in build_assembly(parse_scene(pushed)).cases] == [
         "moving at 0",

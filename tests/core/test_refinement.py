@@ -11,9 +11,11 @@ import pytest
 import shapely
 
 from cases import grid_document
+from cases_spatial import box
 from command import call
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.refinement import refine
+from jld_core.refinement.cells import crack_cells
 from jld_explore.space import search_space
 
 BODY = {"live": [{"body": [1.0, 0.0]}]}
@@ -198,11 +200,11 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
 
 
 def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
-    def box(name: str, left: float, low: float, right: float, high: float, **more: Any) -> dict[str, Any]:
+    def rectangle(name: str, left: float, low: float, right: float, high: float, **more: Any) -> dict[str, Any]:
         return {"id": name, "polygon": [[left, low], [right, low], [right, high], [left, high]], **more}
 
     def scene_of(loads: dict[str, Any]) -> Scene:
-        elements = [box("s", 0, -1, 4, 0, support=True), box("a", 0, 0, 2, 1), box("b", 2, 0, 4, 1)]
+        elements = [rectangle("s", 0, -1, 4, 0, support=True), rectangle("a", 0, 0, 2, 1), rectangle("b", 2, 0, 4, 1)]
         stone = {"tensile_strength": 1e5, "shear_strength": 1e5}
         materials = {"density": 2000, "dry": {"friction_angle": 30}, "inner": stone}
         return parse_scene({"elements": elements, "materials": materials, "loads": loads})
@@ -213,7 +215,8 @@ def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
         scene = scene_of({"moving": moving, **more})
         refined = refine(scene, (1.0,)).scene
         assert (refined.loads.moving, refined.loads.pushes) == (scene.loads.moving, scene.loads.pushes)
-        assert len(build_assembly(refined).cases) == len(build_assembly(scene).cases) == 3 + len(more)
+        # in the middle the axle stands on a joint, with a case for either side
+        assert len(build_assembly(refined).cases) == len(build_assembly(scene).cases) == 4 + len(more)
     pressure = scene_of({"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]})
     with pytest.raises(InputError, match="free boundary of 'a', which is split"):
         refine(pressure, (1.0,))
@@ -231,3 +234,55 @@ def test_cells_that_reach_beyond_two_elements_are_snapped_past_the_corner_betwee
     cells = [shapely.box(a, -over, b, 1.0 + over) for a, b in itertools.pairwise(ends)]
     found = build_assembly(refine(scene, (0.35,), cells=cells, snap=0.25).scene).elements
     assert found.volume[found.free] == pytest.approx([0.9, 0.1, 0.1, 0.9])
+
+
+@pytest.mark.parametrize("rows", [["#abc#"], ["#abcde#"], ["#ab#"], ["#abc#", "#abc#"]])
+@pytest.mark.parametrize("at", [None, "edge"])
+def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str | None) -> None:
+    """A layout and its mirror image carry the same: the force stands in the middle, on a corner or edge of cells."""
+    wide, tall = len(rows[0]), len(rows)
+    place = [0.1 * wide, 0.1 * tall + (0.05 if at else 0.0)]
+    column = min((wide - 1) // 2, wide - 2)
+    loads = [{"element": f"c{column}r0", "force": [0.0, 1.0], "at": place}]
+    if wide % 2 == 0:
+        loads = [{**loads[0], "element": f"c{k}r0"} for k in (wide // 2 - 1, wide // 2)]
+    document = {
+        "grid": {"cell": [0.2, 0.2], "thickness": 0.1, "rows": rows},
+        "materials": {
+            "density": 300,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 1000.0, "shear_strength": 3000.0},
+        },
+        "loads": {"live": loads},
+        "labels": {"default": "inner"},
+    }
+    scene = parse_scene(document)
+    joints = build_assembly(scene)
+    cells = crack_cells(scene, joints, 0.1)
+    middle = joints.interfaces.origin
+    mirror = np.array([0.2 * wide, 0.0]) + middle * [-1.0, 1.0]
+    image = np.linalg.norm(middle[:, None] - mirror[None], axis=2).argmin(axis=0)
+    upright = np.flatnonzero(joints.free_faces & (abs(joints.interfaces.normal[:, 0]) > 0.5))
+    for face in upright.tolist():
+        factors = []
+        for dry in (face, int(image[face])):
+            labels = np.zeros(len(joints.interfaces), dtype=bool)
+            labels[dry] = True
+            factors.append(solve(cells.fine, cells.labels(labels)).load_factor)
+        assert factors[0] == pytest.approx(factors[1], rel=1e-6)
+
+
+def test_in_space_a_force_at_a_common_corner_of_cells_is_shared() -> None:
+    document = {
+        "elements": [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("b", [0, 0, 0], [1, 1, 1])],
+        "materials": {
+            "density": 1,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
+        },
+        "loads": {"live": [{"element": "b", "force": [8.0, 0, 0], "moment": [0, 0, 0.8]}]},
+    }
+    refined = build_assembly(refine(parse_scene(document), (0.5,)).scene)
+    assert refined.live[1:, :3] == pytest.approx(np.tile([1.0, 0.0, 0.0], (8, 1)), abs=1e-12)
+    total = refined.live[:, 3:] + np.cross(refined.elements.centroid - 0.5, refined.live[:, :3])
+    assert total.sum(axis=0) == pytest.approx([0.0, 0.0, 0.8], abs=1e-12)

@@ -210,7 +210,7 @@ def test_widths_of_point_loads() -> None:
     total, moment = np.zeros(2), 0.0
     for segment in loads.segments:
         step = segment.ends[1] - segment.ends[0]
-        force = np.hypot(*step) * thickness_of(assembly) * segment.traction.mean(axis=0)
+        force = np.hypot(*step) * thickness_of(assembly) * segment.live.mean(axis=0)
         total += force
         moment += segment.ends.mean(axis=0)[0] * force[1]
     assert total == pytest.approx([0.5, -1.0], abs=1e-12)

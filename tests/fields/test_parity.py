@@ -31,7 +31,7 @@ def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -
     place = mesh.corners[mesh.edges.a[edge], mesh.edges.corner_a[edge, end]]
     along = segment.ends[1] - segment.ends[0]
     share = float((place - segment.ends[0]) @ along / (along @ along))
-    return np.asarray((1.0 - share) * segment.traction[0] + share * segment.traction[1])
+    return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
 
 
 def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:

@@ -258,7 +258,7 @@ def test_loads_are_statically_equivalent(live: list[Any]) -> None:
         for area, three in zip(mesh.sides.area[own], corners, strict=True):
             # middles of sides integrate products of two linear functions exactly
             for place in 0.5 * (three + np.roll(three, 1, axis=0)):
-                add(place, area / 3.0 * traction.at(place))
+                add(place, area / 3.0 * traction.at(place)[1])
     assert total == pytest.approx(assembly.live[1], abs=1e-9)
 
 

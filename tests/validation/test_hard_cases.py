@@ -125,7 +125,7 @@ def test_a_structure_without_weight(force: list[float]) -> None:
 
 def test_no_weight_and_glue() -> None:
     assembly = grid_assembly(["aaa", "aaa", "###"], live=[{"element": "c1r0", "force": [1, 0]}])
-    result = solve(replace(assembly, dead=0.0 * assembly.dead))
+    result = solve(replace(assembly, dead_loads=0.0 * assembly.dead_loads))
     # λ = 0: nothing is proven above it, and the upper bound is rounding beside the strength of one face
     assert (result.status, result.bracket[0]) == (Status.COLLAPSE, 0.0)
     assert result.bracket[1] <= 1e-11

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
-from jld_core.build import loads, materials
+from jld_core.arrays import Bits
+from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase
+from jld_core.build import materials
 from jld_core.build.bond import with_bond
 from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.fill import Backing
-from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
 from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.planar import planar_geometry
@@ -25,11 +24,12 @@ from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
-from jld_core.scene import PointLoad, Scene, load_scene
+from jld_core.loads import Loads, resultants
+from jld_core.scene import Scene, load_scene
 from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
-from jld_core.scene.schema import Contact, Element
+from jld_core.scene.schema import Contact
 from jld_core.scene.uncertain import in_words, uncertain_values
 
 LABELS = {"dry": DRY, "inner": INNER}
@@ -116,7 +116,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
     elements = weighed(geometry.elements, geometry.entries, scene)
     of_faces = _face_materials(scene, elements, interfaces)
     boundary = Boundary(elements, interfaces, scene.plane_thickness, _backing(scene, elements))
-    cases = _cases(scene, boundary, geometry.entries)
+    cases = _cases(scene, boundary)
     assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -124,12 +124,9 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         elements=elements,
         interfaces=interfaces,
         strengths=materials.strengths(scene.materials, given, of_faces),
-        dead=cases[0].dead,
-        live=cases[0].live,
+        dead_loads=cases[0].dead_loads,
+        live_loads=cases[0].live_loads,
         labels=_own_labels(scene, elements, interfaces, given),
-        live_points=cases[0].live_points,
-        live_widths=cases[0].live_widths,
-        shape_loads=cases[0].shape_loads,
         moved=geometry.moved,
         cases=cases if scene.loads.has_cases else (),
         touching=geometry.touching,
@@ -224,29 +221,23 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     return labels.astype(bool)
 
 
-def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[LoadCase, ...]:
+def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
     """Return the load cases of a scene, each including the common dead load and self-weight.
 
     A scene without "cases" has one case with an empty name. boundary: elements and interfaces, for loads on faces.
-    entries: the scene's entry for each element.
     """
     elements = boundary.elements
-    always = boundary.plain(scene.loads.dead, "loads.dead")
-    if boundary.backing is not None:
-        always += [PlacedLoad("fill", load, from_pressure=True) for load in boundary.backing.permanent()]
-    common = loads.generalised(always, elements)
-    common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
+    common = boundary.loads(scene.loads.dead, "loads.dead")
+    fill = () if boundary.backing is None else tuple(boundary.backing.permanent())
+    weight = np.where(elements.support[:, None], 0.0, elements.weight)
+    common = replace(common, body=common.body + weight, tractions=common.tractions + fill)
     if not scene.loads.has_cases:
-        live = boundary.plain(scene.loads.live or [], "loads.live")
-        only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
-        return (replace(only, shape_loads=loads.shape_dependent(always, live, elements, entries)),)
+        live = boundary.loads(scene.loads.live or [], "loads.live")
+        return (_case("", "loads", common, live, 1.0, elements),)
     found = []
     for key, case, place in cases_of_scene(scene, elements):
-        own, live = boundary.plain(case.dead, f"{key}.dead"), boundary.plain(case.live, f"{key}.live")
-        dead = common + loads.generalised(own, elements)
-        one = _case(case.name, key, dead, live, case.required, elements)
-        shaped = loads.shape_dependent([*always, *own], live, elements, entries)
-        found.append(replace(one, shape_loads=shaped, place=place))
+        own, live = boundary.loads(case.dead, f"{key}.dead"), boundary.loads(case.live, f"{key}.live")
+        found.append(replace(_case(case.name, key, common + own, live, case.required, elements), place=place))
     return tuple(found)
 
 
@@ -268,36 +259,11 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
     return stated
 
 
-def _case(
-    name: str, key: str, dead: Floats, live: Sequence[PlacedLoad], required: float, elements: Elements
-) -> LoadCase:
+def _case(name: str, key: str, dead: Loads, live: Loads, required: float, elements: Elements) -> LoadCase:
     """Return one load case; raise InputError if its live load is zero.
 
-    key: key of the case in the scene. dead: (n, q) generalised forces. live: load entries. required: required factor.
+    key: key of the case in the scene. required: required load factor.
     """
-    total = loads.generalised(live, elements)
-    if not np.any(total):
+    if not np.any(resultants(live, elements)):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
-    return LoadCase(name, dead, total, required, _points(live, elements), _widths(live))
-
-
-def _points(live: Sequence[PlacedLoad], elements: Elements) -> Points:
-    """Return (point of application, force) of each live load that is a force on an element.
-
-    The default point is the centroid of the element. elements: of the assembly.
-    """
-    points = []
-    for _, entry, _ in live:
-        if isinstance(entry, PointLoad) and entry.force is not None:
-            at = entry.at or elements.centroid[elements.index[entry.element]].tolist()
-            points.append((tuple(at), tuple(entry.force)))
-    return tuple(points)
-
-
-def _widths(live: Sequence[PlacedLoad]) -> tuple[float | None, ...]:
-    """Return the patch width of each live force on an element, None for a force without one.
-
-    The order is that of `_points`. The result is () if no load has a width.
-    """
-    widths = tuple(entry.width for _, entry, _ in live if isinstance(entry, PointLoad) and entry.force is not None)
-    return widths if any(width is not None for width in widths) else ()
+    return LoadCase(name, dead, live, required)

@@ -81,7 +81,5 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     return replace(
         assembly,
         strengths=strengths,
-        dead=assembly.dead + pull,
-        cases=tuple(replace(case, dead=case.dead + pull) for case in assembly.cases),
         members=replace(assembly.members, bond=force, self_stress=pull),
     )

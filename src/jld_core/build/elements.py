@@ -46,6 +46,10 @@ def collect_elements(
         weight=np.zeros_like(centroid),
         shape=tuple(shape),
         faces=faces,
+        stated=tuple(
+            frozenset(key for key in ("weight", "volume", "centroid") if getattr(entry, key) is not None)
+            for entry in entries
+        ),
     )
 
 

@@ -19,9 +19,12 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Elements
 from jld_core.errors import InputError
+from jld_core.loads import Traction, edge_traction
 from jld_core.members import Members
-from jld_core.scene import PointLoad
 from jld_core.scene.fill import Fill, FillLoad
+
+PointEntry = tuple[int, Floats, Floats, float | None, bool]
+"""Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""
 
 _DRAWN: Final = 0.025
 """Length of the line that stands for a horizontal pressure in pictures, in sizes of the structure."""
@@ -99,23 +102,23 @@ class Backing:
             raise InputError("fill.level", problem, f"a height above the structure, which reaches {highest:g}")
         return tuple(sorted(found, key=lambda edge: float(edge.place.mean())))
 
-    def permanent(self) -> list[PointLoad]:
-        """Return weight of fill and surcharge, and active pressure, as forces on free elements.
+    def permanent(self) -> list[Traction]:
+        """Return weight of fill and surcharge, and active pressure, as tractions on free elements.
 
-        Each covered edge has one vertical force, and one horizontal force unless it is level.
+        Each covered edge has a vertical one, and a horizontal one unless it is level.
         """
-        found: list[PointLoad] = []
+        found: list[Traction] = []
         for edge in self._free:
             depth = self.fill.level - edge.height
             width = float(edge.place[1] - edge.place[0])
-            found += self._resultant(edge, self._vertical(depth) * width, self.down)
+            found += self._traction(edge, self._vertical(depth) * width, self.down)
             # Cohesion leaves no active pressure above a certain depth; below it the pressure is linear.
             for part in self._below(edge, self.fill.level - self._free_depth):
-                found += self._resultant(part, self._active(part) * self._rise(part), -part.side * self._right)
+                found += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
         return found
 
-    def spread(self, load: FillLoad, where: str) -> list[PointLoad]:
-        """Return a load on the surface as vertical forces on the free elements below.
+    def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
+        """Return a load on the surface as vertical loads on the free elements below.
 
         The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         falls beside free elements is left out: supports and ground carry it.
@@ -129,8 +132,8 @@ class Backing:
 
         Returns
         -------
-        list of PointLoad
-            One force for each covered edge.
+        list of Traction or PointEntry
+            One traction for each covered edge, or a force at a point for a load without width.
 
         Raises
         ------
@@ -146,17 +149,19 @@ class Backing:
         depth = self.fill.level - float(np.interp(at, below[0].place, below[0].height))
         width = load.on_fill.width + 2.0 * depth * math.tan(math.radians(self.fill.dispersal))
         if width <= tolerances.ON_OUTLINE * self.elements.size:
-            owner = below[0]
-            return [] if self.elements.support[owner.element] else [self._force(owner, at, load.weight * self.down)]
-        found: list[PointLoad] = []
+            owner, height = below[0], self.fill.level - depth
+            force = load.weight * self.down
+            alone = (owner.element, self._point(at, height), force, None, False)
+            return [] if self.elements.support[owner.element] else [alone]
+        found: list[Traction | PointEntry] = []
         for edge in self._free:
             length = float(edge.place[1] - edge.place[0])
             low = max(float(edge.place[0]), at - 0.5 * width)
             high = min(float(edge.place[1]), at + 0.5 * width)
             if high > low:
-                force = load.weight * (high - low) / width * self.down
                 share = ((low - edge.place[0]) / length, (high - edge.place[0]) / length)
-                found.append(self._force(edge.between(*share), 0.5 * (low + high), force))
+                part, level = edge.between(*share), (high - low) / (width * self.thickness)
+                found += self._traction(part, np.full(2, load.weight * level), self.down)
         return found
 
     def outlines(self) -> tuple[Floats, ...]:
@@ -271,17 +276,6 @@ class Backing:
         """Return the point (2,) of the scene at a position and a height."""
         return place * self._right - height * self.down
 
-    def _force(self, edge: CoveredEdge, place: float, force: Floats) -> PointLoad:
-        """Return a force (2,) on an edge at a horizontal position."""
-        height = float(np.interp(place, edge.place, edge.height))
-        length = math.hypot(*(edge.place[1] - edge.place[0], edge.height[1] - edge.height[0]))
-        return PointLoad(
-            element=self.elements.ids[edge.element],
-            force=force.tolist(),
-            at=self._point(place, height).tolist(),
-            width=length or None,
-        )
-
     def _centre(self, edge: CoveredEdge, ends: Floats) -> Floats:
         """Return the point (2,) at which the resultant of a linear pressure acts.
 
@@ -291,17 +285,16 @@ class Backing:
         middle = edge.between(share, share)
         return self._point(float(middle.place[0]), float(middle.height[0]))
 
-    def _resultant(self, edge: CoveredEdge, ends: Floats, direction: Floats) -> list[PointLoad]:
-        """Return the resultant of a linear pressure, as a list that is empty if there is none.
+    def _traction(self, edge: CoveredEdge, ends: Floats, direction: Floats) -> list[Traction]:
+        """Return a linear pressure as a traction, in a list that is empty if there is none.
 
         ends: pressure times projected length (2,) at both ends of the edge. direction: (2,) of the force.
         """
         if not ends.any():
             return []
-        force = 0.5 * float(ends.sum()) * self.thickness * direction
-        length = math.hypot(*(edge.place[1] - edge.place[0], edge.height[1] - edge.height[0]))
-        at = self._centre(edge, ends).tolist()
-        return [PointLoad(element=self.elements.ids[edge.element], force=force.tolist(), at=at, width=length)]
+        points = np.array([self._point(*end) for end in zip(edge.place, edge.height, strict=True)])
+        length = float(np.hypot(*(points[1] - points[0])))
+        return [edge_traction(edge.element, points, np.outer(ends * self.thickness / length, direction))]
 
     def _below(self, edge: CoveredEdge, level: float) -> Iterator[CoveredEdge]:
         """Yield the piece of an edge below a height; nothing if it is not longer than rounding."""

@@ -60,8 +60,6 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
         interfaces=_joined(assembly.interfaces, _interfaces(assembly, members, varying)),
         strengths=_joined(assembly.strengths, strengths),
         labels=np.append(assembly.labels, np.full(len(varying), INNER)).astype(bool),
-        dead=assembly.dead + prestress,
-        cases=tuple(replace(case, dead=case.dead + prestress) for case in assembly.cases),
     )
 
 

@@ -51,8 +51,8 @@ def cases_of(
     Returns
     -------
     list of PlacedCase
-        Load cases in the order of the positions, named by the position of the first axle along the path. A position
-        with no axle on a free element is left out.
+        Load cases in the order of the positions, named by the position of the first axle along the path. Where axles
+        stand on joints, there is a case for each side of them. A position with no axle on a free element is left out.
 
     Raises
     ------
@@ -70,24 +70,31 @@ def cases_of(
         if not (legs > 0.0).all():
             raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
         for first, forces in _positions(moving, points, legs):
-            live: list[LoadEntry] = []
+            fixed: list[LoadEntry] = []
+            touched: list[tuple[list[int], PointLoad]] = []
             for at, unit, weight in forces:
                 if backing is not None and backing.carries(at):
                     place = backing.position(at)
                     if backing.covers(place):
-                        live.append(FillLoad(on_fill=Strip(at=place), weight=weight))
+                        fixed.append(FillLoad(on_fill=Strip(at=place), weight=weight))
                     continue
-                element = _element_under(elements, at, unit)
-                if element is None:
+                under = _elements_under(elements, at, unit)
+                if not under:
                     problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"
                     raise InputError(f"{where}.path", problem, "points on the outline of the structure")
-                if not elements.support[element]:
-                    force = (weight * downwards).tolist()
-                    live.append(PointLoad(element=elements.ids[element], force=force, at=at.tolist()))
-            if live:
-                name = f"{moving.name}{word} at {first:.6g}"
-                case = Case(name=name, live=live, required=moving.required)
-                found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
+                force = (weight * downwards).tolist()
+                touched.append((under, PointLoad(element="", force=force, at=at.tolist())))
+            name = f"{moving.name}{word} at {first:.6g}"
+            # an axle on a joint stands on either side of it: the limits of the positions ahead and behind
+            for side in range(max((len(under) for under, _ in touched), default=1)):
+                own = [(under[min(side, len(under) - 1)], load) for under, load in touched]
+                live = fixed + [
+                    load.model_copy(update={"element": elements.ids[k]}) for k, load in own if not elements.support[k]
+                ]
+                if live:
+                    title = name if side == 0 else f"{name} behind the joint" + f" {side}" * (side > 1)
+                    case = Case(name=title, live=live, required=moving.required)
+                    found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
     if not found:
         raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
     return found
@@ -115,14 +122,13 @@ def _positions(
         yield first, forces
 
 
-def _element_under(elements: Elements, at: Floats, unit: Floats) -> int | None:
-    """Return the index of the element that a point touches; None if there is none.
+def _elements_under(elements: Elements, at: Floats, unit: Floats) -> list[int]:
+    """Return the indices of the elements that a point touches, the farthest along the path first.
 
-    Of several, the one whose centroid is farthest along the path counts. at: (2,) the point. unit: (2,) direction of
-    the path.
+    at: (2,) the point. unit: (2,) direction of the path.
     """
     reach = tolerances.ON_OUTLINE * elements.size
     near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
     point = shapely.Point(*at)
     touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(point) <= reach]
-    return max(touching, key=lambda k: float(elements.centroid[k] @ unit), default=None)
+    return sorted(touching, key=lambda k: -float(elements.centroid[k] @ unit))

@@ -1,4 +1,4 @@
-"""Conversion of loads on patches of the free surface of solids to forces on elements.
+"""Conversion of loads on the free surface of solids to tractions.
 
 Source: docs/method.md (1.13).
 """
@@ -14,12 +14,12 @@ from jld_core.assembly import Elements, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import area_vector
 from jld_core.geometry.vectors import across
-from jld_core.scene import PointLoad
+from jld_core.loads import Traction
 from jld_core.scene.loads import FaceLoad
 
 
-def patch_loads(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[PointLoad]:
-    """Return the forces of a uniform load on a patch, one for each element face below it.
+def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
+    """Return a uniform load on a patch, one traction for each part of an element face below it.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def patch_loads(elements: Elements, interfaces: Interfaces, entry: FaceLoad, whe
 
     Returns
     -------
-    list of PointLoad
-        Forces at the centroids of the parts of the patch. Parts on supports are left out.
+    list of Traction
+        Tractions on the parts of the patch. Parts on supports are left out.
 
     Raises
     ------
@@ -54,16 +54,21 @@ def patch_loads(elements: Elements, interfaces: Interfaces, entry: FaceLoad, whe
     patch = shapely.Polygon((corners - origin) @ np.transpose(frame))
     if not patch.is_valid:
         raise InputError(key, "its outline crosses itself", "the corners of a plane polygon, in order")
-    found, covered = [], 0.0
+    found, covered = list[Traction](), 0.0
     low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
     for index in np.flatnonzero(((elements.lower <= high) & (low <= elements.upper)).all(axis=1)).tolist():
-        for outward, part in _parts(elements, interfaces, index, patch, normal, frame, origin):
-            covered += part.area
-            if elements.support[index]:
+        for loop in elements.faces[index]:
+            face = elements.shape[index][list(loop)]
+            outward = _unit(face)
+            if abs(float(outward @ normal)) < 1.0 - tolerances.ON_OUTLINE:
                 continue
-            at = origin + np.array([part.centroid.x, part.centroid.y]) @ frame
-            unit = _force_per_area(entry, outward)
-            found.append(PointLoad(element=elements.ids[index], force=(part.area * unit).tolist(), at=at.tolist()))
+            if np.abs((face - origin) @ normal).max() > reach:
+                continue
+            part = patch.intersection(_flat(face, frame, origin))
+            part = _free(part, interfaces, index, normal, frame, origin, reach)
+            covered += part.area
+            if not elements.support[index]:
+                found += _tractions(index, part, _force_per_area(entry, outward), frame, origin, reach)
     if abs(covered - patch.area) > 4.0 * reach * patch.length:
         problem = f"of its area of {patch.area:.6g}, {covered:.6g} is free surface"
         raise InputError(key, problem, "a polygon on faces of solids that touch no others there")
@@ -91,35 +96,74 @@ def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
     return -entry.ends[0] * outward if entry.traction is None else np.array(entry.traction, dtype=float)
 
 
-def _parts(
-    elements: Elements,
+def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
+    """Return a uniform pressure on the whole free surface of a solid, one traction for each free part of a face.
+
+    Parameters
+    ----------
+    elements : Elements
+        Elements of a spatial structure.
+    interfaces : Interfaces
+        Its interfaces, on which no load acts.
+    index : int
+        The element.
+    pressure : float
+        Force per area, positive inwards.
+
+    Returns
+    -------
+    list of Traction
+        Tractions on the free parts.
+    """
+    reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
+    for loop in elements.faces[index]:
+        face = elements.shape[index][list(loop)]
+        outward, origin = _unit(face), face.mean(axis=0)
+        frame = across(outward)
+        part = _free(_flat(face, frame, origin), interfaces, index, outward, frame, origin, reach)
+        found += _tractions(index, part, -pressure * outward, frame, origin, reach)
+    return found
+
+
+def _unit(face: Floats) -> Floats:
+    """Return the outward unit normal (3,) of a face with corners (k, 3)."""
+    vector = area_vector(face)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _flat(face: Floats, frame: Floats, origin: Floats) -> shapely.Polygon:
+    """Return a face (k, 3) in the coordinates of `frame` (2, 3) about `origin` (3,)."""
+    return shapely.Polygon((face - origin) @ np.transpose(frame))
+
+
+def _free(
+    part: shapely.Geometry,
     interfaces: Interfaces,
     index: int,
-    patch: shapely.Polygon,
     normal: Floats,
     frame: Floats,
     origin: Floats,
-) -> list[tuple[Floats, shapely.Geometry]]:
-    """Return the free parts of a patch on one element, each with the outward normal (3,).
+    reach: float,
+) -> shapely.Geometry:
+    """Return what the interfaces of an element leave of a part of its face, in the coordinates of `frame`.
 
-    patch: in the coordinates of `frame` (2, 3) about `origin` (3,). normal: (3,) of the patch.
+    normal: (3,) of the plane through `origin`. reach: distance from the plane within which interfaces lie on it.
     """
-    reach = tolerances.ON_OUTLINE * elements.size
+    for face in np.flatnonzero((interfaces.a == index) | (interfaces.b == index)).tolist():
+        outline = interfaces.polygon[face]
+        if part.area > 0.0 and np.abs((outline - origin) @ normal).max() <= reach:
+            part = part.difference(_flat(outline, frame, origin))
+    return part
+
+
+def _tractions(
+    index: int, part: shapely.Geometry, value: Floats, frame: Floats, origin: Floats, reach: float
+) -> list[Traction]:
+    """Return a uniform force per area (3,) on the polygons of a part of a face, in the coordinates of `frame`."""
     found = []
-    for loop in elements.faces[index]:
-        corners = elements.shape[index][list(loop)]
-        outward = area_vector(corners)
-        outward = outward / np.linalg.norm(outward)
-        if (
-            abs(float(outward @ normal)) < 1.0 - tolerances.ON_OUTLINE
-            or np.abs((corners - origin) @ normal).max() > reach
-        ):
-            continue
-        part = patch.intersection(shapely.Polygon((corners - origin) @ np.transpose(frame)))
-        for face in np.flatnonzero((interfaces.a == index) | (interfaces.b == index)).tolist():
-            outline = interfaces.polygon[face]
-            if part.area > 0.0 and np.abs((outline - origin) @ normal).max() <= reach:
-                part = part.difference(shapely.Polygon((outline - origin) @ np.transpose(frame)))
-        if part.area > reach**2:
-            found.append((outward, part))
+    for one in shapely.get_parts(part):
+        if one.geom_type == "Polygon" and one.area > reach**2:
+            rings = tuple(origin + np.asarray(r.coords)[:-1] @ frame for r in (one.exterior, *one.interiors))
+            middle = origin + np.array([one.centroid.x, one.centroid.y]) @ frame
+            found.append(Traction(index, rings, middle, value, np.zeros((3, 3))))
     return found

@@ -1,7 +1,4 @@
-"""Conversion of pressure on boundary faces to forces and moments on elements.
-
-Source: docs/method.md (1.7) and (1.8).
-"""
+"""Conversion of a scene's load entries to loads as they act, with their places on the boundary of the structure."""
 
 from __future__ import annotations
 
@@ -13,10 +10,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements, Interfaces
-from jld_core.build.fill import Backing
-from jld_core.build.loads import PlacedLoad
-from jld_core.build.patches import patch_loads
+from jld_core.build.fill import Backing, PointEntry
+from jld_core.build.loads import body_forces, couple_of, force_of
+from jld_core.build.patches import patch_tractions, surface_tractions
 from jld_core.errors import InputError
+from jld_core.loads import Loads, Traction, edge_traction, points_of
 from jld_core.scene import PointLoad
 from jld_core.scene.fill import FillLoad
 from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad, LoadEntry
@@ -43,8 +41,8 @@ class Boundary:
     thickness: float
     backing: Backing | None = None
 
-    def plain(self, entries: Sequence[LoadEntry], key: str) -> list[PlacedLoad]:
-        """Replace pressures and loads on fill by statically equivalent forces and moments.
+    def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
+        """Return load entries of a scene as loads on elements.
 
         Parameters
         ----------
@@ -55,35 +53,42 @@ class Boundary:
 
         Returns
         -------
-        list of PlacedLoad
-            Other entries unchanged. In the plane, a pressure gives one force and moment for each straight piece of free
-            boundary. On a solid it gives one force at each interface, see `_solid`.
+        Loads
+            Pressures and loads on fill are tractions on straight pieces of free boundary, in space on free faces.
 
         Raises
         ------
         InputError
-            If a pressure names no free boundary, or varies where it has no direction to vary along; if a load stands on
-            fill where there is none.
+            For an unknown element, a support, or a vector of the wrong length; if a pressure names no free boundary, or
+            varies where it has no direction to vary along; if a load stands on fill where there is none.
         """
-        found: list[PlacedLoad] = []
+        d = self.elements.centroid.shape[1]
+        body = np.zeros((len(self.elements), d))
+        couples = np.zeros((len(self.elements), 1 if d == 2 else 3))
+        points, tractions = [], list[Traction]()
         for position, entry in enumerate(entries):
             where = f"{key}[{position}]"
-            loads: Sequence[PointLoad | BodyLoad]
-            if isinstance(entry, FillLoad):
-                loads = self._on_fill(entry, where)
-            elif not isinstance(entry, FaceLoad):
-                loads = [entry]
+            if isinstance(entry, BodyLoad):
+                body += body_forces(entry, self.elements, where)
+            elif isinstance(entry, PointLoad):
+                index, couple = couple_of(entry, self.elements, where)
+                couples[index] += couple
+                if entry.force is not None:
+                    points.append(force_of(entry, index, self.elements, where))
+            elif isinstance(entry, FillLoad):
+                spread = self._on_fill(entry, where)
+                tractions += [one for one in spread if isinstance(one, Traction)]
+                points += [one for one in spread if not isinstance(one, Traction)]
             elif entry.face.along is not None:
-                loads = self._along(entry, entry.face.along, where)
+                tractions += self._along(entry, entry.face.along, where)
             elif entry.face.patch is not None:
-                loads = patch_loads(self.elements, self.interfaces, entry, where)
+                tractions += patch_tractions(self.elements, self.interfaces, entry, where)
             else:
-                loads = self._around(entry, where)
-            found += [PlacedLoad(where, load, isinstance(entry, FaceLoad | FillLoad)) for load in loads]
-        return found
+                tractions += self._around(entry, where)
+        return Loads(body, couples, points_of(points, d), tuple(tractions))
 
-    def _on_fill(self, entry: FillLoad, where: str) -> list[PointLoad]:
-        """Return the forces of a load on the surface of the fill; raise InputError without fill.
+    def _on_fill(self, entry: FillLoad, where: str) -> list[Traction | PointEntry]:
+        """Return a load on the surface of the fill; raise InputError without fill.
 
         where: key of the entry.
         """
@@ -96,8 +101,8 @@ class Boundary:
         """Return the distance up to which a point counts as on an outline, length."""
         return tolerances.ON_OUTLINE * self.elements.size
 
-    def _around(self, entry: FaceLoad, where: str) -> list[PointLoad]:
-        """Return the loads of a uniform pressure on the whole free boundary of one element.
+    def _around(self, entry: FaceLoad, where: str) -> list[Traction]:
+        """Return the tractions of a uniform pressure on the whole free boundary of one element.
 
         where: key of the entry. Raises InputError for a support or an unknown element, pressure that varies, or no free
         boundary.
@@ -114,7 +119,7 @@ class Boundary:
             problem = "the pressure varies, and the faces of an element have no first and last point"
             raise InputError(f"{where}.pressure", problem, 'one number, or "along" with two points')
         if self.elements.centroid.shape[1] == 3:
-            return self._solid(index, first)
+            return surface_tractions(self.elements, self.interfaces, index, first)
         free = [
             self._piece(index, start, end, (first, first))
             for _, _, pieces in self._edges(index)
@@ -124,23 +129,8 @@ class Boundary:
             raise InputError(f"{where}.face.between", f"no face of {name!r} is free", "an element with a free face")
         return free
 
-    def _solid(self, index: int, pressure: float) -> list[PointLoad]:
-        """Return the forces of a uniform pressure on the free surface of a solid.
-
-        Pressure on the whole closed surface is in balance. The forces are therefore those of the opposite pressure on
-        its interfaces, one at each centroid.
-        """
-        found: list[PointLoad] = []
-        for face in range(len(self.interfaces)):
-            for element, sign in ((self.interfaces.a[face], 1.0), (self.interfaces.b[face], -1.0)):
-                if element == index:
-                    force = sign * pressure * self.interfaces.area[face] * self.interfaces.normal[face]
-                    at = self.interfaces.origin[face].tolist()
-                    found.append(PointLoad(element=self.elements.ids[index], force=force.tolist(), at=at))
-        return found
-
-    def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[PointLoad]:
-        """Return the forces of a pressure or line load along a polyline on the free boundary.
+    def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[Traction]:
+        """Return the tractions of a pressure or line load along a polyline on the free boundary.
 
         Planar scenes only. entry: supplies the pressures at both ends, between which it is linear. along: points of the
         polyline. where: key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding
@@ -154,7 +144,7 @@ class Boundary:
             raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
         place = np.append(0.0, np.cumsum(legs)) / legs.sum()
         first, last = entry.ends
-        found: list[PointLoad] = []
+        found: list[Traction] = []
         for k, leg in enumerate(legs.tolist()):
             ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
             pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
@@ -168,9 +158,7 @@ class Boundary:
                 if self.elements.support[index]:
                     continue
                 if entry.line is not None:
-                    force = [(high - low) * part for part in entry.line]
-                    middle, name = (0.5 * (start + end)).tolist(), self.elements.ids[index]
-                    found.append(PointLoad(element=name, force=force, at=middle, width=high - low))
+                    found.append(edge_traction(index, np.array([start, end]), np.array([entry.line, entry.line])))
                 elif forward:
                     found.append(self._piece(index, start, end, (values[0], values[1])))
                 else:
@@ -226,17 +214,11 @@ class Boundary:
                 place = max(place, high)
             yield first, last, free
 
-    def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> PointLoad:
-        """Return the load of a linear pressure on a straight free piece of an outline (planar).
+    def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> Traction:
+        """Return a linear pressure on a straight free piece of an outline (planar).
 
-        It is a force at the middle of the piece, and a moment about this point. index: of the element. start, end: in
-        the direction of the outline, which is counter-clockwise. pressures: at start and end, positive inwards.
+        index: of the element. start, end: in the direction of the outline, which is counter-clockwise. pressures: at
+        start and end, positive inwards.
         """
-        length = float(np.hypot(*(end - start)))
-        inward = np.array([start[1] - end[1], end[0] - start[0]]) / length
-        first, last = pressures
-        force = 0.5 * (first + last) * length * self.thickness * inward
-        moment = (last - first) * length**2 * self.thickness / 12.0
-        middle = (0.5 * (start + end)).tolist()
-        name = self.elements.ids[index]
-        return PointLoad(element=name, force=force.tolist(), at=middle, moment=moment, width=length)
+        inward = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
+        return edge_traction(index, np.array([start, end]), np.outer(pressures, self.thickness * inward))

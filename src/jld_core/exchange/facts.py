@@ -90,8 +90,11 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
     found = []
     for entry, load in zip(entries, parsed, strict=True):
         if "face" in entry:
-            forces = [placed.load for placed in boundary.plain([load], "loads")]
-            found += [force.model_dump(mode="json", exclude_defaults=True) for force in forces]
+            for one in boundary.loads([load], "loads").tractions:
+                force, moment = one.resultant()
+                place = {"element": assembly.elements.ids[one.element], "at": one.origin.tolist()}
+                turn = moment.tolist() if assembly.dimension == 3 else float(moment[0])
+                found.append({**place, "force": force.tolist(), **({"moment": turn} if moment.any() else {})})
         else:
             found.append(entry)
     return found

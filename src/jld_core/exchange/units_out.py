@@ -46,8 +46,16 @@ def layout_in_unit(layout: Layout, unit: str) -> Layout:
         c_t=factor * faces.c_t,
         polygon=tuple(factor * polygon for polygon in faces.polygon),
     )
-    points = tuple((tuple(factor * x for x in point), force) for point, force in assembly.live_points)
     scaled = replace(
-        assembly, units=(unit, assembly.units[1]), elements=elements, interfaces=interfaces, live_points=points
+        assembly,
+        units=(unit, assembly.units[1]),
+        elements=elements,
+        interfaces=interfaces,
+        dead_loads=assembly.dead_loads.stretched(factor),
+        live_loads=assembly.live_loads.stretched(factor),
+        cases=tuple(
+            replace(case, dead_loads=case.dead_loads.stretched(factor), live_loads=case.live_loads.stretched(factor))
+            for case in assembly.cases
+        ),
     )
     return Layout(layout.scene, scaled, layout.labels, layout.result, layout)

@@ -91,11 +91,11 @@ def _draw(layout: Layout, space: Any) -> None:
         space.add_line(*polygon.tolist(), dxfattribs={"layer": "JOINTS" if dry else "CRACKS"})
     for name, shape in zip(elements.ids, elements.shape, strict=True):
         _text(space, name, _inside(shape), height, "IDS")
-    for point, force in layout.assembly.live_points:
-        length = float(np.linalg.norm(np.array(force)))
+    for _, point, force in layout.assembly.live_loads.arrows():
+        length = float(np.linalg.norm(force))
         if length > 0.0:
-            tail = np.array(point) - 6.0 * height * np.array(force) / length
-            space.add_line(tail.tolist(), point, dxfattribs={"layer": "ARROWS"})
+            tail = point - 6.0 * height * force / length
+            space.add_line(tail.tolist(), point.tolist(), dxfattribs={"layer": "ARROWS"})
             _text(space, f"{length:.6g}", (tail[0], tail[1] + 0.8 * height), 0.7 * height, "ARROWS")
     _dimensions(layout, space, height)
 

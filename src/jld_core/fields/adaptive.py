@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -74,7 +74,7 @@ class FieldSetting:
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
         """Compute material, units, coarsest mesh and loads of a planar assembly.
 
-        patch: length that each live force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
+        patch: length that each force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
         InputError as `material_of` and `loaded_mesh` do.
         """
         material = material_of(assembly)
@@ -176,10 +176,7 @@ class Fields:
         None without dead load, or where no field was certified. Its `rate` shows where the mesh is too coarse.
         """
         p = self.problem
-        if not p.dead.any():
-            return None
-        alone = replace(p, live=p.dead, dead=np.zeros_like(p.dead), pull=np.zeros_like(p.pull))
-        return LowerBound(alone).bound(self.labels)
+        return LowerBound(p.under_dead_load()).bound(self.labels) if p.loaded else None
 
 
 class CoarseBounds:

@@ -1,14 +1,17 @@
 """Loads of cells as body forces and tractions with the resultants of the scene.
 
-Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. A force on a free face of its cell is
-a traction on that face or on a patch of it. All other forces and moments are body forces that are constant in each
-triangle of the coarsest mesh, so that refinement never changes the load.
+Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. Pressures and line loads are tractions
+where they act. A force on a free face of its cell is a traction on that face or on a patch of it. All other forces and
+moments are body forces that are constant in each triangle of the coarsest mesh, so that refinement never changes the
+load.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,6 +22,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.mesh import Mesh, coarse_mesh
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
+from jld_core.loads import Loads, Traction, resultants
 
 _LEAST_PATCH = 0.02
 """Least length of a patch, relative to its free face. A shorter one means a force at an end of the face."""
@@ -31,15 +35,16 @@ it."""
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of a free edge of a cell that carries a linear live traction.
+    """Part of a free edge of a cell that carries linear tractions.
 
-    cell: element. ends: (2, 2) start and end, scene units; the cell lies on the left from start to end. traction: (2,
-    2) stress vectors at both ends for λ = 1, scene units.
+    cell: element. ends: (2, 2) start and end, scene units; the cell lies on the left from start to end. dead, live: (2,
+    2) stress vectors at both ends, live for λ = 1, scene units.
     """
 
     cell: int
     ends: Floats
-    traction: Floats
+    dead: Floats
+    live: Floats
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class FieldLoads:
     """Loads of an assembly over its coarsest mesh, scene units.
 
     dead, live: (r, 2) force per volume in each of the r triangles of the coarsest mesh, live for λ = 1. segments: parts
-    of free edges with live traction; number i has the tag m + i in the mesh, m interfaces.
+    of free edges with tractions; number i has the tag m + i in the mesh, m interfaces.
     """
 
     dead: Floats
@@ -71,7 +76,7 @@ class _FreeFace:
 
 @dataclass(frozen=True)
 class _Force:
-    """Live force on a free face, scene units.
+    """Force on a free face, scene units.
 
     at: distance of its place from the start of the face. vector: (2,). width: of its patch, None where none is stated.
     """
@@ -81,8 +86,12 @@ class _Force:
     width: float | None
 
 
-_Piece = tuple[float, float, Floats]
-"""Part of a free face, from and to a distance from its start, with the tractions (2, 2) at its ends."""
+class _Piece(NamedTuple):
+    """Part of a free face, from and to a distance from its start, with the tractions (2, 2) at its ends."""
+
+    low: float
+    high: float
+    ends: Floats
 
 
 def thickness_of(assembly: Assembly) -> float:
@@ -98,9 +107,10 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     assembly : Assembly
         Planar assembly with one load case.
     patch : float, optional
-        Length of the patch that each live force without a width of its own is spread on, centred at its place. By
-        default all of these on one face become one linear traction: over the whole face where the resultant lies within
-        its middle third, else uniform over the largest part of the face that is centred at the resultant.
+        Length of the patch that each force without a width of its own is spread on, centred at its place. By default
+        all dead or all live ones of these on one face become one linear traction: over the whole face where the
+        resultant lies within its middle third, else uniform over the largest part of the face that is centred at the
+        resultant.
 
     Returns
     -------
@@ -114,56 +124,98 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     InputError
         A force on the outline of its cell without a free face, or without room for its patch.
     """
-    segments, rest = live_segments(assembly, patch)
+    segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
     coarse = coarse_mesh(outlines_of(assembly, ends))
     mesh = _tagged(coarse, segments, len(assembly.interfaces))
     return mesh, loads_on(assembly, mesh, segments, rest)
 
 
-def live_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], Floats]:
-    """Return the parts of free faces with live tractions, and the live loads that they leave.
+def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], tuple[Floats, Floats]]:
+    """Return the parts of free faces with tractions, and the dead and live loads that they leave.
 
-    patch: as for `loaded_mesh`. The second result (n, 3) holds forces and moments about centroids, scene units. Raises
+    patch: as for `loaded_mesh`. The second result holds forces and moments (n, 3) about centroids, scene units. Raises
     InputError as `loaded_mesh` does.
     """
     plain = outlines_of(assembly)
     faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
-    chosen: dict[int, list[_Force]] = {}
-    taken = np.zeros_like(assembly.live)
-    for place, vector, width in _points(assembly):
-        found = _face_of(assembly, faces, place, vector, taken)
-        if found is None:
+    dead, dead_rest = _pieces(assembly, faces, assembly.dead_loads, patch)
+    live, live_rest = _pieces(assembly, faces, assembly.live_loads, patch)
+    segments: list[Segment] = []
+    for index in sorted({*dead, *live}):
+        segments += _segments(assembly, faces[index], dead.get(index, []), live.get(index, []))
+    return segments, (dead_rest, live_rest)
+
+
+def _pieces(
+    assembly: Assembly, faces: list[_FreeFace], loads: Loads, patch: float | None
+) -> tuple[dict[int, list[_Piece]], Floats]:
+    """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads.
+
+    patch: as for `loaded_mesh`. Raises InputError as `loaded_mesh` does.
+    """
+    found: dict[int, list[_Piece]] = {}
+    for traction in loads.tractions:
+        index, piece = _pressed(assembly, faces, traction)
+        found.setdefault(index, []).append(piece)
+    points, plain = loads.points, dict[int, list[_Force]]()
+    inside = np.ones(len(points), dtype=bool)
+    for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
+        width = None if np.isnan(points.width[k]) else float(points.width[k])
+        at_face = _face_of(assembly, faces, int(cell), place, vector)
+        if at_face is None:
             if width is not None:
                 raise InputError(
-                    "loads.live",
+                    f"element {assembly.elements.ids[cell]!r}",
                     f"the force at ({place[0]:g}, {place[1]:g}) has a width and no free face",
                     "a place on a free face of the element, or no width",
                 )
             continue
-        face = faces[found]
-        at = float((place - face.start) @ face.along)
-        chosen.setdefault(found, []).append(_Force(at, vector, patch if width is None else width))
-        arm = place - assembly.elements.centroid[face.cell]
-        taken[face.cell] += (*vector, arm[0] * vector[1] - arm[1] * vector[0])
-    segments: list[Segment] = []
-    for index, forces in chosen.items():
-        segments += _segments(assembly, faces[index], forces)
-    rest = assembly.live - taken
-    gross = abs(assembly.live) + abs(taken)
-    gross[:, 2] += gross[:, :2].sum(axis=1) * assembly.size
-    rest[abs(rest) <= tolerances.ROUNDING * gross] = 0.0
-    return segments, rest
+        inside[k] = False
+        face = faces[at_face]
+        force = _Force(float((place - face.start) @ face.along), vector, patch if width is None else width)
+        if force.width is None:
+            plain.setdefault(at_face, []).append(force)
+        else:
+            found.setdefault(at_face, []).append(_stated(assembly, face, force, force.width))
+    for index, forces in plain.items():
+        found.setdefault(index, []).append(_spread(assembly, faces[index], forces))
+    left = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return found, resultants(replace(loads, points=left, tractions=()), assembly.elements)
 
 
-def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: Floats) -> FieldLoads:
+def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
+    """Return the index of the free face that a traction acts on, and its part of the face.
+
+    Raises InputError where it lies on no free face.
+    """
+    reach = 2.0 * tolerances.ON_OUTLINE * assembly.size
+    ends = traction.rings[0]
+    for index, face in enumerate(faces):
+        if face.cell != traction.element:
+            continue
+        away = ends - face.start
+        places, off = away @ face.along, away[:, 0] * face.along[1] - away[:, 1] * face.along[0]
+        if abs(off).max() <= reach and places.min() >= -reach and places.max() <= face.length + reach:
+            low, high = (min(max(float(place), 0.0), face.length) for place in np.sort(places))
+            spots = face.start + np.array([[low], [high]]) * face.along
+            return index, _Piece(low, high, traction.at(spots) / thickness_of(assembly))
+    (x, y), (u, v) = ends
+    raise InputError(
+        f"element {assembly.elements.ids[traction.element]!r}",
+        f"the load from ({x:g}, {y:g}) to ({u:g}, {v:g}) lies on no free face",
+        "a load on free boundary",
+    )
+
+
+def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tuple[Floats, Floats]) -> FieldLoads:
     """Return the loads of an assembly over its coarsest mesh.
 
-    mesh: coarsest mesh, its edges on segments tagged. segments, rest: as `live_segments` returns them. Raises
+    mesh: coarsest mesh, its edges on segments tagged. segments, rest: as `loaded_segments` returns them. Raises
     InputError for a flat triangle, and for an interface off the outlines of its cells.
     """
     _require_cover(assembly, mesh)
-    return FieldLoads(_body(assembly, mesh, assembly.dead), _body(assembly, mesh, rest), tuple(segments))
+    return FieldLoads(_body(assembly, mesh, rest[0]), _body(assembly, mesh, rest[1]), tuple(segments))
 
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
@@ -184,15 +236,6 @@ def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
             "it does not lie on the outlines of both elements",
             "interfaces found from the elements, without stated ones",
         )
-
-
-def _points(assembly: Assembly) -> list[tuple[Floats, Floats, float | None]]:
-    """Return place (2,), vector (2,) and stated width or None of each live point force."""
-    widths = assembly.live_widths or (None,) * len(assembly.live_points)
-    return [
-        (np.array(place, dtype=float), np.array(vector, dtype=float), width)
-        for (place, vector), width in zip(assembly.live_points, widths, strict=True)
-    ]
 
 
 def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
@@ -219,76 +262,55 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
     return faces
 
 
-def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: Floats, taken: Floats) -> int | None:
-    """Return the index of the free face that a live force acts on; None if inside a cell.
+def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Floats, vector: Floats) -> int | None:
+    """Return the index of the free face of a cell that a force acts on; None if it acts inside or beyond the cell.
 
-    place, vector: (2,) of the force. taken: (n, 3) live forces that faces took before. Of several faces, one of the
-    cell whose remaining live force is nearest to `vector` is taken, then the steepest push. Raises InputError for a
+    place, vector: (2,) of the force. Of several faces, that of the steepest push is taken. Raises InputError for a
     force on the outline of a cell without a free face there.
     """
     reach = tolerances.ON_OUTLINE * assembly.size
-    loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
-    point = shapely.Point(*place)
-    near = [cell for cell in loaded if shapely.Polygon(assembly.elements.shape[cell]).distance(point) <= reach]
-    if not near:
+    if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(shapely.Point(*place)) > reach:
         return None
-    for cell in near:
-        if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(point) > reach:
-            return None
-
-    def misfit(cell: int) -> float:
-        """Return the distance of a cell's remaining live force from the vector."""
-        return float(np.hypot(*(assembly.live[cell, :2] - taken[cell, :2] - vector)))
-
-    def push(face: _FreeFace) -> float:
-        """Return the size of the component of the force normal to a face."""
-        return float(abs(vector[0] * face.along[1] - vector[1] * face.along[0]))
-
-    best: tuple[float, float, int] | None = None
+    best: tuple[float, int] | None = None
     for index, face in enumerate(faces):
         away = place - face.start
         off, at = abs(away[0] * face.along[1] - away[1] * face.along[0]), float(away @ face.along)
-        if face.cell in near and off <= reach and -reach <= at <= face.length + reach:
-            key = (misfit(face.cell), -push(face), index)
-            best = key if best is None or key < best else best
+        if face.cell == cell and off <= reach and -reach <= at <= face.length + reach:
+            push = float(abs(vector[0] * face.along[1] - vector[1] * face.along[0]))
+            best = max((push, -index), best or (-1.0, 0))
     if best is None:
         raise InputError(
-            f"element {assembly.elements.ids[near[0]]!r}",
-            f"a live force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
+            f"element {assembly.elements.ids[cell]!r}",
+            f"a force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
             "a force on a free face or inside the element",
         )
-    return best[2]
+    return -best[1]
 
 
-def _segments(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> list[Segment]:
-    """Return the loaded segments of one free face, split and summed where loads overlap.
-
-    forces: live forces on the face, with or without a stated width. Raises InputError where one has no room.
-    """
-    pieces = [_stated(assembly, face, force, force.width) for force in forces if force.width is not None]
-    plain = [force for force in forces if force.width is None]
-    if plain:
-        pieces.append(_spread(assembly, face, plain))
-    if len(pieces) == 1:
-        low, high, ends = pieces[0]
-        return [_segment(face, low, high, ends)]
+def _segments(assembly: Assembly, face: _FreeFace, dead: Sequence[_Piece], live: Sequence[_Piece]) -> list[Segment]:
+    """Return the loaded segments of one free face, split and summed where loads overlap."""
     reach = tolerances.ON_OUTLINE * assembly.size
-    cuts = sorted(end for piece in pieces for end in piece[:2])
+    cuts: list[float] = []
+    for end in sorted(end for piece in (*dead, *live) for end in (piece.low, piece.high)):
+        if not cuts or end - cuts[-1] > reach:
+            cuts.append(end)
     segments = []
     for low, high in pairwise(cuts):
-        over = [one for one in pieces if one[0] <= 0.5 * (low + high) <= one[1]]
-        if high - low > reach and over:
-            segments.append(
-                _segment(face, low, high, sum((_between(one, low, high) for one in over), np.zeros((2, 2))))
-            )
+        middle = 0.5 * (low + high)
+        dead_here, live_here = ([one for one in some if one.low <= middle <= one.high] for some in (dead, live))
+        if dead_here or live_here:
+            ends = np.array([face.start + low * face.along, face.start + high * face.along])
+            segments.append(Segment(face.cell, ends, _sum(dead_here, low, high), _sum(live_here, low, high)))
     return segments
 
 
-def _between(piece: _Piece, low: float, high: float) -> Floats:
-    """Interpolate the tractions (2, 2) of a piece at distances `low`, `high` along its face."""
-    start, stop, ends = piece
-    shares = (np.array([low, high]) - start) / (stop - start)
-    return np.asarray(ends[0] * (1.0 - shares[:, None]) + ends[1] * shares[:, None])
+def _sum(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
+    """Return the sum of the tractions (2, 2) of pieces at distances `low`, `high` along their face."""
+    total = np.zeros((2, 2))
+    for start, stop, ends in pieces:
+        shares = ((np.array([low, high]) - start) / (stop - start))[:, None]
+        total += ends[0] * (1.0 - shares) + ends[1] * shares
+    return total
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
@@ -310,10 +332,10 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
         if 2.0 * half < _LEAST_PATCH * face.length:
             raise _no_room(assembly, face, middle)
         traction = total / (2.0 * half * thickness)
-        return middle - half, middle + half, np.array([traction, traction])
+        return _Piece(middle - half, middle + half, np.array([traction, traction]))
     mean = total / (face.length * thickness)
     lean = 6.0 * moment / (face.length**2 * thickness) * normal
-    return 0.0, face.length, np.array([mean - lean, mean + lean])
+    return _Piece(0.0, face.length, np.array([mean - lean, mean + lean]))
 
 
 def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
@@ -323,13 +345,7 @@ def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) ->
     if low < -reach or high > face.length + reach:
         raise _no_room(assembly, face, force.at)
     traction = force.vector / (width * thickness_of(assembly))
-    return max(0.0, low), min(face.length, high), np.array([traction, traction])
-
-
-def _segment(face: _FreeFace, low: float, high: float, traction: Floats) -> Segment:
-    """Return the segment of a face from distance `low` to `high`; traction: (2, 2) at both."""
-    ends = np.array([face.start + low * face.along, face.start + high * face.along])
-    return Segment(face.cell, ends, traction)
+    return _Piece(max(0.0, low), min(face.length, high), np.array([traction, traction]))
 
 
 def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
@@ -337,7 +353,7 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
     place = face.start + at * face.along
     return InputError(
         f"element {assembly.elements.ids[face.cell]!r}",
-        f"the free face of {face.length:g} has no room for the patch of the live force at ({place[0]:g}, {place[1]:g})",
+        f"the free face of {face.length:g} has no room for the patch of the force at ({place[0]:g}, {place[1]:g})",
         "a force farther from the ends of the face, or a shorter patch",
     )
 

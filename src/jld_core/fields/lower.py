@@ -256,7 +256,7 @@ class LowerBound:
                 rows.add(entries, 0.0, len(two))
                 one = p.outer
                 pull = (np.full(len(one), last), -p.pull[one, end, axis])
-                rows.add([*self._traction(one, end, axis, 1.0), pull], 0.0, len(one))
+                rows.add([*self._traction(one, end, axis, 1.0), pull], p.dead_pull[one, end, axis], len(one))
         return rows.matrix(last + 1), rows.right
 
     def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:

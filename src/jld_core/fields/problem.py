@@ -60,8 +60,8 @@ class Problem:
         Triangles, scaled coordinates.
     dead, live : (t, 2) float array
         Forces per volume, scaled; live for λ = 1.
-    pull : (e, 2, 2) float array
-        Live tractions (end, axis) at both ends of each edge for λ = 1, scaled; zero where no load acts.
+    dead_pull, pull : (e, 2, 2) float array
+        Dead and live tractions (end, axis) at both ends of each edge, scaled; live for λ = 1. Zero where no load acts.
     supported : (m,) bool array
         Interfaces that touch a support.
     """
@@ -72,8 +72,22 @@ class Problem:
     mesh: Mesh
     dead: Floats
     live: Floats
+    dead_pull: Floats
     pull: Floats
     supported: Bools
+
+    @property
+    def loaded(self) -> bool:
+        """True where any dead load acts."""
+        return bool(self.dead.any() or self.dead_pull.any())
+
+    def without_dead_load(self) -> Problem:
+        """Return the problem under its live load alone."""
+        return replace(self, dead=np.zeros_like(self.dead), dead_pull=np.zeros_like(self.dead_pull))
+
+    def under_dead_load(self) -> Problem:
+        """Return the problem whose live load is the dead one."""
+        return replace(self, live=self.dead, pull=self.dead_pull).without_dead_load()
 
     @property
     def edges(self) -> Edges:
@@ -159,6 +173,7 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
         cohesion=strengths.cohesion / units.stress,
         crushing=np.where(np.isnan(strengths.crush_dry), np.inf, strengths.crush_dry) / units.stress,
     )
+    dead_pull, pull = _pulls(mesh, loads, len(faces))
     return Problem(
         units=units,
         material=material.scaled(units.stress),
@@ -166,24 +181,26 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
         mesh=scaled,
         dead=loads.dead[mesh.root] * density,
         live=loads.live[mesh.root] * (density * units.load),
-        pull=_pull(mesh, loads, len(faces)) * (units.load / units.stress),
+        dead_pull=dead_pull / units.stress,
+        pull=pull * (units.load / units.stress),
         supported=support[faces.a] | support[faces.b],
     )
 
 
-def _pull(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
-    """Compute the live tractions (e, 2, 2) at both ends of all edges for λ = 1, scene units.
+def _pulls(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
+    """Compute the dead and the live tractions (2, e, 2, 2) at both ends of all edges, scene units.
 
     faces: number of interfaces; load segment i has the tag faces + i.
     """
     edges = mesh.edges
-    pull = np.zeros((len(edges), 2, 2))
+    pull = np.zeros((2, len(edges), 2, 2))
     for index, segment in enumerate(loads.segments):
         own = np.flatnonzero(edges.tag == faces + index)
         along = segment.ends[1] - segment.ends[0]
         places = mesh.corners[edges.a[own][:, None], edges.corner_a[own]]
         share = ((places - segment.ends[0]) @ along / (along @ along))[..., None]
-        pull[own] = segment.traction[0] * (1.0 - share) + segment.traction[1] * share
+        for k, ends in enumerate((segment.dead, segment.live)):
+            pull[k, own] = ends[0] * (1.0 - share) + ends[1] * share
     return pull
 
 

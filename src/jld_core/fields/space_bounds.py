@@ -149,7 +149,7 @@ def spatial_bounds(
     seconds : float, optional
         No mesh is begun that is not expected to be done by then; the first one always is.
     patch : float, optional
-        Side of the square that each live force on a free face is spread on; by default the whole face (docs/method.md
+        Side of the square that each force on a free face is spread on; by default the whole face (docs/method.md
         (10.3)).
     adaptive : bool
         Refine where the fields disagree; otherwise everywhere.

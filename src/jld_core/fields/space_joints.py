@@ -157,19 +157,14 @@ def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: boo
     value, row, column = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     size = 6 * len(blocks.free)
     tied = sp.csr_array((value, (row, column)), shape=(size, 9 * count))
-    live = _resultants(p, blocks, p.live)
-    s_loaded = np.flatnonzero(p.pull.any(axis=(1, 2)))
-    corner = p.mesh.corners[s.a[s_loaded][:, None], s.corner_a[s_loaded]]
-    push = (p.pull[s_loaded] + p.pull[s_loaded].sum(axis=1, keepdims=True)) * (s.area[s_loaded] / 12.0)[:, None, None]
-    total = np.einsum("kcij,kcj->ki", _wrenches(corner), push)
-    np.add.at(live, blocks.of_cell[solid[s.a[s_loaded]]], total)
+    live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
     keep = np.repeat(blocks.free, 6)
     linear, threes = _joint_cones(p)
     equal = sp.hstack([tied, sp.csr_array(live.reshape(-1, 1))], format="csr")[keep]
     parts = [part for part in (linear, threes) if part.count]
     width = 9 * count + 1
     matrix = sp.csr_array(sp.vstack([equal, *(part.matrix(width) for part in parts)]))
-    right = np.concatenate([-_resultants(p, blocks, p.dead).ravel()[keep], *(part.right for part in parts)])
+    right = np.concatenate([-dead.ravel()[keep], *(part.right for part in parts)])
     objective = np.zeros(width)
     objective[-1] = -1.0
     sizes = ConeSizes(int(keep.sum()), linear.count, threes.count // 3, 0, 0)
@@ -190,15 +185,19 @@ def _wrenches(at: Floats) -> Floats:
     return found
 
 
-def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats) -> Floats:
-    """Sum body forces to force and moment about the origin (b, 6) of each block, scaled.
+def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
+    """Sum loads to force and moment about the origin (b, 6) of each block, scaled.
 
-    body: (t, 3) force per volume in each tetrahedron.
+    body: (t, 3) force per volume in each tetrahedron. pull: (f, 3, 3) tractions at the corners of each triangle.
     """
-    mesh = problem.mesh
+    mesh, s = problem.mesh, problem.sides
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
     np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
+    rows = np.flatnonzero(pull.any(axis=(1, 2)))
+    corner = mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
+    push = (pull[rows] + pull[rows].sum(axis=1, keepdims=True)) * (s.area[rows] / 12.0)[:, None, None]
+    np.add.at(total, blocks.of_cell[mesh.cell[s.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), push))
     return total
 
 

@@ -1,13 +1,15 @@
 """Loads of spatial cells as body forces and tractions with the resultants of the scene.
 
-Rules: docs/method.md (9.5) and (10.3). Self-weight and body loads are uniform in each cell. A force on a free face of
-its cell is a traction that is linear on that face, or on a patch of it. All other forces and moments are body forces
-that are constant in each tetrahedron of the coarsest mesh, so that refinement never changes the load.
+Rules: docs/method.md (9.5) and (10.3). Self-weight and body loads are uniform in each cell. Pressures are tractions
+where they act. A force on a free face of its cell is a traction that is linear on that face, or on a patch of it. All
+other forces and moments are body forces that are constant in each tetrahedron of the coarsest mesh, so that refinement
+never changes the load.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -20,17 +22,18 @@ from jld_core.fields.space_fill import coarse_solids
 from jld_core.fields.space_layers import corners_of, layers_of
 from jld_core.fields.space_mesh import SolidMesh
 from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
+from jld_core.loads import Loads, Traction, resultants
 
 _LEAST_PATCH = 0.01
 """Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face."""
 
 
 @dataclass(frozen=True)
-class Traction:
-    """Linear live traction on a patch of a free face, for λ = 1, scene units.
+class PatchLoad:
+    """Linear tractions on a patch of a free face, scene units.
 
-    cell: element. origin: (3,) reference point. mean: (3,) stress vector there. slope: (3, 3) derivatives of the stress
-    vector; column k by coordinate k.
+    cell: element. origin: (3,) reference point. mean: (2, 3) dead stress vector there, and live one for λ = 1. slope:
+    (2, 3, 3) their derivatives; column k by coordinate k.
     """
 
     cell: int
@@ -39,8 +42,9 @@ class Traction:
     slope: Floats
 
     def at(self, places: Floats) -> Floats:
-        """Return the stress vectors (..., 3) at places (..., 3), both in scene units."""
-        return np.asarray(self.mean + (places - self.origin) @ self.slope.T)
+        """Return the dead and live stress vectors (2, ..., 3) at places (..., 3)."""
+        away = places - self.origin
+        return np.stack([mean + away @ slope.T for mean, slope in zip(self.mean, self.slope, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -53,20 +57,27 @@ class SpatialLoads:
 
     dead: Floats
     live: Floats
-    tractions: tuple[Traction, ...]
+    tractions: tuple[PatchLoad, ...]
 
 
 @dataclass(frozen=True)
 class _Force:
-    """Live force on a free face: place (3,), vector (3,), width of its patch or None."""
+    """Force on a free face: place (3,), vector (3,), width of its patch or None."""
 
     place: Floats
     vector: Floats
     width: float | None
 
 
-_Piece = tuple[shapely.Polygon, Traction]
-"""Part of a facet in its plane, and the traction on it."""
+class _Piece(NamedTuple):
+    """Part of a facet in its plane, with the tractions on it.
+
+    mean: (2, 3) dead and live stress vector at the origin of the facet. slope: (2, 3, 3) their derivatives.
+    """
+
+    polygon: shapely.Polygon
+    mean: Floats
+    slope: Floats
 
 
 def loaded_solids(
@@ -79,7 +90,7 @@ def loaded_solids(
     assembly : Assembly
         Spatial assembly with one load case.
     patch : float, optional
-        Side of the square that each live force without a width of its own is spread on, centred at its place. By
+        Side of the square that each force without a width of its own is spread on, centred at its place. By
         default all of these on one free region become one linear traction: over the whole region where its normal part
         has one sign, else over the largest part that is symmetric about the resultant.
     labels : (m,) bool array, optional
@@ -100,96 +111,127 @@ def loaded_solids(
         Cells that are not convex, and a force on the surface of its cell without a free face or room for its patch.
     """
     plain = surface_of(assembly)
-    chosen: dict[tuple[int, int], list[_Force]] = {}
-    taken = np.zeros_like(assembly.live)
-    widths = assembly.live_widths or (None,) * len(assembly.live_points)
-    for (at, vector), width in zip(assembly.live_points, widths, strict=True):
-        force = _Force(np.array(at, dtype=float), np.array(vector, dtype=float), patch if width is None else width)
-        found = _region_of(assembly, plain, force, taken)
-        if found is None:
-            if width is not None:
-                raise InputError(
-                    "loads.live",
-                    f"the force at {_place_text(force.place)} has a width and no free face",
-                    "a place on a free face of the element, or no width",
-                )
-            continue
-        chosen.setdefault(found, []).append(force)
-        cell = plain.facets[found[0]].cell
-        arm = force.place - assembly.elements.centroid[cell]
-        taken[cell] += (*force.vector, *np.cross(arm, force.vector))
-    patches, tractions = _patches(assembly, plain, chosen)
+    pieces: dict[int, list[_Piece]] = {}
+    rest = [
+        _pieces(assembly, plain, loads, kind, patch, pieces)
+        for kind, loads in enumerate((assembly.dead_loads, assembly.live_loads))
+    ]
+    patches, tractions = list[Patch](), list[PatchLoad]()
+    for index, own in sorted(pieces.items()):
+        facet = plain.facets[index]
+        for polygon, mean, slope in _overlaid(own, plain.reach):
+            rings = tuple(facet.placed(np.asarray(r.coords)[:-1]) for r in (polygon.exterior, *polygon.interiors))
+            patches.append(Patch(index, rings))
+            tractions.append(PatchLoad(facet.cell, facet.origin, mean, slope))
     dry = np.zeros(len(assembly.interfaces), dtype=bool) if labels is None else labels
     surface = surface_of(assembly, tuple(patches)) if patches else plain
     layers = {cell: one for cell in cut if (one := layers_of(surface, cell)) is not None}
     if layers:
         surface = surface_of(assembly, tuple(patches), corners_of(surface, layers))
     mesh = coarse_solids(assembly, surface, dry, layers)
-    rest = assembly.live - taken
-    gross = abs(assembly.live) + abs(taken)
-    gross[:, 3:] += gross[:, :3].sum(axis=1)[:, None] * assembly.size
-    rest[abs(rest) <= tolerances.ROUNDING * gross] = 0.0
-    return mesh, SpatialLoads(_body(assembly, mesh, assembly.dead), _body(assembly, mesh, rest), tuple(tractions))
+    dead, live = (_body(assembly, mesh, one) for one in rest)
+    return mesh, SpatialLoads(dead, live, tuple(tractions))
 
 
-def _region_of(assembly: Assembly, surface: Surface, force: _Force, taken: Floats) -> tuple[int, int] | None:
-    """Return facet and number of the free region that a live force acts on, None if inside.
+def _pieces(
+    assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
+) -> Floats:
+    """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads.
 
-    taken: (n, 6) live loads that regions took before. Of several regions, one of the cell whose remaining live force is
-    nearest to the force is taken, then the steepest push. Raises InputError for a force on a surface without a free
-    region there.
+    kind: 0 dead, 1 live. patch: as in `loaded_solids`. Raises InputError as `loaded_solids` does.
     """
-    reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
-    height: dict[int, float] = {}
-    for facet in surface.facets:
-        off = float((force.place - facet.origin) @ facet.normal)
-        height[facet.cell] = max(height.get(facet.cell, -np.inf), off)
-    near = [cell for cell, off in height.items() if off <= reach and assembly.live[cell].any()]
-    if not near or any(height[cell] < -reach for cell in near):
-        return None
-    best: tuple[float, float, int, int] | None = None
-    for index, facet in enumerate(surface.facets):
-        if facet.cell not in near or abs(float((force.place - facet.origin) @ facet.normal)) > reach:
-            continue
-        point = shapely.Point(*facet.flat(force.place[None])[0])
-        misfit = float(np.linalg.norm(assembly.live[facet.cell, :3] - taken[facet.cell, :3] - force.vector))
-        for number, region in enumerate(surface.free(facet)):
-            if region.distance(point) <= reach:
-                key = (misfit, -abs(float(force.vector @ facet.normal)), index, number)
-                best = key if best is None or key < best else best
-    if best is None:
-        raise InputError(
-            f"element {assembly.elements.ids[near[0]]!r}",
-            f"a live force acts on its surface at {_place_text(force.place)}, where it has no free face",
-            "a force on a free face or inside the element",
-        )
-    return best[2:]
-
-
-def _patches(
-    assembly: Assembly, surface: Surface, chosen: dict[tuple[int, int], list[_Force]]
-) -> tuple[list[Patch], list[Traction]]:
-    """Return the load patches on free regions, cut where they overlap, and their tractions.
-
-    chosen: live forces on each region, by facet and number of its free region. Tractions add up where patches overlap.
-    Raises InputError where a patch does not fit.
-    """
-    patches, tractions = [], []
+    for one in loads.tractions:
+        index, polygon = _pressed(assembly, surface, one)
+        pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, one, kind))
+    points, chosen = loads.points, dict[tuple[int, int], list[_Force]]()
+    inside = np.ones(len(points), dtype=bool)
+    for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
+        stated = not np.isnan(points.width[k])
+        force = _Force(place, vector, float(points.width[k]) if stated else patch)
+        found = _region_of(assembly, surface, int(cell), force)
+        if found is not None:
+            inside[k] = False
+            chosen.setdefault(found, []).append(force)
+        elif stated:
+            raise InputError(
+                f"element {assembly.elements.ids[cell]!r}",
+                f"the force at {_place_text(place)} has a width and no free face",
+                "a place on a free face of the element, or no width",
+            )
     for (index, number), forces in chosen.items():
         facet = surface.facets[index]
         region = surface.free(facet)[number]
-        pieces = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
+        spread = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
         plain = [force for force in forces if force.width is None]
         if plain:
-            pieces.append(_spread(assembly, facet, region, plain))
-        for polygon, traction in _overlaid(pieces, surface.reach):
-            rings = tuple(facet.placed(np.asarray(r.coords)[:-1]) for r in (polygon.exterior, *polygon.interiors))
-            patches.append(Patch(index, rings))
-            tractions.append(traction)
-    return patches, tractions
+            spread.append(_spread(assembly, facet, region, plain))
+        pieces.setdefault(index, []).extend(_piece(facet, polygon, one, kind) for polygon, one in spread)
+    left = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return resultants(replace(loads, points=left, tractions=()), assembly.elements)
 
 
-def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Piece:
+def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int) -> _Piece:
+    """Return a traction on part of a facet as a piece; kind: 0 dead, 1 live."""
+    mean, slope = np.zeros((2, 3)), np.zeros((2, 3, 3))
+    mean[kind], slope[kind] = traction.at(facet.origin), traction.slope
+    return _Piece(polygon, mean, slope)
+
+
+def _pressed(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
+    """Return the index of the facet that a traction acts on, and its part in the plane of the facet.
+
+    Raises InputError where it lies on no facet of its element.
+    """
+    corners = np.concatenate(traction.rings)
+    reach = max(surface.reach, 2.0 * tolerances.ON_OUTLINE * assembly.size)
+    for index, facet in enumerate(surface.facets):
+        if facet.cell == traction.element and abs((corners - facet.origin) @ facet.normal).max() <= reach:
+            outer, *holes = (facet.flat(ring) for ring in traction.rings)
+            polygon = shapely.Polygon(outer, holes)
+            whole = shapely.Polygon(facet.flat(surface.points[facet.ring]))
+            if whole.buffer(reach).contains(polygon):
+                return index, polygon
+    raise InputError(
+        f"element {assembly.elements.ids[traction.element]!r}",
+        f"the load about {_place_text(traction.origin)} lies on no face",
+        "a load on a free face",
+    )
+
+
+_Spread = tuple[shapely.Polygon, Traction]
+"""Part of a free region in the plane of its facet, and the traction on it."""
+
+
+def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
+    """Return facet and number of the free region of a cell that a force acts on.
+
+    None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken. Raises InputError
+    for a force on the surface without a free region there.
+    """
+    reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
+    own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
+    height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)
+    if abs(height) > reach:
+        return None
+    best: tuple[float, int, int] | None = None
+    for index, facet in own:
+        if abs(float((force.place - facet.origin) @ facet.normal)) > reach:
+            continue
+        point = shapely.Point(*facet.flat(force.place[None])[0])
+        for number, region in enumerate(surface.free(facet)):
+            if region.distance(point) <= reach:
+                key = (-abs(float(force.vector @ facet.normal)), index, number)
+                best = key if best is None or key < best else best
+    if best is None:
+        raise InputError(
+            f"element {assembly.elements.ids[cell]!r}",
+            f"a force acts on its surface at {_place_text(force.place)}, where it has no free face",
+            "a force on a free face or inside the element",
+        )
+    return best[1:]
+
+
+def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Spread:
     """Spread forces without a stated width over a free region as a linear traction.
 
     If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
@@ -212,7 +254,7 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
     return part, _linear(facet, part, forces)
 
 
-def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Piece:
+def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
     """Spread one force over a square of its stated width; sides are along e1 and e2.
 
     Raises InputError if the square exceeds the region by more than `reach`.
@@ -245,7 +287,7 @@ def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Trac
     slope = np.outer(n, lean[0] * facet.e1 + lean[1] * facet.e2) + spin
     gross = sum(float(np.linalg.norm(force.vector)) for force in forces) / area
     slope[abs(slope) * np.sqrt(area) <= tolerances.ROUNDING * gross] = 0.0
-    return Traction(facet.cell, origin, total / area, slope)
+    return Traction(facet.cell, (), origin, total / area, slope)
 
 
 def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
@@ -263,19 +305,19 @@ def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
 
 
 def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
-    """Cut overlapping pieces into disjoint parts, each with the sum of its tractions.
+    """Cut overlapping pieces of one facet into disjoint parts, each with the sum of its tractions.
 
-    pieces: polygons and tractions on one facet. reach: parts thinner than about this length are dropped.
+    reach: parts thinner than about this length are dropped.
     """
     done: list[_Piece] = []
-    for polygon, traction in pieces:
+    for polygon, mean, slope in pieces:
         rest, new = polygon, []
-        for other, there in done:
-            both = _sum(there, traction)
-            new += [(part, both) for part in _parts(shapely.intersection(other, rest), reach)]
-            new += [(part, there) for part in _parts(shapely.difference(other, rest), reach)]
-            rest = shapely.difference(rest, other)
-        done = new + [(part, traction) for part in _parts(rest, reach)]
+        for other in done:
+            shared = _parts(shapely.intersection(other.polygon, rest), reach)
+            new += [_Piece(part, other.mean + mean, other.slope + slope) for part in shared]
+            new += [other._replace(polygon=part) for part in _parts(shapely.difference(other.polygon, rest), reach)]
+            rest = shapely.difference(rest, other.polygon)
+        done = new + [_Piece(part, mean, slope) for part in _parts(rest, reach)]
     return done
 
 
@@ -285,16 +327,11 @@ def _parts(region: shapely.Geometry, reach: float) -> list[shapely.Polygon]:
     return [part for part in parts if part.geom_type == "Polygon" and part.area > reach * part.length]
 
 
-def _sum(one: Traction, two: Traction) -> Traction:
-    """Return the sum of two tractions on one facet."""
-    return Traction(one.cell, one.origin, one.mean + two.at(one.origin), one.slope + two.slope)
-
-
 def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
     """Return the error for a force whose patch does not fit its free face."""
     return InputError(
         f"element {assembly.elements.ids[facet.cell]!r}",
-        f"its free face has no room for the patch of the live force at {_place_text(place)}",
+        f"its free face has no room for the patch of the force at {_place_text(place)}",
         "a force farther from the edges of the face, or a smaller patch",
     )
 

@@ -187,7 +187,7 @@ class SpatialLowerBound:
                 entries = [self._traction(two, corner, axis, True), self._traction(two, corner, axis, False)]
                 rows.add(entries, 0.0, len(two))
                 pull = (np.full(len(one), last), -p.pull[one, corner, axis])
-                rows.add([self._traction(one, corner, axis, True), pull], 0.0, len(one))
+                rows.add([self._traction(one, corner, axis, True), pull], p.dead_pull[one, corner, axis], len(one))
             smooth = p.dry[self._frictionless]
             for along in across(s.normal[smooth]):
                 rows.add([self._along(smooth, corner, along)], 0.0, len(smooth))

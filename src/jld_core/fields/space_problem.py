@@ -31,8 +31,8 @@ class SpatialProblem:
         Tetrahedra, scaled coordinates.
     dead, live : (t, 3) float array
         Forces per volume, scaled; live for λ = 1.
-    pull : (f, 3, 3) float array
-        Live tractions (corner, axis) of each triangle for λ = 1, scaled; zero where no load acts.
+    dead_pull, pull : (f, 3, 3) float array
+        Dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero where no load acts.
     labels : (m,) bool array
         Labels, True = dry.
     """
@@ -43,6 +43,7 @@ class SpatialProblem:
     mesh: SolidMesh
     dead: Floats
     live: Floats
+    dead_pull: Floats
     pull: Floats
     labels: Bits
 
@@ -120,6 +121,7 @@ def spatial_problem(
         cohesion=strengths.cohesion / units.stress,
         crushing=np.where(np.isnan(strengths.crush_dry), np.inf, strengths.crush_dry) / units.stress,
     )
+    dead_pull, pull = _pulls(mesh, loads)
     return SpatialProblem(
         units=units,
         material=material.scaled(units.stress),
@@ -127,16 +129,17 @@ def spatial_problem(
         mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
         dead=loads.dead[mesh.root] * density,
         live=loads.live[mesh.root] * (density * units.load),
-        pull=_pull(mesh, loads) * (units.load / units.stress),
+        dead_pull=dead_pull / units.stress,
+        pull=pull * (units.load / units.stress),
         labels=labels,
     )
 
 
-def _pull(mesh: SolidMesh, loads: SpatialLoads) -> Floats:
-    """Compute the live tractions (f, 3, 3) at the corners of all triangles, scene units."""
+def _pulls(mesh: SolidMesh, loads: SpatialLoads) -> Floats:
+    """Compute the dead and the live tractions (2, f, 3, 3) at the corners of all triangles, scene units."""
     sides = mesh.sides
-    pull = np.zeros((len(sides), 3, 3))
+    pull = np.zeros((2, len(sides), 3, 3))
     for index, traction in enumerate(loads.tractions):
         own = np.flatnonzero((sides.tag == patch_tag(index)) & (mesh.cell[sides.a] == traction.cell))
-        pull[own] = traction.at(mesh.corners[sides.a[own][:, None], sides.corner_a[own]])
+        pull[:, own] = traction.at(mesh.corners[sides.a[own][:, None], sides.corner_a[own]])
     return pull

@@ -81,16 +81,16 @@ class SpatialUpperBound:
         self.status = ""
         p = problem
         corner = p.mesh.volume[:, None, None] / 4.0
-        self.live = np.repeat(p.live[:, None, :] * corner, 4, axis=1) + self._pulled()
-        self.dead = np.repeat(p.dead[:, None, :] * corner, 4, axis=1)
+        self.live = np.repeat(p.live[:, None, :] * corner, 4, axis=1) + self._pulled(p.pull)
+        self.dead = np.repeat(p.dead[:, None, :] * corner, 4, axis=1) + self._pulled(p.dead_pull)
 
-    def _pulled(self) -> Floats:
-        """Nodal forces (t, 4, 3) of the live tractions: a linear traction on a linear velocity."""
+    def _pulled(self, pull: Floats) -> Floats:
+        """Nodal forces (t, 4, 3) of tractions (f, 3, 3): a linear traction on a linear velocity."""
         p, s = self.problem, self.problem.sides
         forces = np.zeros((len(p.mesh), 4, 3))
-        rows = np.flatnonzero(p.pull.any(axis=(1, 2)))
+        rows = np.flatnonzero(pull.any(axis=(1, 2)))
         for corner in range(3):
-            share = (p.pull[rows, corner] + p.pull[rows].sum(axis=1)) * (s.area[rows] / 12.0)[:, None]
+            share = (pull[rows, corner] + pull[rows].sum(axis=1)) * (s.area[rows] / 12.0)[:, None]
             np.add.at(forces, (s.a[rows], s.corner_a[rows, corner]), share)
         return forces
 

@@ -6,7 +6,7 @@ Formulas: docs/method.md (9.15) and (9.16).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -165,7 +165,7 @@ class PartialUpperBound:
         """
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
-            self._weightless = PartialUpperBound(replace(p, dead=np.zeros_like(p.dead)), self._many)
+            self._weightless = PartialUpperBound(p.without_dead_load(), self._many)
         base = self._weightless.field(labels, undecided)
         if base is None or not size > 0.0:
             return None

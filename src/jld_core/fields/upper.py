@@ -107,16 +107,16 @@ class UpperBound:
         # strain rates are velocities over heights of triangles
         self._steep = max(1.0, float(abs(p.mesh.gradient).max()))
         corner = p.mesh.area[:, None, None] / 3.0
-        self.live = np.repeat(p.live[:, None, :] * corner, 3, axis=1) + self._pulled()
-        self.dead = np.repeat(p.dead[:, None, :] * corner, 3, axis=1)
+        self.live = np.repeat(p.live[:, None, :] * corner, 3, axis=1) + self._pulled(p.pull)
+        self.dead = np.repeat(p.dead[:, None, :] * corner, 3, axis=1) + self._pulled(p.dead_pull)
 
-    def _pulled(self) -> Floats:
-        """Nodal forces (t, 3, 2) of the live tractions: a linear traction on a linear velocity."""
-        p, e = self.problem, self.problem.edges
+    def _pulled(self, pull: Floats) -> Floats:
+        """Nodal forces (t, 3, 2) of tractions (e, 2, 2): a linear traction on a linear velocity."""
+        e = self.problem.edges
         forces = np.zeros((self._triangles, 3, 2))
-        rows = np.flatnonzero(p.pull.any(axis=(1, 2)))
+        rows = np.flatnonzero(pull.any(axis=(1, 2)))
         for end in (0, 1):
-            share = (2.0 * p.pull[rows, end] + p.pull[rows, 1 - end]) * (e.length[rows] / 6.0)[:, None]
+            share = (2.0 * pull[rows, end] + pull[rows, 1 - end]) * (e.length[rows] / 6.0)[:, None]
             np.add.at(forces, (e.a[rows], e.corner_a[rows, end]), share)
         return forces
 

@@ -8,7 +8,7 @@ the positions of nodes. That makes this form the one for steps over positions. I
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -153,10 +153,9 @@ class WeakEquilibrium:
     def stands(self) -> bool:
         """Return False if the mesh proves that the dead load alone cannot be carried, else True."""
         p = self.problem
-        if not p.dead.any():
+        if not p.loaded:
             return True
-        alone = replace(p, live=p.dead, dead=np.zeros_like(p.dead), pull=np.zeros_like(p.pull))
-        found = WeakEquilibrium(alone, self._labels).solve()
+        found = WeakEquilibrium(p.under_dead_load(), self._labels).solve()
         # a program without a largest multiple has no answer, and stands
         return found is None or found[1] >= 1.0
 

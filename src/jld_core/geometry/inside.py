@@ -1,4 +1,4 @@
-"""Test whether points lie in elements."""
+"""Distances of points from elements."""
 
 from __future__ import annotations
 
@@ -14,26 +14,29 @@ _Loops = tuple[tuple[int, ...], ...]
 def contains(shape: Floats, faces: _Loops, point: Floats, reach: float) -> bool:
     """Return True if a point (d,) lies in a polygon or polyhedron, or near its boundary.
 
-    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane. reach: distance up to which
-    a point counts as near.
+    shape, faces: as in `distance_to`. reach: distance up to which a point counts as near.
+    """
+    return distance_to(shape, faces, point) <= reach
+
+
+def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
+    """Return the distance of a point (d,) from a polygon or polyhedron, 0 inside.
+
+    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane.
     """
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)
-        if _off_segments(point, shape, ends).min() <= reach:
-            return True
         one, two = shape - point, ends - point
         turn = np.arctan2(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0], np.einsum("ij,ij->i", one, two))
-        return bool(abs(turn.sum()) > np.pi)
+        return 0.0 if abs(turn.sum()) > np.pi else float(_off_segments(point, shape, ends).min())
     corners = np.array([[loop[0], *pair] for loop in faces for pair in pairwise(loop[1:])])
     triangles = shape[corners] - point
-    if min(_off_triangle(triangle) for triangle in triangles) <= reach:
-        return True
     # Solid angle of each triangle seen from the point; see van Oosterom and Strackee 1983, eq. (8).
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
     angle = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
-    return bool(abs(angle.sum()) > 2.0 * np.pi)
+    return 0.0 if abs(angle.sum()) > 2.0 * np.pi else min(_off_triangle(triangle) for triangle in triangles)
 
 
 def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:

@@ -93,17 +93,14 @@ class BoxProblem:
         moving = np.asarray(abs(directions).max(axis=(0, 2)) > 0.0)
         changing = np.array([moving[loop].any() for loop in mesh.loops])
         parts = []
-        for load, factor in ((assembly.dead, 0.0), (assembly.live, 1.0)):
-            growing, riding = shape_loads(assembly, factor)
-            if factor:
-                other = shape_loads(assembly, 0.0)
-                growing, riding = growing - other[0], riding - other[1]
-            odd = np.flatnonzero(changing & (growing != riding).any(axis=1))
+        for load, acting in ((assembly.dead, assembly.dead_loads), (assembly.live, assembly.live_loads)):
+            by_volume, by_centroid = shape_loads(acting, elements)
+            odd = np.flatnonzero(changing & (by_volume != by_centroid).any(axis=1))
             if odd.size:
                 name = elements.ids[int(odd[0])]
                 problem = f"the load of element {name!r} is not proportional to its volume"
                 raise InputError("move", problem, 'weights by density, and forces with "at", on elements that change')
-            parts.append((load, growing))
+            parts.append((load, by_volume))
         self._loads = parts
 
     # --- geometry over a box ----------------------------------------------------------------------------
@@ -163,10 +160,10 @@ class BoxProblem:
         free = self._assembly.elements.free
         whole = self._mesh_areas()
         found = []
-        for load, growing in self._loads:
+        for load, by_volume in self._loads:
             fixed = load.copy()
-            fixed[:, :2] -= growing
-            share = growing / whole[:, None]
+            fixed[:, :2] -= by_volume
+            share = by_volume / whole[:, None]
             total = np.broadcast_to(fixed, (len(area), *fixed.shape)).copy()
             total[..., :2] += area[..., None] * share
             total[..., 2] += moment[..., 0] * share[:, 1] - moment[..., 1] * share[:, 0]

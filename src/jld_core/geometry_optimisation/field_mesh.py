@@ -15,7 +15,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.adaptive import FieldSetting
-from jld_core.fields.loads import Segment, live_segments, loaded_mesh, loads_on
+from jld_core.fields.loads import Segment, loaded_mesh, loaded_segments, loads_on
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.problem import units_of
 from jld_core.geometry_optimisation.variables import SAME
@@ -88,7 +88,7 @@ class FieldMesh:
         old = self.setting
         points = self.base.points + self.follow @ moved
         try:
-            segments, rest = live_segments(assembly)
+            segments, rest = loaded_segments(assembly)
             before, ends = _ends(old.loads.segments), _ends(segments)
             if len(ends) != len(before):
                 return None

@@ -72,7 +72,7 @@ def shaped_scene(
     given = any(one is not None and set(one.model_dump(exclude_defaults=True)) > _PLAIN for one in geometry.given)
     if given or scene.materials.faces:
         raise InputError("interfaces", "single faces state strengths", "strengths in materials")
-    if assembly.shape_loads is not None and assembly.shape_loads.pressed:
+    if assembly.pressed:
         raise InputError("loads", "pressure on faces does not follow the shape of joints", "point loads and body loads")
     blocks, faces, elements = blocks_of(assembly, labels), assembly.interfaces, assembly.elements
     if (labels & (blocks[faces.a] == blocks[faces.b])).any():

@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Elements
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
+from jld_core.loads import Loads
 
 
 def length_rates(mesh: VertexMesh) -> sp.csr_array:
@@ -155,30 +156,27 @@ def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.c
     Rows are force x, force y and moment about the present centroid of each free element; column 2·vertex + axis. Scene
     units. load_factor: λ of the live loads.
     """
-    growing, riding = shape_loads(assembly, load_factor)
+    loads = assembly.dead_loads + load_factor * assembly.live_loads
+    by_volume, by_centroid = shape_loads(loads, assembly.elements)
     rates, free = area_rates(mesh), assembly.elements.free
     parts = []
     for axis in range(2):
-        parts.append(sp.diags_array(growing[:, axis] / rates.area) @ rates.by_area)
+        parts.append(sp.diags_array(by_volume[:, axis] / rates.area) @ rates.by_area)
     x, y = rates.by_centroid[0::2], rates.by_centroid[1::2]
-    parts.append(sp.diags_array(riding[:, 1]) @ x - sp.diags_array(riding[:, 0]) @ y)
+    parts.append(sp.diags_array(by_centroid[:, 1]) @ x - sp.diags_array(by_centroid[:, 0]) @ y)
     stacked = sp.csr_array(sp.vstack(parts))
-    count = len(growing)
+    count = len(by_volume)
     order = (free[:, None] + count * np.arange(3)).ravel()
     return sp.csr_array(stacked[order])
 
 
-def shape_loads(assembly: Assembly, load_factor: float) -> tuple[Floats, Floats]:
-    """Return the forces (n, d) that grow with volumes, and those that move with centroids.
-
-    Both are the loads on elements at `load_factor` that change with an element's shape, scene units. Without such data
-    in the assembly, both are the weights of free elements.
-    """
-    known = assembly.shape_loads
-    if known is None:
-        weight = np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
-        return weight, weight
-    return known.growing(load_factor), known.riding(load_factor)
+def shape_loads(loads: Loads, elements: Elements) -> tuple[Floats, Floats]:
+    """Return the forces (n, d) that grow with volumes of elements, and those that move with centroids."""
+    body, riding = loads.body, loads.at_centroids
+    return (
+        np.where((elements.support | elements.fixed_weight)[:, None], 0.0, body),
+        np.where((elements.support | elements.fixed_centroid)[:, None], 0.0, riding),
+    )
 
 
 def _columns(ends: Ints) -> Ints:

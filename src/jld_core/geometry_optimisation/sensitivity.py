@@ -97,8 +97,7 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
         rates = (values / required for values in (one.derivative, one.left, one.right))
         return GeometrySensitivities(one.vertices, *rates)
     plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
-    loads = result.assembly.shape_loads
-    plain = plain and not (loads is not None and loads.pressed) and not result.assembly.members
+    plain = plain and not result.assembly.pressed and not result.assembly.members
     plain = plain and result.assembly.members.bond is None
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None

@@ -44,7 +44,7 @@ def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
         raise InputError("move.ties", '"equal-shapes" is for planar scenes', '"mirror-x" or lists of points in space')
     if any(path.circle is not None for path in move.along):
         raise InputError("move.along", "circles are for planar scenes", '"at" with "direction" in space')
-    if assembly.shape_loads is not None and assembly.shape_loads.pressed:
+    if assembly.pressed:
         raise InputError("loads", "pressure on faces does not move with its joints", "point loads and body loads")
 
 
@@ -82,7 +82,8 @@ def spatial_residual_rates(
             block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
             first = 6 * int(row_of[element])
             total[first : first + 6, columns] += block
-    growing, riding = shape_loads(assembly, load_factor)
+    loads = assembly.dead_loads + load_factor * assembly.live_loads
+    growing, riding = shape_loads(loads, assembly.elements)
     for element in elements.free.tolist():
         corner = mesh.corners[element]
         if not used[corner].any():

@@ -53,7 +53,8 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
 
     motion: (6,) velocity of the centroid, then rotation. load_factor: λ of the live loads. Scene units.
     """
-    growing, riding = (load[element] for load in shape_loads(assembly, load_factor))
+    loads = assembly.dead_loads + load_factor * assembly.live_loads
+    growing, riding = (load[element] for load in shape_loads(loads, assembly.elements))
     volume, by_volume, by_moment = volume_rates(assembly, element)
     # moments are about the centroid, so that the first moment of the whole vanishes
     lever = np.cross(riding, motion[3:])

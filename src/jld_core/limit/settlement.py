@@ -106,7 +106,7 @@ def settle(
     start = time.perf_counter()
     assembly = assembly.by_case[0]
     if settlement.load:
-        assembly = replace(assembly, dead=assembly.dead + settlement.load * assembly.live)
+        assembly = replace(assembly, dead_loads=assembly.dead_loads + settlement.load * assembly.live_loads)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
     stands = LimitAnalysis(assembly).stands(own)

@@ -194,7 +194,7 @@ def thrust_ranges(
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
     if load_factor:
-        assembly = replace(assembly, dead=assembly.dead + load_factor * assembly.live)
+        assembly = replace(assembly, dead_loads=assembly.dead_loads + load_factor * assembly.live_loads)
     stands = LimitAnalysis(assembly).stands(own)
     ranges: list[ResultantRange] = []
     if stands is not False:

@@ -327,12 +327,11 @@ def least_by_fields(
     """
     if bounds.upper < 0.0:
         return math.nan, math.nan
-    if not alone.dead.any():
+    if not alone.dead_loads:
         return 0.0, 0.0
     if not math.isfinite(bounds.lower):
         return math.nan, math.nan
-    points = tuple((at, tuple(-part for part in force)) for at, force in alone.live_points)
-    back = replace(alone, live=-alone.live, live_points=points, shape_loads=None)
+    back = replace(alone, live_loads=-1.0 * alone.live_loads)
     other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
     low, high = -other.upper, -other.lower
     return low if math.isfinite(low) else math.nan, high if math.isfinite(high) else math.nan

@@ -147,7 +147,8 @@ def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Pr
         return unknown
     assembly, at, found = analysis.assembly, proof.state.load * analysis.template.scaling.load, unknown
     for _ in range(2):
-        back = replace(assembly, dead=assembly.dead + at * assembly.live, live=-assembly.live, shape_loads=None)
+        dead = assembly.dead_loads + at * assembly.live_loads
+        back = replace(assembly, dead_loads=dead, live_loads=-1.0 * assembly.live_loads)
         other = limit_analysis(back, model, reference=labels, single_labelling=True)
         less = solve_labelling(other, labels, model)
         scale = other.template.scaling.load

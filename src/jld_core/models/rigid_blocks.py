@@ -22,6 +22,7 @@ from jld_core.geometry import moment_about, spun
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status
 from jld_core.limit.fallbacks import FALLBACKS
 from jld_core.limit.result_building import element_velocities
+from jld_core.loads import Loads
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, is_large
 
@@ -166,10 +167,9 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         elements=blocks,
         interfaces=joints,
         strengths=strengths,
-        dead=moved[0],
-        live=moved[1],
+        dead_loads=Loads.of_resultants(moved[0]),
+        live_loads=Loads.of_resultants(moved[1]),
         labels=labels[kept],
-        live_points=(),
         touching=(),
         members=assembly.members.joined(group, kept),
     )

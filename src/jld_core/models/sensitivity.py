@@ -150,10 +150,9 @@ class _Change:
         if self.strength:
             values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
-        more = np.zeros_like(assembly.dead)
-        free = assembly.elements.free
-        more[free, : assembly.dimension] = step * assembly.elements.weight[free]
-        return replace(assembly, dead=assembly.dead + more)
+        more = np.where(assembly.elements.support[:, None], 0.0, step * assembly.elements.weight)
+        dead = assembly.dead_loads
+        return replace(assembly, dead_loads=replace(dead, body=dead.body + more))
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:

@@ -12,6 +12,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
+from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.refinement.refine import refine
 from jld_core.scene import Scene
@@ -71,7 +72,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         If `refine` does not accept the scene, or if two cells touch although their elements do not.
     """
     try:
-        refined = refine(scene, (cell,))
+        refined = refine(_with_stated_cases(scene, assembly), (cell,))
     except InputError as error:
         where = "cracks" if error.where.startswith("--cell") else error.where
         raise InputError(where, error.problem, error.expected) from None
@@ -79,7 +80,18 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     plain = refined.scene.model_copy(update={"cracks": "faces"})
     fine = build_assembly(plain) if assembly.nominal is None else build_robust(plain)
-    return CrackCells(fine, joint_faces(assembly, fine, refined.parent))
+    # the places of moving loads are those of the joint grid, whose cases are stated one by one
+    cases = tuple(replace(one, place=case.place) for one, case in zip(fine.cases, assembly.cases, strict=True))
+    return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
+
+
+def _with_stated_cases(scene: Scene, assembly: Assembly) -> Scene:
+    """Return a scene whose moving loads are stated case by case, on elements of the joint grid."""
+    if not scene.loads.moving:
+        return scene
+    cases = [one.case for one in cases_of_scene(scene, assembly.elements)]
+    loads = scene.loads.model_copy(update={"cases": cases, "moving": None, "pushes": None})
+    return scene.model_copy(update={"loads": loads})
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:

@@ -71,7 +71,8 @@ def refine(
     """Split every free element of a scene into cells; supports stay whole.
 
     The scene's own labelling stays the same: inner faces join the pieces of an element, and old faces keep their
-    labels. Loads act on the piece at their point of application; moving loads and pressure along a polyline stay.
+    labels. Loads act on the pieces that hold their point of application, which share them; moving loads and pressure
+    along a polyline stay.
     Weights are distributed by volume.
 
     Parameters
@@ -158,14 +159,12 @@ def _planar(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Pi
     shapes = [elements.shape[k] for k in free]
     fixed = [elements.shape[k] for k in np.flatnonzero(elements.support)]
     split = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, size, grid.snap)
-    found = [[Piece({"polygon": shape.tolist()}, 1.0, outlines[k])] for k, shape in enumerate(elements.shape)]
+    found = [[Piece({"polygon": shape.tolist()}, 1.0)] for shape in elements.shape]
     for k, parts in zip(free.tolist(), split, strict=True):
         outline = outlines[k]
         parts = join_small(parts, min(least, 0.2 * outline.area))
         if len(parts) > 1:
-            found[k] = [
-                Piece({"polygon": region_of(part).shell.tolist()}, part.area / outline.area, part) for part in parts
-            ]
+            found[k] = [Piece({"polygon": region_of(part).shell.tolist()}, part.area / outline.area) for part in parts]
     return found
 
 
@@ -210,7 +209,7 @@ def _spatial(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[P
         volumes = np.array([_volume(*part) for part in whole])
         found.append(
             [
-                Piece({"vertices": v.tolist(), "faces": [list(loop) for loop in f]}, float(share), v)
+                Piece({"vertices": v.tolist(), "faces": [list(loop) for loop in f]}, float(share))
                 for (v, f), share in zip(whole, volumes / volumes.sum(), strict=True)
             ]
         )

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.geometry.inside import distance_to
 from jld_core.scene import Scene
 
 
@@ -18,25 +19,28 @@ from jld_core.scene import Scene
 class Piece:
     """Part of an element after the split.
 
-    keys: geometry keys of its scene entry. share: its volume over that of the element. shape: geometry by which
-    `_nearest` locates points.
+    keys: geometry keys of its scene entry. share: its volume over that of the element.
     """
 
     keys: dict[str, Any]
     share: float
-    shape: Any
+
+    @property
+    def loops(self) -> tuple[tuple[int, ...], ...]:
+        """Faces as loops of vertices, empty in the plane."""
+        return tuple(tuple(loop) for loop in self.keys.get("faces", ()))
 
 
 def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
     """Transfer loads on elements to the pieces at their points of application.
 
     loads: the scene's "loads" as plain data. cut_up: pieces of each element. A force without a point acts at the
-    centroid of the element. Moving loads and pressure along a polyline stay as they are. Raises InputError for pressure
-    on the whole free boundary of an element that is split.
+    centroid of the element; the pieces that hold its point share it equally. Moving loads and pressure along a polyline
+    stay as they are. Raises InputError for pressure on the whole free boundary of an element that is split.
     """
 
-    def moved(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return a load entry that refers to a piece."""
+    def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return the load entries on pieces that replace an entry."""
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
             raise InputError(
@@ -45,20 +49,26 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
                 '"along" with points of its outline (planar), or pressure on the pieces after the split',
             )
         if "element" not in entry:
-            return entry
+            return [entry]
         k = assembly.elements.index[entry["element"]]
         if len(cut_up[k]) == 1:
-            return entry
+            return [entry]
         at = entry.get("at") or assembly.elements.centroid[k].tolist()
-        number = _nearest(cut_up[k], np.array(at))
-        more = {"at": at} if entry.get("force") is not None else {}
-        return {**entry, "element": f"{entry['element']}.{number}", **more}
+        held = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
+        more = {key: (np.array(entry[key]) / len(held)).tolist() for key in ("force", "moment") if key in entry}
+        if "force" in more:
+            more["at"] = at
+        return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
 
-    found: dict[str, Any] = {key: [moved(entry) for entry in loads[key]] for key in ("live", "dead") if key in loads}
+    def moved_all(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Return the load entries on pieces that replace some entries."""
+        return [one for entry in entries for one in moved(entry)]
+
+    found: dict[str, Any] = {key: moved_all(loads[key]) for key in ("live", "dead") if key in loads}
     found |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
         found["cases"] = [
-            {**case, **{key: [moved(e) for e in case[key]] for key in ("live", "dead") if key in case}}
+            {**case, **{key: moved_all(case[key]) for key in ("live", "dead") if key in case}}
             for case in loads["cases"]
         ]
     return found
@@ -75,7 +85,8 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
         k = assembly.elements.index[anchor["element"]]
         if len(cut_up[k]) == 1:
             return anchor
-        return {**anchor, "element": f"{anchor['element']}.{_nearest(cut_up[k], np.array(anchor['at']))}"}
+        held = _holding(cut_up[k], np.array(anchor["at"]), tolerances.ON_OUTLINE * assembly.size)
+        return {**anchor, "element": f"{anchor['element']}.{held[0]}"}
 
     def whole(member: dict[str, Any]) -> dict[str, Any]:
         """Return a member whose anchors refer to pieces."""
@@ -86,16 +97,12 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
     return [whole(member) for member in members]
 
 
-def _nearest(parts: list[Piece], at: Floats) -> int:
-    """Return the index of the piece that contains a point (d,), or is nearest to it."""
-    if len(at) == 2:
-        away = [part.shape.distance(shapely.Point(at)) for part in parts]
-        return int(np.argmin(np.round(away, 12)))
-    low = np.array([part.shape.min(axis=0) for part in parts])
-    high = np.array([part.shape.max(axis=0) for part in parts])
-    outside = np.linalg.norm(np.maximum(0.0, np.maximum(low - at, at - high)), axis=1)
-    middle = np.linalg.norm(0.5 * (low + high) - at, axis=1)
-    return int(np.lexsort((middle, np.round(outside, 12)))[0])
+def _holding(parts: list[Piece], at: Floats, reach: float) -> list[int]:
+    """Return the indices of the pieces that hold a point (d,), or else are nearest to it, within `reach`."""
+    away = np.array(
+        [distance_to(np.array(part.keys.get("polygon", part.keys.get("vertices"))), part.loops, at) for part in parts]
+    )
+    return np.flatnonzero(away <= away.min() + reach).tolist()
 
 
 def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:

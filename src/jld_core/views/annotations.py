@@ -73,9 +73,10 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
     lower, upper = extent(assembly, projection)
     covered = [lower, upper]
     length = 0.13 * assembly.size
-    if assembly.live_points:
-        at = projection(np.array([point for point, _ in assembly.live_points]))
-        vectors = projection(np.array([force for _, force in assembly.live_points]))
+    loads = assembly.live_loads.arrows()
+    if loads:
+        at = projection(np.array([point for _, point, _ in loads]))
+        vectors = projection(np.array([force for _, _, force in loads]))
         vectors *= length / max(float(np.linalg.norm(vectors, axis=1).max()), 1e-300)
         drawn["live"] = [arrows(ax, at, vectors, "live", LOAD, "tip", 1.5)]
         covered += [at, at - vectors]

@@ -80,14 +80,11 @@ def typical(assembly: Assembly) -> float:
 
 
 def body_load(assembly: Assembly) -> Floats | None:
-    """Return the sum (d,) of the live forces that are not in `live_points`, scene units.
+    """Return the sum (d,) of the live forces on all bodies, scene units.
 
     None where it is zero, within rounding.
     """
-    d = assembly.dimension
-    total = assembly.live[assembly.elements.free, :d].sum(axis=0)
-    for _, force in assembly.live_points:
-        total = total - np.asarray(force)
+    total = assembly.live_loads.body.sum(axis=0)
     if np.linalg.norm(total) <= 1e-9 * assembly.total_live:
         return None
     return np.asarray(total)

@@ -42,7 +42,7 @@ def figure_of_settled(found: Settled) -> Figure:
 
 def without_live_load(found: Settled) -> Settled:
     """Return a copy of a settlement result without live loads, so that figures show none."""
-    bare = replace(found.assembly, live=np.zeros_like(found.assembly.live), live_points=())
+    bare = replace(found.assembly, live_loads=0.0 * found.assembly.live_loads)
 
     def stripped(end: Thrust | None) -> Thrust | None:
         """Return one end of the range without live loads."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from dataclasses import replace
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from jld_core.limit.thrust import ResultantRange, ThrustRanges
@@ -29,7 +28,7 @@ def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
         else:
             state = end.state
             if not found.load_factor:
-                bare = replace(state.assembly, live=np.zeros_like(state.assembly.live), live_points=())
+                bare = replace(state.assembly, live_loads=0.0 * state.assembly.live_loads)
                 state = replace(state, assembly=bare)
             draw_forces(ax, state)
         value = {"unbounded": "unbounded", "uncertified": "uncertified"}.get(end.status, f"{end.value:.5g} {unit}")

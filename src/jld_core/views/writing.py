@@ -64,10 +64,11 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
     projection, unit = projection_of(assembly), assembly.units[1]
     length = 0.13 * assembly.size
     written: list[Artist] = []
-    vectors = [np.asarray(force, dtype=float) for _, force in assembly.live_points]
+    loads = assembly.live_loads.arrows()
+    vectors = [force for _, _, force in loads]
     most = max((float(np.linalg.norm(projection(v))) for v in vectors), default=1.0)
-    for (at, _), vector in zip(assembly.live_points, vectors, strict=True):
-        tail = projection(np.asarray(at)) - projection(vector) * length / max(most, 1e-300)
+    for (_, at, _), vector in zip(loads, vectors, strict=True):
+        tail = projection(at) - projection(vector) * length / max(most, 1e-300)
         written.append(_text(ax, tail, f" {np.linalg.norm(vector):.3g} {unit} × λ", va="bottom", color=LOAD))
     total = quantities.body_load(assembly)
     if total is not None:

@@ -207,7 +207,8 @@ def design_check(
     checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, _of_case(solutions[chosen], first), (), None)
     if not states or isinstance(scene.cracks, FieldCracks) or first.verified is not True:
         return checked
-    loaded = replace(first.structure, dead=first.structure.dead + first.required * first.structure.live)
+    at_required = first.structure.dead_loads + first.required * first.structure.live_loads
+    loaded = replace(first.structure, dead_loads=at_required)
     ranges = tuple(
         ResultantRange(
             one, *(extreme_value(loaded, one.function, cells, greatest=greatest) for greatest in (False, True))

@@ -9,7 +9,8 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Assembly, LoadCase, Points
+from jld_core.assembly import Assembly, LoadCase
+from jld_core.loads import Loads
 from jld_core.scene.design import PartialFactors
 
 Effect = Literal["unfavourable", "favourable"]
@@ -49,7 +50,7 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
     """
     cases = _loads(assembly)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
-    stated = any(bool(np.any(_stated(assembly, case.dead))) for case in cases)
+    stated = any(_stated(assembly, case.dead_loads) for case in cases)
     present = {
         "self_weight": weights,
         "dead": stated,
@@ -68,57 +69,39 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
     the characteristic weight.
     """
     chosen = combination.factors(factors)
-    weight, stress = _weights(assembly), assembly.members.self_stress
-    own = np.zeros_like(assembly.dead) if stress is None else stress
+    weight = chosen["self_weight"] * _weights(assembly)
 
-    def dead_of(dead: Floats) -> Floats:
-        """Return a dead load (n, q) with factors; prestress and bond keep theirs."""
-        return chosen["self_weight"] * weight + chosen["dead"] * _stated(assembly, dead) + own
-
-    def points_of(points: Points) -> Points:
-        """Return point forces multiplied by the factor of live loads."""
-        return tuple((at, tuple(factors.live * part for part in force)) for at, force in points)
+    def dead_of(dead: Loads) -> Loads:
+        """Return a dead load with factors."""
+        stated = chosen["dead"] * _stated(assembly, dead)
+        return replace(stated, body=stated.body + weight)
 
     cases = tuple(
-        replace(
-            case,
-            dead=dead_of(case.dead),
-            live=factors.live * case.live,
-            live_points=points_of(case.live_points),
-            shape_loads=None,
-        )
+        replace(case, dead_loads=dead_of(case.dead_loads), live_loads=factors.live * case.live_loads)
         for case in assembly.cases
     )
     return replace(
         assembly,
         elements=replace(assembly.elements, weight=chosen["self_weight"] * assembly.elements.weight),
-        dead=dead_of(assembly.dead),
-        live=factors.live * assembly.live,
-        live_points=points_of(assembly.live_points),
-        shape_loads=None,
+        dead_loads=dead_of(assembly.dead_loads),
+        live_loads=factors.live * assembly.live_loads,
         cases=cases,
     )
 
 
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
     """Return the load cases; the single load of a structure without cases is one."""
-    return assembly.cases or (LoadCase("", assembly.dead, assembly.live),)
+    return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
 
 
 def _weights(assembly: Assembly) -> Floats:
-    """Return the self-weights (n, q) as generalised forces, zero on supports."""
-    found = np.zeros_like(assembly.dead)
-    free = assembly.elements.free
-    found[free, : assembly.dimension] = assembly.elements.weight[free]
-    return found
+    """Return the self-weights (n, d), zero on supports."""
+    return np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
 
 
-def _stated(assembly: Assembly, dead: Floats) -> Floats:
-    """Return a dead load (n, q) without self-weight, prestress, bond and rounding errors."""
-    weight, stress = _weights(assembly), assembly.members.self_stress
-    own = weight if stress is None else weight + stress
-    rest = dead - own
-    size = np.abs(dead) + np.abs(own)
-    size = np.maximum(size, size.max(axis=1, keepdims=True))
-    rest[np.abs(rest) <= _ROUNDING * size] = 0.0
-    return np.asarray(rest)
+def _stated(assembly: Assembly, dead: Loads) -> Loads:
+    """Return a dead load without self-weight and its rounding errors."""
+    weight = _weights(assembly)
+    rest = dead.body - weight
+    rest[np.abs(rest) <= _ROUNDING * np.abs(weight)] = 0.0
+    return replace(dead, body=rest)

@@ -17,6 +17,7 @@ from jld_core.assembly import Assembly, Strengths
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
+from jld_core.loads import Loads
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
 from jld_explore.reliability.variables import Variables
@@ -148,8 +149,13 @@ class RandomStructure:
     def at(self, values: Floats, case: int) -> Assembly:
         """Return the assembly of a load case at values (v,) of the variables."""
         dead, live = self.loads(values[None], case)
+        stress = self.cases[case].members.self_stress
         return replace(
-            self.cases[case], strengths=self.strengths(values[None]), dead=dead[0], live=live[0], nominal=None
+            self.cases[case],
+            strengths=self.strengths(values[None]),
+            dead_loads=Loads.of_resultants(dead[0] if stress is None else dead[0] - stress),
+            live_loads=Loads.of_resultants(live[0]),
+            nominal=None,
         )
 
     def rates(

@@ -234,9 +234,8 @@ def loads_of(assembly: Assembly) -> list[Load]:
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[Load] = []
     for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
-        for at, vector in case.live_points:
-            nearest = int(np.argmin(np.linalg.norm(assembly.elements.centroid - np.asarray(at), axis=1)))
-            found.append(_load(name, "live", ids[nearest], at, vector))
+        for element, at, vector in case.live_loads.arrows():
+            found.append(_load(name, "live", ids[element], at, vector))
         total = quantities.body_load(case)
         if total is not None:
             found.append(_load(name, "body", "", np.zeros(d), total))

@@ -222,6 +222,7 @@ def with_sink(void: Void) -> Assembly:
         weight=np.vstack([elements.weight, np.zeros(d)]),
         shape=(*elements.shape, middle[None]),
         faces=(*elements.faces, ()) if elements.faces else (),
+        stated=(*elements.stated, frozenset()) if elements.stated else (),
     )
     count = len(cells)
 
@@ -244,12 +245,8 @@ def with_sink(void: Void) -> Assembly:
         """Return strengths with zeros appended for the faces to the sink."""
         return replace(strengths, **{name: longer(values) for name, values in vars(strengths).items()})
 
-    def padded(loads: Floats) -> Floats:
-        """Return loads (n, q) with a row of zeros for the sink."""
-        return np.vstack([loads, np.zeros(loads.shape[1])])
-
     cases: tuple[LoadCase, ...] = tuple(
-        replace(case, dead=padded(case.dead), live=padded(case.live)) for case in real.cases
+        replace(case, dead_loads=case.dead_loads.padded(), live_loads=case.live_loads.padded()) for case in real.cases
     )
     return replace(
         real,
@@ -257,8 +254,8 @@ def with_sink(void: Void) -> Assembly:
         interfaces=grown,
         strengths=stretched(real.strengths),
         nominal=None if real.nominal is None else stretched(real.nominal),
-        dead=padded(real.dead),
-        live=padded(real.live),
+        dead_loads=real.dead_loads.padded(),
+        live_loads=real.live_loads.padded(),
         labels=np.concatenate([real.labels, np.full(count, DRY)]),
         cases=cases,
         sink=sink,

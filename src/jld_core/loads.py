@@ -1,0 +1,249 @@
+"""Loads as they act: forces per volume, tractions on parts of faces, and forces at points.
+
+Resultants on elements follow from them by `resultants`; nothing else states a load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bools, Floats, Ints
+
+
+class Bodies(Protocol):
+    """What the resultants of loads depend on: n elements with centroids (n, d), some of which are supports."""
+
+    @property
+    def centroid(self) -> Floats:
+        """(n, d) centroids."""
+
+    @property
+    def support(self) -> Bools:
+        """(n,) True for supports."""
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Linear traction on a plane part of the surface of an element, scene units.
+
+    element: index. rings: closed outlines (k, d) of the part, the outer one first; planar: its two ends (2, 2). origin:
+    (d,) centroid of the part. mean: (d,) force per area there, planar per length over the whole thickness. slope: (d,
+    d) derivatives of this force; column k by coordinate k.
+    """
+
+    element: int
+    rings: tuple[Floats, ...]
+    origin: Floats
+    mean: Floats
+    slope: Floats
+
+    def at(self, places: Floats) -> Floats:
+        """Return the force per area (..., d), planar per length, at places (..., d)."""
+        return np.asarray(self.mean + (places - self.origin) @ self.slope.T)
+
+    def resultant(self) -> tuple[Floats, Floats]:
+        """Return the force (d,) and the moment (1,) or (3,) about the origin."""
+        size, second = _moments(self.rings, self.origin)
+        # x × (slope x), summed over the part, from the second moments of x
+        turned = second @ self.slope.T
+        if len(self.origin) == 2:
+            return size * self.mean, np.array([turned[0, 1] - turned[1, 0]])
+        axes = ((1, 2), (2, 0), (0, 1))
+        return size * self.mean, np.array([turned[i, j] - turned[j, i] for i, j in axes])
+
+
+@dataclass(frozen=True)
+class PointForces:
+    """Arrays over p forces at points, scene units.
+
+    element: (p,) indices. at, force: (p, d). width: (p,) length of the patch on a free face that each is spread on, NaN
+    where none is stated. centred: (p,) True where the point is the centroid of the element, and moves with it.
+    """
+
+    element: Ints
+    at: Floats
+    force: Floats
+    width: Floats
+    centred: Bools
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of one kind, dead or live, on n elements, scene units.
+
+    Attributes
+    ----------
+    body : (n, d) array
+        Forces that are uniform over the volume of each element: self-weight and body loads.
+    couples : (n, 1) or (n, 3) array
+        Moments that act on elements without a place.
+    points : PointForces
+        Forces at points.
+    tractions : tuple of Traction
+        Pressures, line loads and loads on patches.
+    """
+
+    body: Floats
+    couples: Floats
+    points: PointForces
+    tractions: tuple[Traction, ...] = ()
+
+    @classmethod
+    def of_resultants(cls, resultants: Floats) -> Self:
+        """Return loads of which only forces and moments (n, 3) or (n, 6) are known, as uniform forces and couples."""
+        d = 2 if resultants.shape[1] == 3 else 3
+        return cls(resultants[:, :d], resultants[:, d:], points_of([], d))
+
+    def __add__(self, other: Loads) -> Loads:
+        both = [
+            np.concatenate([one, two])
+            for one, two in zip(vars(self.points).values(), vars(other.points).values(), strict=True)
+        ]
+        points = PointForces(*both)
+        tractions = self.tractions + other.tractions
+        return Loads(self.body + other.body, self.couples + other.couples, points, tractions)
+
+    def __rmul__(self, factor: float) -> Loads:
+        return Loads(
+            factor * self.body,
+            factor * self.couples,
+            replace(self.points, force=factor * self.points.force),
+            tuple(replace(one, mean=factor * one.mean, slope=factor * one.slope) for one in self.tractions),
+        )
+
+    def __bool__(self) -> bool:
+        return bool(
+            self.body.any()
+            or self.couples.any()
+            or self.points.force.any()
+            or any(one.mean.any() or one.slope.any() for one in self.tractions)
+        )
+
+    def take(self, rows: Ints) -> Loads:
+        """Return the loads on the elements of the indices `rows` (k,), renumbered in this order."""
+        place = np.full(len(self.body), -1, dtype=np.int64)
+        place[rows] = np.arange(len(rows))
+        own = np.flatnonzero(place[self.points.element] >= 0)
+        points = PointForces(*(values[own] for values in vars(self.points).values()))
+        return Loads(
+            self.body[rows],
+            self.couples[rows],
+            replace(points, element=place[points.element]),
+            tuple(replace(one, element=int(place[one.element])) for one in self.tractions if place[one.element] >= 0),
+        )
+
+    def padded(self) -> Loads:
+        """Return the same loads with one more element, which has none."""
+        more = [np.vstack([values, np.zeros(values.shape[1])]) for values in (self.body, self.couples)]
+        return replace(self, body=more[0], couples=more[1])
+
+    def stretched(self, factor: float) -> Loads:
+        """Return the same forces with all lengths multiplied by a factor."""
+        d = self.body.shape[1]
+        tractions = tuple(
+            Traction(
+                one.element,
+                tuple(factor * ring for ring in one.rings),
+                factor * one.origin,
+                one.mean / factor ** (d - 1),
+                one.slope / factor**d,
+            )
+            for one in self.tractions
+        )
+        points = replace(self.points, at=factor * self.points.at, width=factor * self.points.width)
+        return Loads(self.body, factor * self.couples, points, tractions)
+
+    @property
+    def at_centroids(self) -> Floats:
+        """Return the forces (n, d) that act at the centroids of elements and move with them: body forces included."""
+        total, own = self.body.copy(), self.points.centred
+        np.add.at(total, self.points.element[own], self.points.force[own])
+        return total
+
+    def arrows(self) -> list[tuple[int, Floats, Floats]]:
+        """Return element, place (d,) and force (d,) of each point force, then of each traction at its centroid.
+
+        Those without a force are left out.
+        """
+        found = [
+            (int(k), at, force)
+            for k, at, force in zip(self.points.element, self.points.at, self.points.force, strict=True)
+        ]
+        found += [(one.element, one.origin, one.resultant()[0]) for one in self.tractions]
+        return [one for one in found if one[2].any()]
+
+
+def points_of(entries: Sequence[tuple[int, Floats, Floats, float | None, bool]], dimension: int) -> PointForces:
+    """Return forces given by element, place, force, width or None, and whether the place is the centroid."""
+    return PointForces(
+        element=np.array([one[0] for one in entries], dtype=np.int64),
+        at=np.array([one[1] for one in entries], dtype=float).reshape(-1, dimension),
+        force=np.array([one[2] for one in entries], dtype=float).reshape(-1, dimension),
+        width=np.array([np.nan if one[3] is None else one[3] for one in entries], dtype=float),
+        centred=np.array([one[4] for one in entries], dtype=bool),
+    )
+
+
+def edge_traction(element: int, ends: Floats, values: Floats) -> Traction:
+    """Return the traction that is linear between two points.
+
+    ends: (2, 2) points. values: (2, 2) force per length at both.
+    """
+    along = ends[1] - ends[0]
+    slope = np.outer(values[1] - values[0], along) / (along @ along)
+    return Traction(element, (ends,), ends.mean(axis=0), values.mean(axis=0), slope)
+
+
+def resultants(loads: Loads, elements: Bodies) -> Floats:
+    """Sum loads to forces and moments (n, 3) or (n, 6) about the centroids of elements.
+
+    The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero become
+    exactly zero.
+    """
+    d = loads.body.shape[1]
+    points, parts = loads.points, [one.resultant() for one in loads.tractions]
+    element = np.concatenate([points.element, np.array([one.element for one in loads.tractions], dtype=np.int64)])
+    at = np.concatenate([points.at, np.array([one.origin for one in loads.tractions]).reshape(-1, d)])
+    force = np.concatenate([points.force, np.array([one for one, _ in parts]).reshape(-1, d)])
+    turn = np.zeros((len(element), loads.couples.shape[1]))
+    for k, (_, moment) in enumerate(parts, len(points)):
+        turn[k] = moment
+    arm = at - elements.centroid[element]
+    cross = np.cross(arm, force) if d == 3 else (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
+    total = np.concatenate([loads.body, loads.couples], axis=1)
+    gross = np.abs(total)
+    np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
+    np.add.at(gross, element, np.abs(np.concatenate([force, np.abs(cross) + np.abs(turn)], axis=1)))
+    total[np.abs(total) <= tolerances.ROUNDING * gross] = 0.0
+    total[elements.support] = 0.0
+    return total
+
+
+def _moments(rings: tuple[Floats, ...], origin: Floats) -> tuple[float, Floats]:
+    """Return the size of a plane part, and the second moments ∫ x xᵀ (d, d) of places x from a point of its plane."""
+    if len(origin) == 2:
+        along = rings[0][1] - rings[0][0]
+        length = float(np.hypot(*along))
+        return length, np.outer(along, along) * (length / 12.0)
+    size, second, normal = 0.0, np.zeros((3, 3)), np.zeros(3)
+    for k, ring in enumerate(rings):
+        one = ring - origin
+        two = np.roll(one, -1, axis=0)
+        cross = np.cross(one, two)
+        vector = cross.sum(axis=0)
+        if k == 0:
+            normal = vector / np.linalg.norm(vector)
+        # triangles from the point to each side, with the sign of their turn; holes count against the outer ring
+        area = (0.5 if k == 0 else -0.5 * np.sign(vector @ normal)) * (cross @ normal)
+        size += float(area.sum())
+        for part in (one, two, one + two):
+            second += np.einsum("k,ki,kj->ij", area, part, part) / 12.0
+    return size, second
