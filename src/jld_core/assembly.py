@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints, summed
 from jld_core.linalg import components
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
@@ -359,7 +359,7 @@ class Assembly(NotebookRepr):
     def total_dead(self) -> float:
         """Return the sum of magnitudes of dead forces on free elements, without prestress, bond."""
         stress = self.members.self_stress
-        dead = self.dead if stress is None else self.dead - stress
+        dead = self.dead if stress is None else summed(self.dead, -stress)
         return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property

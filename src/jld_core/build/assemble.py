@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Floats, summed
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
 from jld_core.build.bond import with_bond
@@ -231,7 +231,9 @@ def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[Lo
     if boundary.backing is not None:
         always += [PlacedLoad("fill", load, from_pressure=True) for load in boundary.backing.permanent()]
     common = loads.generalised(always, elements)
-    common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
+    weight = np.zeros_like(common)
+    weight[:, : scene.dimension] = np.where(elements.support[:, None], 0.0, elements.weight)
+    common = summed(common, weight)
     if not scene.loads.has_cases:
         live = boundary.plain(scene.loads.live or [], "loads.live")
         only = _case("", "loads", common, live, 1.0, elements)  # refuses wrong entries
@@ -239,7 +241,7 @@ def _cases(scene: Scene, boundary: Boundary, entries: list[Element]) -> tuple[Lo
     found = []
     for key, case, place in cases_of_scene(scene, elements):
         own, live = boundary.plain(case.dead, f"{key}.dead"), boundary.plain(case.live, f"{key}.live")
-        dead = common + loads.generalised(own, elements)
+        dead = summed(common, loads.generalised(own, elements))
         one = _case(case.name, key, dead, live, case.required, elements)
         shaped = loads.shape_dependent([*always, *own], live, elements, entries)
         found.append(replace(one, shape_loads=shaped, place=place))
