@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+
 from benchmarks.common import about, table, write
 from benchmarks.scenes import box
 from jld_core import Assembly, build_assembly, parse_scene, samples, solve
