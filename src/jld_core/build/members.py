@@ -13,7 +13,7 @@ from jld_core.arrays import Floats, Ints, summed
 from jld_core.assembly import INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
 from jld_core.geometry import resultants
-from jld_core.geometry.inside import contains
+from jld_core.geometry.inside import contains, distance_from_face
 from jld_core.geometry.vectors import across
 from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
@@ -165,7 +165,7 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
         one, two = (assembly.elements.ids[k] for k in elements)
         problem = f"both ends are the same point, and {one!r} and {two!r} share no face"
         raise InputError(where, problem, "two points, which give the axis of the pin")
-    nearest = between[np.argmin(np.linalg.norm(faces.origin[between] - points[0], axis=1))]
+    nearest = between[np.argmin([distance_from_face(faces, face, points[0]) for face in between.tolist()])]
     return np.asarray(faces.normal[nearest] * (1.0 if faces.a[nearest] == elements[0] else -1.0))
 
 
