@@ -45,6 +45,16 @@ def grid_document(
     return document
 
 
+def all_inner(document: Document, default: str = "inner", **labels: Any) -> Document:
+    """The document with all faces inner, those to supports too; with another default, or in `dry`, they stay."""
+    built = build_assembly(parse_scene({**document, "labels": {"default": default, **labels}}))
+    names, faces, support = built.elements.ids, built.interfaces, built.elements.support
+    dry = [set(pair) for pair in labels.get("dry", [])]
+    held = [[names[a], names[b]] for a, b in zip(faces.a, faces.b, strict=True) if support[a] or support[b]]
+    held = [pair for pair in held if default == "inner" and set(pair) not in dry]
+    return {**document, "labels": {"default": default, **labels, "inner": held}}
+
+
 def grid_scene(rows: list[str], **kwargs: Any) -> Scene:
     """The same, validated."""
     return parse_scene(grid_document(rows, **kwargs))

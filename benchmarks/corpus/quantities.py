@@ -290,7 +290,7 @@ def punch(gap: float = 0.09) -> Interval:
                 "inner": {"tensile_strength": 1000.0, "shear_strength": 1.0},
             },
             "loads": {"live": [{"element": "soil", "force": [0, -1], "at": [0, 0]}]},
-            "labels": {"default": "inner"},
+            "labels": {"inner": [["soil", side] for side in ("bottom", "left", "right")]},
         }
     )
     found = bounds_by_fields(build_assembly(scene), gap=gap, patch=1.0, parts=2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints, summed
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants
 from jld_core.members import Members
@@ -310,7 +310,7 @@ class Assembly(NotebookRepr):
     def dead(self) -> Floats:
         """Return the dead loads about centroids (n, 3) or (n, 6), with prestress and bond, scene units."""
         total, stress = resultants(self.dead_loads, self.elements), self.members.self_stress
-        return total if stress is None else total + stress
+        return total if stress is None else summed(total, stress)
 
     @cached_property
     def live(self) -> Floats:
@@ -382,7 +382,7 @@ class Assembly(NotebookRepr):
     def total_dead(self) -> float:
         """Return the sum of magnitudes of dead forces on free elements, without prestress, bond."""
         stress = self.members.self_stress
-        dead = self.dead if stress is None else self.dead - stress
+        dead = self.dead if stress is None else summed(self.dead, -stress)
         return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property

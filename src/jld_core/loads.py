@@ -11,8 +11,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints, without_rounding
 
 
 class Bodies(Protocol):
@@ -221,8 +220,11 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     total = np.concatenate([loads.body, loads.couples], axis=1)
     gross = np.abs(total)
     np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
-    np.add.at(gross, element, np.abs(np.concatenate([force, np.abs(cross) + np.abs(turn)], axis=1)))
-    total[np.abs(total) <= tolerances.ROUNDING * gross] = 0.0
+    # |arm × force| alone would miss the rounding of components of forces that cancel within it
+    size = np.linalg.norm(force, axis=1)[:, None]
+    turning = np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(turn)
+    np.add.at(gross, element, np.concatenate([np.repeat(size, d, axis=1), turning], axis=1))
+    total = without_rounding(total, gross)
     total[elements.support] = 0.0
     return total
 

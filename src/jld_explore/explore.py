@@ -208,7 +208,7 @@ def _search(
     refuse_together(scene, settings, assembly)
     # Announce messages only once a layout is found; a refused search and an empty space give their error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
-    space = _space_of(scene, assembly, settings.driver)
+    space = _space_of(scene, assembly, settings)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = affordable_settings(assembly, settings, said)
     chosen, total = _driver_of(scene, space, settings, deadline, folder)
@@ -300,16 +300,22 @@ def _completed(
     return done
 
 
-def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> SearchSpace:
+def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
     """Return the space of the given driver, else that of the scene.
 
-    Raises InputError for a driver of another scene, and as `search_space` does.
+    An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true. Raises InputError
+    for a driver of another scene, or whose space has symmetries that the objective may not have, and as `search_space`.
     """
+    own, driver = settings.own_objective, settings.driver
+    apart = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
     if not isinstance(driver, Driver):
-        return search_space(scene, assembly)
+        return search_space(scene, assembly, tells_apart=apart)
     space = driver.space
     if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
         raise ParameterError("driver", "it was made for the space of another scene", "search_space of this scene")
+    if apart and len(space.group) > 1:
+        expected = 'search.symmetry "none", or an objective with the attribute symmetric = True'
+        raise ParameterError("driver", f"its space merges mirror images, and {apart}", expected)
     return space
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import CASES, Document, grid_assembly, grid_document
+from cases import CASES, Document, all_inner, grid_assembly, grid_document
 from cases_spatial import assembly, box
 from jld_core import LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
@@ -110,8 +110,9 @@ def test_a_cube_pressed_beside_another_is_locked(glued: bool) -> None:
     assert solve(assembly(cubes, live=live, labels={"default": "dry", **labels})).status is Status.LOCKED
 
 
-def of_labels(document: Document, labels: Document, **loads: list[Document]) -> Status:
-    return solve(build_assembly(parse_scene(document | {"labels": labels, "loads": document["loads"] | loads}))).status
+def of_all_inner(document: Document, dry: list[list[str]] | None = None, **loads: list[Document]) -> Status:
+    scene = all_inner(document | {"loads": document["loads"] | loads}, dry=dry or [])
+    return solve(build_assembly(parse_scene(scene))).status
 
 
 def test_nothing_stands_though_ever_more_load_could_be_carried() -> None:
@@ -119,10 +120,10 @@ def test_nothing_stands_though_ever_more_load_could_be_carried() -> None:
     that. The live load presses down and could grow for ever, so no motion of negative excess makes it work either."""
     document = grid_document(["a", "#"], shear=500.0, crush_dry=1e6, live=[{"element": "c0r0", "force": [0, -1]}])
     pushed = [{"body": [0.5, 0]}]
-    assert of_labels(document, {"default": "inner"}, dead=pushed) is Status.UNSTABLE
+    assert of_all_inner(document, dead=pushed) is Status.UNSTABLE
     # just as much as is held: 5 N
     held = [{"body": [4.99 / (1400 * 9.81 * 0.001), 0]}]
-    assert of_labels(document, {"default": "inner"}, dead=held) is Status.LOCKED
+    assert of_all_inner(document, dead=held) is Status.LOCKED
 
 
 def test_a_ray_past_a_joint_that_crushes() -> None:
@@ -131,7 +132,7 @@ def test_a_ray_past_a_joint_that_crushes() -> None:
     document = grid_document(
         ["#a.#", "#bc#", "#dd#"], friction=0.0, crush_dry=1e6, live=[{"element": "c1r1", "force": [1, 0]}]
     )
-    assert of_labels(document, {"default": "inner", "dry": [["c1r0", "c1r1"]]}) is Status.LOCKED
+    assert of_all_inner(document, [["c1r0", "c1r1"]]) is Status.LOCKED
 
 
 def test_cracks_without_strength_beside_a_joint_that_crushes() -> None:
@@ -143,7 +144,7 @@ def test_cracks_without_strength_beside_a_joint_that_crushes() -> None:
         shear=0.0,
         live=[{"element": "c0r0", "force": [2, -1], "at": [0.02, 0.25]}],
     )
-    labels = {"default": "inner", "dry": [["c0r0", "c0r1"], ["c0r1", "c1r1"]]}
-    result = solve(build_assembly(parse_scene(document | {"labels": labels})))
+    dry = [["c0r0", "c0r1"], ["c0r1", "c1r1"]]
+    result = solve(build_assembly(parse_scene(all_inner(document, dry=dry))))
     assert result.status is Status.COLLAPSE
     assert result.load_factor == pytest.approx(0.0, abs=1e-6 * 13.7)

@@ -38,7 +38,7 @@ def block(live: list[float], *, label: str = "dry", planar: bool = True, **mater
             "inner": {"tensile_strength": 5.0, "shear_strength": 6.0, **materials.pop("inner", {})},
         },
         "loads": {"live": materials.pop("loads", [{"body": live}])},
-        "labels": {"default": label},
+        "labels": {label: [["block", "ground"]]},
     }
     if planar:
         base = {"id": "ground", "polygon": [[-1, -1], [3, -1], [3, 0], [-1, 0]], "support": True}

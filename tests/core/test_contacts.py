@@ -416,3 +416,28 @@ def test_a_given_centroid_is_where_weight_acts_and_moments_refer_to() -> None:
     found = build_assembly(parse_scene(scene))
     np.testing.assert_allclose(found.elements.centroid[1], [0.25, 0.5])
     np.testing.assert_allclose(found.live[1], [0, -1, -0.25])
+
+
+@pytest.mark.parametrize("opening", [0.1, 0.5, 1.0, 1.7])
+def test_a_wedge_is_named_however_the_scene_is_turned(opening: float) -> None:
+    """A block that touches its support along one edge and opens by degrees: no joint, and a warning in every turn."""
+    rise = math.tan(math.radians(opening))
+    shapes = {
+        "s": [[-1.0, -1.0], [3.0, -1.0], [3.0, 0.0], [-1.0, 0.0]],
+        "a": box(0, 0, 1, 1),
+        "b": [[1.0, 0.0], [2.0, rise], [2.0, 1.0], [1.0, 1.0]],
+    }
+    upright = document(shapes, labels={"inner": [["a", "b"]]})
+    rng = np.random.default_rng(7)
+    for degrees in [0.0, 39.01534, *rng.uniform(0.0, 360.0, 40)]:
+        found = build_assembly(parse_scene(rotated(upright, degrees, tuple(rng.uniform(-3.0, 3.0, 2)))))
+        assert sorted(found.pair(face) for face in range(len(found.interfaces))) == ["a–b", "s–a"]
+        assert len(found.warnings) == 1, degrees
+        assert f"({opening:.2g}°)" in found.warnings[0]
+
+
+def test_a_plate_that_fills_a_gap_leaves_no_warning_however_the_scene_is_turned() -> None:
+    """Between faces 0.9 % of their length apart lies a third element."""
+    plate = document({"s": box(0, -1, 1, 0), "p": box(0, 0, 1, 0.009), "a": box(0, 0.009, 1, 1)})
+    for degrees in np.random.default_rng(3).uniform(0.0, 360.0, 20):
+        assert build_assembly(parse_scene(rotated(plate, degrees))).warnings == ()

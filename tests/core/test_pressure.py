@@ -124,7 +124,7 @@ def bridge(**moving: Any) -> dict[str, Any]:
     return {
         "elements": [left, *blocks, right],
         "materials": {"density": 2000, "dry": {"friction_coefficient": 0.6}, "inner": inner},
-        "labels": {"default": "inner"},
+        "labels": {"default": "inner", "inner": [["left", "b0"], ["b2", "right"]]},
         "loads": {"moving": [{"axles": [{"weight": 1000.0}], "path": [[0, 1], [3, 1]], "steps": 7, **moving}]},
     }
 

@@ -53,7 +53,7 @@ def test_a_block_that_falls_has_none() -> None:
 def test_an_inner_face_uses_its_tensile_strength() -> None:
     """M = (N + σt A) l/6 · share, with N = 1, M = 0.5: 3/(1 + 5); the face is glued to the support."""
     inner = {"tensile_strength": 5.0, "shear_strength": 10.0}
-    found = share_of(block(1.0, 0.5, materials={"inner": inner}, labels={"default": "inner"}))
+    found = share_of(block(1.0, 0.5, materials={"inner": inner}, labels={"inner": [["b", "g"]]}))
     assert found is not None
     assert found.share == pytest.approx([0.5], rel=1e-9)
     # yield sets shrink in both: M = (N + θσt A) θ l/6

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from tests.cases_spatial import box
 
+from cases import all_inner
 from jld_core import build_assembly, parse_scene, solve
 
 AREA = 0.01
@@ -49,7 +50,6 @@ def test_bracket_without_dead_load(name: str, dimension: int, how: str) -> None:
     document: dict[str, Any] = {
         "name": name,
         "materials": {"density": 1400, **materials, how: 0},
-        "labels": {"default": label},
     }
     if dimension == 2:
         document["grid"] = {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a", "#"]}
@@ -61,7 +61,7 @@ def test_bracket_without_dead_load(name: str, dimension: int, how: str) -> None:
         ]
         force = [direction[0], 0.0, direction[1]]
         document["loads"] = {"live": [{"element": "b", "force": force, "at": [0.05, 0.05, 0.0]}]}
-    result = solve(build_assembly(parse_scene(document)))
+    result = solve(build_assembly(parse_scene(all_inner(document, label))))
     low, high = result.bracket
     assert result.status == "collapse"
     assert low <= result.load_factor <= high

@@ -353,7 +353,7 @@ def test_prism_in_pure_torsion(shape: int) -> None:
 def test_without_shear_strength_any_push_moves(label: str) -> None:
     """μ = 0 or τ = 0: shear and torsion are dropped, and sideways loads find nothing; upwards ones do."""
     for live, expected in (([{"body": [1, 0, 0]}], 0.0), ([{"body": [0, 0, 1]}], None)):
-        built = stools([OBLONG], materials=MATERIALS["no shear"], labels={"default": label}, live=live)
+        built = stools([OBLONG], materials=MATERIALS["no shear"], labels={label: [["p0", "slab"]]}, live=live)
         weight, strength = abs(built.elements.weight[0, 2]), 0.5 * built.interfaces.area[0]
         lift = 1.0 + (strength / weight if label == "inner" else 0.0)
         value = lift if expected is None else expected

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import all_inner, grid_document
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import load_scene, parse_scene
@@ -178,7 +178,7 @@ def test_refusals_name_the_key(rows: list[str], search: dict[str, Any], message:
 
 def test_contradicting_scene_labels_are_refused_only_without_slits() -> None:
     document = grid_document(SQUARE, candidates=[["c0r0", "c1r0"]])
-    document["labels"] = {"default": "inner", "dry": [["c0r1", "c0r2"]]}
+    document["labels"] = all_inner(document, dry=[["c0r1", "c0r2"]])["labels"]
     with pytest.raises(InputError, match=r"search\.segmentation: the face 'c0r1', 'c0r2' is fixed dry inside a block"):
         space_of(document)
     document["search"]["segmentation"] = False

@@ -116,7 +116,7 @@ def test_a_sliding_block_balances_exactly() -> None:
 
 def test_dissipation_of_an_inner_face_follows_from_its_strengths() -> None:
     document = grid_document(["a", "#"], tension=2e4, shear=3e4)
-    document["labels"] = {"default": "inner"}
+    document["labels"] = {"inner": [["c0r0", "c0r1"]]}
     assembly = build_assembly(parse_scene(document))
     area = Fraction(float(assembly.interfaces.area[0]))
     found = Balances(assembly).weigh({0: (1, 2, 0)}, 0, {0: False})

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move, random_move
 
+from cases import all_inner
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
@@ -30,9 +31,8 @@ def scene(elements: list[dict[str, Any]], live: list[Any], **materials: Any) -> 
             **materials,
         },
         "loads": {"live": live},
-        "labels": {"default": "inner"},
     }
-    return build_assembly(parse_scene(document))
+    return build_assembly(parse_scene(all_inner(document)))
 
 
 def box(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> dict[str, Any]:

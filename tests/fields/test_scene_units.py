@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import all_inner, grid_document
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
@@ -58,9 +58,8 @@ def test_spatial_velocities_have_scene_units() -> None:
         "elements": elements,
         "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
         "loads": {"live": [{"body": [1, 0, -0.5]}]},
-        "labels": {"default": "inner"},
     }
-    assembly = build_assembly(parse_scene(scene))
+    assembly = build_assembly(parse_scene(all_inner(scene)))
     found = spatial_bounds(assembly, gap=0.9, most_tetrahedra=30)
     field = found.velocities
     assert field is not None

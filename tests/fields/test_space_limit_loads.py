@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import all_inner
 from cases_spatial import box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
@@ -34,9 +35,8 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str = "inner",
             "inner": {"tensile_strength": 0.7, "shear_strength": 1.0, **materials.get("inner", {})},
         },
         "loads": {"live": live},
-        "labels": {"default": label},
     }
-    return build_assembly(parse_scene(document))
+    return build_assembly(parse_scene(all_inner(document, label)))
 
 
 def holds(found: SpatialBounds, exact: float, gap: float) -> None:
@@ -157,9 +157,8 @@ def test_planar_fields_bound_extruded_blocks_from_both_sides() -> None:
             "thickness": thick,
             "materials": {"gravity": 1.0, "dry": {"friction_coefficient": 0.5}, "inner": {**inner, **more}},
             "loads": {"live": [{"body": [1, -0.5]}]},
-            "labels": {"default": "inner", "dry": [["a", "b"]]},
         }
-        return build_assembly(parse_scene(document))
+        return build_assembly(parse_scene(all_inner(document, dry=[["a", "b"]])))
 
     solid = scene(spatial, [{"body": [1, 0, -0.5]}], inner=inner)
     dry = np.array([solid.pair(face) == "a–b" for face in range(len(solid.interfaces))])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import all_inner
 from cases_spatial import box, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.fields.space_adaptive import SpatialSetting
@@ -28,9 +29,8 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str, **materia
             **materials,
         },
         "loads": {"live": live},
-        "labels": {"default": label},
     }
-    return build_assembly(parse_scene(document))
+    return build_assembly(parse_scene(all_inner(document, label)))
 
 
 @pytest.mark.long  # test_space_limit_loads.py bends a cantilever as well

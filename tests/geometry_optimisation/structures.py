@@ -19,7 +19,7 @@ def block(width: float, height: float, *, friction: float = 2.0, lean: float = 0
             "inner": {"tensile_strength": 1e7, "shear_strength": 3e3},
         },
         "loads": {"live": [{"body": [1.0, 0.0]}]},
-        "labels": {"default": label},
+        "labels": {label: [["b", "g"]]},
     }
 
 

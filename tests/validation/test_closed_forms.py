@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cases import grid_assembly
+from cases import all_inner, grid_assembly
 from jld_core import LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 
 
@@ -72,10 +72,9 @@ def test_cell_on_an_inner_base(tension: float, shear: float) -> None:
         "grid": {"cell": [side, side], "thickness": thickness, "rows": ["a", "#"]},
         "materials": {"density": 1400, "inner": {"tensile_strength": tension, "shear_strength": shear}},
         "loads": {"live": [{"body": [1, 0]}]},
-        "labels": {"default": "inner"},
     }
     weight, area = 1400 * 9.81 * side * side * thickness, side * thickness
-    result = solve(build_assembly(parse_scene(document)))
+    result = solve(build_assembly(parse_scene(all_inner(document))))
     expected = min(shear * area / weight, (side / (3 * side)) * (1 + tension * area / weight))
     assert result.load_factor == pytest.approx(expected, rel=1e-8)
 
@@ -87,9 +86,8 @@ def test_horizontal_inner_cantilever() -> None:
         "grid": {"cell": [side, side], "thickness": side, "rows": ["#a"]},
         "materials": {"inner": {"tensile_strength": tension, "shear_strength": shear}},
         "loads": {"live": [{"element": "c1r0", "force": [0, -1], "at": [2 * side, side / 2]}]},
-        "labels": {"default": "inner"},
     }
-    result = solve(build_assembly(parse_scene(document)))
+    result = solve(build_assembly(parse_scene(all_inner(document))))
     area = side * side
     assert result.load_factor == pytest.approx(min(tension * area * side / 6 / side, shear * area), rel=1e-8)
     assert result.stands_at_zero is True
@@ -101,9 +99,8 @@ def test_pulled_cell() -> None:
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a", "#"]},
         "materials": {"inner": {"tensile_strength": 3e5, "shear_strength": 1e6}},
         "loads": {"live": [{"element": "c0r0", "force": [0, 1]}]},
-        "labels": {"default": "inner"},
     }
-    assert solve(build_assembly(parse_scene(document))).load_factor == pytest.approx(3e3, rel=1e-8)
+    assert solve(build_assembly(parse_scene(all_inner(document)))).load_factor == pytest.approx(3e3, rel=1e-8)
 
 
 @pytest.mark.parametrize("label", ["dry", "inner"])
@@ -116,9 +113,8 @@ def test_crushing(label: str) -> None:
             "inner": {"tensile_strength": 1e5, "shear_strength": 1e5, "compressive_strength": 4e5},
         },
         "loads": {"live": [{"element": "c0r0", "force": [0, -1]}]},
-        "labels": {"default": label},
     }
-    result = solve(build_assembly(parse_scene(document)))
+    result = solve(build_assembly(parse_scene(all_inner(document, label))))
     assert result.load_factor == pytest.approx(4e3, rel=1e-7)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry import moment_about
+from jld_core.geometry import resultants
 from jld_core.scene.materials import FaceMaterial, Materials
 
 _KEY = "materials.dry.tensile_strength"
@@ -72,11 +72,11 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
         crush_inner=own.crush_inner + strength,
     )
     force = strength * faces.area
-    pull = np.zeros_like(assembly.dead)
-    for element, sign in ((faces.a, 1.0), (faces.b, -1.0)):
-        vector = sign * force[:, None] * faces.normal
-        np.add.at(pull[:, :d], element, vector)
-        np.add.at(pull[:, d:], element, moment_about(faces.origin - assembly.elements.centroid[element], vector))
+    vector = np.concatenate([force[:, None] * faces.normal, -force[:, None] * faces.normal])
+    owner = np.concatenate([faces.a, faces.b])
+    arm = np.concatenate([faces.origin, faces.origin]) - assembly.elements.centroid[owner]
+    loads = np.column_stack([vector, np.zeros((len(vector), assembly.freedoms - d))])
+    pull = resultants(len(assembly.elements), owner, loads, arm)
     pull[assembly.elements.support] = 0.0
     return replace(
         assembly,

@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Floats, Ints, summed
 from jld_core.assembly import INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
-from jld_core.geometry import moment_about
-from jld_core.geometry.inside import contains
+from jld_core.geometry import resultants
+from jld_core.geometry.inside import contains, distance_from_face
 from jld_core.geometry.vectors import across
 from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
@@ -51,7 +51,7 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
     place[varying] = len(assembly.interfaces) + np.arange(len(varying))
     members = replace(members, face=place)
     prestress, own = _prestress(assembly, members), assembly.members
-    stress = prestress if own.self_stress is None else own.self_stress + prestress
+    stress = prestress if own.self_stress is None else summed(own.self_stress, prestress)
     members = replace(members, bond=own.bond, self_stress=stress if stress.any() else None)
     strengths = _strengths(members, varying)
     return replace(
@@ -163,7 +163,7 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
         one, two = (assembly.elements.ids[k] for k in elements)
         problem = f"both ends are the same point, and {one!r} and {two!r} share no face"
         raise InputError(where, problem, "two points, which give the axis of the pin")
-    nearest = between[np.argmin(np.linalg.norm(faces.origin[between] - points[0], axis=1))]
+    nearest = between[np.argmin([distance_from_face(faces, face, points[0]) for face in between.tolist()])]
     return np.asarray(faces.normal[nearest] * (1.0 if faces.a[nearest] == elements[0] else -1.0))
 
 
@@ -224,11 +224,13 @@ def _prestress(assembly: Assembly, members: Members) -> Floats:
     They are zero on supports.
     """
     elements, d = assembly.elements, assembly.dimension
-    total = np.zeros_like(assembly.dead)
-    for k in np.flatnonzero(members.prestress).tolist():
-        held, points, forces = members.push(k)
-        pull = -members.prestress[k] * forces
-        np.add.at(total[:, :d], held, pull)
-        np.add.at(total[:, d:], held, moment_about(points - elements.centroid[held], pull))
+    pushes = [(members.prestress[k], *members.push(k)) for k in np.flatnonzero(members.prestress).tolist()]
+    if not pushes:
+        return np.zeros_like(assembly.dead)
+    held = np.concatenate([one for _, one, _, _ in pushes])
+    arm = np.concatenate([points for _, _, points, _ in pushes]) - elements.centroid[held]
+    pull = np.concatenate([-prestress * forces for prestress, _, _, forces in pushes])
+    loads = np.column_stack([pull, np.zeros((len(pull), assembly.freedoms - d))])
+    total = resultants(len(elements), held, loads, arm)
     total[elements.support] = 0.0
     return total

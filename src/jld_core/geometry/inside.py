@@ -1,12 +1,15 @@
-"""Distances of points from elements."""
+"""Test whether points lie in elements and on faces."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Floats
+from jld_core.assembly import Interfaces
+from jld_core.geometry.overlay import area_of
 
 _Loops = tuple[tuple[int, ...], ...]
 
@@ -37,6 +40,29 @@ def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
     below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
     angle = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
     return 0.0 if abs(angle.sum()) > 2.0 * np.pi else min(_off_triangle(triangle) for triangle in triangles)
+
+
+def point_in_face(faces: Interfaces, face: int) -> Floats:
+    """Return a point (d,) inside a face; its centroid may lie outside, for example around a corner."""
+    if faces.origin.shape[1] == 2:
+        return np.asarray(faces.origin[face])
+    flat = shapely.get_coordinates(shapely.point_on_surface(_region(faces, face)))[0]
+    return np.asarray(faces.origin[face] + flat @ np.array([faces.e1[face], faces.e2[face]]))
+
+
+def distance_from_face(faces: Interfaces, face: int, point: Floats) -> float:
+    """Return the distance of a point (d,) from a face, 0 inside it."""
+    if len(point) == 2:
+        return float(shapely.LineString(faces.polygon[face]).distance(shapely.Point(point)))
+    arm = point - faces.origin[face]
+    flat = shapely.Point(float(arm @ faces.e1[face]), float(arm @ faces.e2[face]))
+    return float(np.hypot(_region(faces, face).distance(flat), arm @ faces.normal[face]))
+
+
+def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
+    """Return the polygons of a spatial face in its plane, about its centroid."""
+    arm = np.asarray(faces.polygon[face], dtype=float) - faces.origin[face]
+    return area_of(shapely.Polygon(arm @ np.array([faces.e1[face], faces.e2[face]]).T))
 
 
 def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:

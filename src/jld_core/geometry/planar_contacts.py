@@ -168,10 +168,10 @@ def _near(shapes: Any, reach: Floats) -> Ints:
 
 
 def _spans(polygons: list[Floats]) -> Floats:
-    """Return the larger side (n,) of the bounding box of each polygon."""
+    """Return the diagonal (n,) of the bounding box of each polygon: no edge is longer, however it lies."""
     every = np.concatenate(polygons)
     start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
-    return np.asarray((np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).max(axis=1))
+    return np.hypot(*(np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).T)
 
 
 def _shapes(polygons: list[Floats]) -> Any:
@@ -188,7 +188,7 @@ class _FacingEdges:
     pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
     normal of that edge. offset: (k,) signed distance to the other edge, at the end of the overlap where it is larger in
     magnitude. least: (k,) smaller distance of both ends, without sign; 0 where the edges cross. length: (k,) of the
-    shorter edge.
+    shorter edge. between: (k, 2) point half-way between the edges, where they are at least a quarter of `offset` apart.
     """
 
     pair: Ints
@@ -197,6 +197,7 @@ class _FacingEdges:
     offset: Floats
     least: Floats
     length: Floats
+    between: Floats
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
@@ -235,9 +236,16 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     hit = np.flatnonzero((high - low > reach) & (apart <= reach))
     pair, i, j = pair[hit], i[hit], j[hit]
     ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
-    far = np.where(abs(ends_off[0]) >= abs(ends_off[1]), ends_off[0], ends_off[1])[hit]
-    least = np.where(ends_off[0] * ends_off[1] < 0.0, 0.0, abs(ends_off).min(axis=0))[hit]
-    return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]))
+    first_off, last_off = ends_off[:, hit]
+    least = np.where(first_off * last_off < 0.0, 0.0, abs(ends_off[:, hit]).min(axis=0))
+    at_first = abs(first_off) >= abs(last_off)
+    far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
+    # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
+    share = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
+    place = np.where(at_first, 1.0 - share, share)[:, None]
+    half_way = 0.5 * (close + share * (far - close))
+    between = ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward[i]
+    return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]), between)
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
@@ -276,7 +284,7 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     touching = facing.least <= tolerances.CONTACT * length
     close = (gap > tolerances.CONTACT * length) & (touching | (gap <= tolerances.NEAR * length))
     kept = np.flatnonzero(close)
-    middle = facing.ends[kept].mean(axis=1) + 0.5 * facing.offset[kept, None] * facing.outward[kept]
+    middle = facing.between[kept]
     # A middle within an element is no gap: a plate lies between, or both overlap by less than what is refused.
     covered = np.zeros(len(kept), dtype=bool)
     covered[shapely.STRtree(shapes).query(shapely.points(middle), predicate="within")[0]] = True

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints, without_rounding
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:
@@ -30,6 +30,23 @@ def moment_about(arm: Floats, force: Floats) -> Floats:
     if arm.shape[-1] == 2:
         return (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
     return np.cross(arm, force)
+
+
+def resultants(count: int, owner: Ints, loads: Floats, arm: Floats) -> Floats:
+    """Sum loads (k, q) at arms (k, d) from the centres of their owners (k,) to resultants (count, q) about the centres.
+
+    Sums that cancel up to rounding are exactly zero: the scale of a program must not be made of what is left.
+    """
+    d = arm.shape[1]
+    moment = moment_about(arm, loads[:, :d])
+    # |arm × force| alone would miss the rounding of components of forces that cancel within it
+    terms = np.linalg.norm(arm, axis=1)[:, None] * np.linalg.norm(loads[:, :d], axis=1)[:, None]
+    gross = np.column_stack([np.repeat(np.linalg.norm(loads[:, :d], axis=1)[:, None], d, axis=1), abs(loads[:, d:])])
+    gross[:, d:] += terms
+    total, size = np.zeros((count, loads.shape[1])), np.zeros((count, loads.shape[1]))
+    np.add.at(total, owner, np.column_stack([loads[:, :d], loads[:, d:] + moment]))
+    np.add.at(size, owner, gross)
+    return without_rounding(total, size)
 
 
 def spun(turn: Floats, arm: Floats) -> Floats:

@@ -121,6 +121,21 @@ class Prover:
             return self._nothing()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
 
+    def state_within(self, forces: Floats, labels: Bits, inside: Bools) -> State:
+        """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone.
+
+        Faces without forces are exactly at the apex of their yield sets: only the slack of the others must exceed the
+        rounding error.
+        """
+        mask = np.repeat(inside, forces.shape[1]).astype(float)
+        dead, projector = self.template.dead, self._projectors.of_forces(mask)
+        projected, left, error = projected_onto(projector, forces.ravel() * mask, -dead, 3)
+        table = projected.reshape(forces.shape)
+        slack = self.template.yield_set.slack(table, labels)
+        outside = float(slack[~inside].min(initial=np.inf))
+        least = float(slack[inside].min(initial=np.inf))
+        return State(table, 0.0, least if outside >= 0.0 else outside, error_or_inf(error, left, projected))
+
     def ray(self, point: Floats, labels: Bits) -> State:
         """Project a raw ray onto A R + b_λ = 0 and measure its slack in the recession cones.
 

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.refinement.refine import refine
+from jld_core.refinement.transfer import face_of_piece
 from jld_core.scene import Scene
 
 
@@ -161,16 +162,5 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
                 f"cells of {ids[a]!r} and {ids[b]!r} touch, and these elements do not",
                 "another size of cells",
             )
-        away = [_distance(joints, face, fine.interfaces.origin[k]) for face in candidates]
-        found[k] = candidates[int(np.argmin(away))]
+        found[k] = face_of_piece(joints.interfaces, candidates, fine.interfaces, k)
     return found
-
-
-def _distance(joints: Assembly, face: int, place: Floats) -> float:
-    """Return the distance of a place from a planar face, in space from its centroid."""
-    if joints.dimension == 3:
-        return float(np.linalg.norm(joints.interfaces.origin[face] - place))
-    start, end = np.asarray(joints.interfaces.polygon[face], dtype=float)
-    along = end - start
-    share = np.clip((place - start) @ along / (along @ along), 0.0, 1.0)
-    return float(np.linalg.norm(start + share * along - place))

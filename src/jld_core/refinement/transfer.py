@@ -9,9 +9,9 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Interfaces
 from jld_core.errors import InputError
-from jld_core.geometry.inside import distance_to
+from jld_core.geometry.inside import distance_from_face, distance_to, point_in_face
 from jld_core.scene import Scene
 
 
@@ -114,6 +114,17 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
     return found
 
 
+def face_of_piece(old: Interfaces, candidates: list[int], new: Interfaces, piece: int) -> int:
+    """Return which of some faces contains a face of pieces: the one at distance zero from a point inside it.
+
+    The centroid would not do: that of another face may be nearer, and that of a face around a corner lies outside it.
+    """
+    if len(candidates) == 1:
+        return candidates[0]
+    point = point_in_face(new, piece)
+    return candidates[int(np.argmin([distance_from_face(old, face, point) for face in candidates]))]
+
+
 def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
     """Return the label lists of pairs of pieces under which all faces keep their old labels.
 
@@ -128,8 +139,7 @@ def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str,
         dry = False
         if one != two:
             candidates = known.get((min(one, two), max(one, two)), [])
-            away = [float(np.linalg.norm(old.interfaces.origin[j] - faces.origin[k])) for j in candidates]
-            dry = bool(old.labels[candidates[int(np.argmin(away))]]) if candidates else True
+            dry = bool(old.labels[face_of_piece(old.interfaces, candidates, faces, k)]) if candidates else True
         if dry != bool(new.labels[k]):
             lists["dry" if dry else "inner"].append([ids[a], ids[b]])
     return {key: pairs for key, pairs in lists.items() if pairs}

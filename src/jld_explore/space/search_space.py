@@ -148,7 +148,12 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
 
 
 def search_space(
-    scene: Scene, assembly: Assembly, *, allow_empty: bool = False, need_materials: bool = True
+    scene: Scene,
+    assembly: Assembly,
+    *,
+    allow_empty: bool = False,
+    need_materials: bool = True,
+    tells_apart: str = "",
 ) -> SearchSpace:
     """Build the search space of a scene from its "search" section.
 
@@ -163,6 +168,8 @@ def search_space(
     need_materials : bool
         Refuse a label that may occur but has no material.
         Scenes that are described but not searched use the opposite of both defaults.
+    tells_apart : str
+        Reason why what ranks layouts may tell mirror images apart; then none are merged.
 
     Returns
     -------
@@ -208,7 +215,7 @@ def search_space(
     refuse_contradictions(limits, chosen, fixed, least, most, graph)
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
-    symmetry = symmetry_group(assembly, search, chosen, fixed)
+    symmetry = symmetry_group(assembly, scene, chosen, fixed, unknown=tells_apart)
     return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry, void)
 
 

@@ -1,4 +1,8 @@
-"""Find the symmetries of a scene: isometries that map labellings onto equivalent ones."""
+"""Find the symmetries of a scene: isometries that map labellings onto equivalent ones.
+
+An isometry counts only if it maps what the model that answers reads: the joint grid, the finer cells where blocks crack
+along them, and the facts of `Signature`.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,17 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
-from jld_core.scene import Search
+from jld_core.refinement.cells import CrackCells, crack_cells
+from jld_core.scene import Scene
+from jld_core.scene.cracks import CellCracks
 from jld_core.sub_assembly import faces_of
+from jld_explore.space.signature import Signature, Unknown, same_marks, same_tags, signature_of
+
+_ANGLE: Final = 10.0 * tolerances.SYMMETRY
+"""Largest difference of unit vectors that are mapped onto each other."""
 
 _FEW: Final = 200
 """Largest number of points whose distances are all computed; a tree of points takes 0.07 s to import."""
@@ -44,25 +54,35 @@ class SymmetryGroup:
         return len(self.faces)
 
 
-def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed: Bits) -> SymmetryGroup:
+def symmetry_group(
+    assembly: Assembly, scene: Scene, candidates: Bools, fixed: Bits, *, unknown: str = ""
+) -> SymmetryGroup:
     """Find the group that `search.symmetry` requests.
 
-    Raises InputError for "mirror-x" if the scene does not have this symmetry.
+    unknown: reason why mirror images may differ whatever the scene says; then there is no symmetry. Raises InputError
+    for "mirror-x" if the scene does not have this symmetry.
     """
     d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
     identity = (np.eye(d), np.arange(n), np.arange(m))
     found = [identity]
-    if search.symmetry == "mirror-x":
+    wanted = scene.search.symmetry
+    if wanted != "none":
         mirror = np.diag([-1.0] + [1.0] * (d - 1))
-        image = _image(assembly, search, candidates, fixed, mirror)
-        if isinstance(image, str):
-            raise InputError("search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"')
-        found.append((mirror, *image))
-    elif search.symmetry == "auto":
-        for matrix in _possible_matrices(assembly):
-            image = _image(assembly, search, candidates, fixed, matrix)
+        try:
+            signature = signature_of(scene, assembly)
+        except Unknown as reason:
+            unknown = unknown or str(reason)
+        if unknown:
+            images: list[tuple[Floats, tuple[Ints, Ints] | str]] = [(mirror, unknown)]
+        else:
+            spot = _Spot(assembly, scene, candidates, fixed, signature)
+            matrices = [mirror] if wanted == "mirror-x" else _possible_matrices(assembly)
+            images = [(matrix, spot.image(matrix)) for matrix in matrices]
+        for matrix, image in images:
             if not isinstance(image, str):
                 found.append((matrix, *image))
+            elif wanted == "mirror-x":
+                raise InputError("search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"')
     matrices, elements, faces = (np.array(part) for part in zip(*found, strict=True))
     # Isometries with the same effect on faces count once (a mirror through a column of single cells).
     first = np.sort(np.unique(faces, axis=0, return_index=True)[1])
@@ -126,39 +146,74 @@ def _kinds(assembly: Assembly) -> Ints:
     return np.asarray(np.unique(table, axis=0, return_inverse=True)[1].reshape(-1), dtype=np.int64)
 
 
-def _image(
-    assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
-) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or a reason.
+class _Spot:
+    """Test of isometries on one scene; the finer cells are computed once a matrix maps the joint grid.
 
-    The reason is a text that names the first property that is not mapped onto itself. candidates, fixed: (m,) as in
-    `SearchSpace`.
+    candidates, fixed: (m,) as in `SearchSpace`.
+    """
+
+    def __init__(
+        self, assembly: Assembly, scene: Scene, candidates: Bools, fixed: Bits, signature: Signature | None
+    ) -> None:
+        self._assembly, self._scene, self._signature = assembly, scene, signature
+        self._candidates, self._fixed = candidates[: assembly.faces], fixed[: assembly.faces]
+        self._cells: CrackCells | None = None
+
+    def image(self, matrix: Floats) -> tuple[Ints, Ints] | str:
+        """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or the first reason why not."""
+        assembly, search = self._assembly, self._scene.search
+        centre = assembly.elements.centroid.mean(axis=0)
+        if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
+            return "it turns the bounding boxes that block_extent limits"
+        image = _image(assembly, matrix, centre, self._signature)
+        if isinstance(image, str):
+            return image
+        to, face_to = image
+        excepted = np.isin(assembly.elements.ids, search.except_)
+        if np.any(excepted[to] != excepted):
+            return "its elements that limits except are not mapped onto themselves"
+        candidates, fixed, of_faces = self._candidates, self._fixed, face_to[: assembly.faces]
+        if np.any(candidates[of_faces] != candidates) or np.any((fixed[of_faces] != fixed) & ~candidates):
+            return "its candidates and fixed labels are not mapped onto themselves"
+        return self._of_cells(matrix, centre, of_faces) or image
+
+    def _of_cells(self, matrix: Floats, centre: Floats, face_to: Ints) -> str:
+        """Return why the finer cells are not mapped as the faces of the joint grid are, "" where they are."""
+        cracks, base = self._scene.cracks, self._assembly
+        if not isinstance(cracks, CellCracks):
+            return ""
+        if self._cells is None:
+            self._cells = crack_cells(self._scene, base, cracks.cell)
+        cells = self._cells
+        if cells.fine is base:
+            return ""
+        image = _image(cells.fine, matrix, centre, None)
+        if isinstance(image, str):
+            return f"of the cells along which blocks crack: {image}"
+        of = cells.face[: cells.fine.faces]
+        if np.array_equal(of[image[1][: len(of)]], np.where(of >= 0, face_to[np.maximum(of, 0)], -1)):
+            return ""
+        return "its joints are not mapped as the cells along which blocks crack"
+
+
+def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signature | None) -> tuple[Ints, Ints] | str:
+    """Return the images of elements (n,) and interfaces (m,) under a matrix (d, d) about `centre`, or a reason.
+
+    The reason is a text that names the first property that is not mapped onto itself.
     """
     whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
-    candidates, fixed = candidates[: len(faces)], fixed[: len(faces)]
-    centre = elements.centroid.mean(axis=0)
     reach = tolerances.SYMMETRY * assembly.size
-    if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
-        return "it turns the bounding boxes that block_extent limits"
     moved = (elements.centroid - centre) @ matrix.T + centre
     kind = _kinds(assembly)
     to = _nearest(moved, elements.centroid, kind, kind, reach)
     if to is None or not _same_corners(elements.shape, to, matrix, centre, reach):
         return "its elements are not mapped onto elements of the same shape"
-    if not _same_loads(assembly, to, matrix):
-        return "its loads are not mapped onto themselves"
-    weight = np.linalg.norm(elements.weight, axis=1)
-    weighed = any(bounds != [None, None] for bounds in (search.block_weight, search.block_mass))
-    if weighed and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
+    weight = np.where(elements.support[:, None], 0.0, elements.weight)
+    if abs(weight @ matrix.T - weight[to]).max() > tolerances.SYMMETRY * np.linalg.norm(weight, axis=1).max():
         return "its weights are not mapped onto themselves"
-    if search.assemble == "standing":
-        turned = elements.weight @ matrix.T - elements.weight[to]
-        if abs(turned).max() > 1e-8 * weight.max(initial=0.0):
-            return "its weights are not mapped onto themselves"
-    excepted = np.isin(elements.ids, search.except_)
-    if np.any(excepted[to] != excepted):
-        return "its elements that limits except are not mapped onto themselves"
+    if not _same_loads(assembly, signature, to, matrix, centre, reach):
+        return "its loads are not mapped onto themselves"
     count = len(elements)
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
     pair_to = np.minimum(to[faces.a], to[faces.b]) * count + np.maximum(to[faces.a], to[faces.b])
@@ -171,26 +226,48 @@ def _image(
     if face_to is None or not _same_corners(faces.polygon, face_to, matrix, centre, reach):
         return "its interfaces are not mapped onto interfaces"
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
-    if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
+    if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > _ANGLE:
         return "its interfaces are not mapped onto interfaces"
+    if assembly.dimension == 3 and not _same_axes(faces, face_to, matrix):
+        return "the axes of its faces are not mapped onto themselves"
     strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
     table = np.column_stack([column for one in strengths for column in vars(one).values()]).reshape(len(faces), -1)
     if not np.array_equal(table[face_to], table, equal_nan=True):
         return "its strengths are not mapped onto themselves"
-    if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
-        return "its candidates and fixed labels are not mapped onto themselves"
-    members_to = _image_of_members(whole, to, matrix, centre, reach)
+    if signature is not None and not (same_tags(signature.elements, to) and same_tags(signature.faces, face_to)):
+        return "distributions of its values are not mapped onto themselves"
+    members_to = _image_of_members(whole, signature, to, matrix, centre, reach)
     if members_to is None:
         return "its members are not mapped onto themselves"
     return to, np.concatenate([face_to, members_to])
 
 
-def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floats, reach: float) -> Ints | None:
+def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
+    """Return True if the axes of bending of spatial faces are mapped onto such axes with equal sizes.
+
+    The axes of a face without a preferred direction may be an arbitrary choice, which its yield set reads.
+    """
+    e1, e2 = faces.e1 @ matrix.T, faces.e2 @ matrix.T
+    near = 10.0 * tolerances.SYMMETRY * np.maximum(faces.l1, faces.l2)
+    same = np.ones(len(to), dtype=bool)
+    swapped = same.copy()
+    for length, axis, other in ((faces.l1, e1, "1"), (faces.l2, e2, "2")):
+        for chosen, name in ((same, other), (swapped, "2" if other == "1" else "1")):
+            there, size = getattr(faces, f"e{name}")[to], getattr(faces, f"l{name}")[to]
+            turned = np.linalg.norm(np.cross(axis, there), axis=1)
+            chosen &= (turned <= _ANGLE) & (abs(length - size) <= near)
+    return bool((same | swapped).all() and (abs(faces.c_t[to] - faces.c_t) <= near).all())
+
+
+def _image_of_members(
+    assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
+) -> Ints | None:
     """Return the images of the interfaces of members; None if a member has no image.
 
     to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
     """
     members = assembly.members
+    tags = () if signature is None else signature.members
     strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
     columns = [column for one in strengths for column in vars(one).values()]
     table = np.column_stack([members.axial, members.prestress])
@@ -204,12 +281,13 @@ def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floa
             one, other = int(members.face[k]), int(members.face[j])
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
+            alike = alike and tags[k : k + 1] == tags[j : j + 1]
             if not alike or (one >= 0 and any(column[one] != column[other] for column in columns)):
                 return False
             for step in (1, -1):
                 there, at = members.elements[j][::step], members.points[j][::step]
                 turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
-                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= 10 * tolerances.SYMMETRY:
+                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= _ANGLE:
                     return True
             return False
 
@@ -262,15 +340,23 @@ def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: 
     return True
 
 
-def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
+def _same_loads(
+    assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
+) -> bool:
     """Return True if every load case maps one to one onto a case of equal required factor."""
     cases, required = assembly.by_case, assembly.required
-    left = set(range(len(cases)))
-    for case, factor in zip(cases, required, strict=True):
-        image = next(
-            (k for k in sorted(left) if required[k] == factor and _falls_on(case, cases[k], to, matrix)),
-            None,
-        )
+    if signature is not None and not same_marks(signature.dead, signature.dead, to, matrix, centre, reach):
+        return False
+
+    def is_image(k: int, j: int) -> bool:
+        """Return True if case j is the image of case k."""
+        if required[k] != required[j] or not _falls_on(cases[k], cases[j], to, matrix):
+            return False
+        return signature is None or same_marks(signature.cases[k], signature.cases[j], to, matrix, centre, reach)
+
+    left = list(range(len(cases)))
+    for k in range(len(cases)):
+        image = next((j for j in left if is_image(k, j)), None)
         if image is None:
             return False
         left.remove(image)
