@@ -229,8 +229,52 @@ def test_strengths_with_a_distribution_count_by_their_fractile(kind: str) -> Non
     uncertain = {"mean": 0.5, "cov": 0.2, "kind": kind}
     loads = [{"element": "b", "force": [{"mean": 10.0, "cov": 0.3, "kind": "normal"}, 0.0], "at": [0.5, 0.0]}]
     one = checked(wall(loads, materials={"dry": {"friction_coefficient": uncertain}}))
-    assert one.governing.bounds.load_factor == pytest.approx(share * 0.4 * 0.9 * 40 / 14.0, rel=1e-8)
-    assert any("5 % fractile" in note for note in to_json(one)["not_covered"])
+    most = 1.0 + 2.053748911 * 0.3  # EN 1990, 4.1.2(7): a live load counts by its 98 % fractile
+    assert one.governing.bounds.load_factor == pytest.approx(share * 0.4 * 0.9 * 40 / (14.0 * most), rel=1e-8)
+    assert any("5 % fractile" in note and "98 %" in note for note in to_json(one)["not_covered"])
+
+
+@pytest.mark.parametrize("dry", [{"friction_coefficient": 0.3}, {"friction_angle": math.degrees(math.atan(0.3))}])
+def test_a_low_value_is_the_characteristic_one(dry: dict[str, Any]) -> None:
+    ((key, low),) = dry.items()
+    both = {key: {"nominal": 2.0 * low, "low": low}}
+    loads = [{"element": "b", "force": [10.0, 0.0], "at": [0.5, 0.0]}]
+    found = [checked(wall(loads, materials={"dry": one})).governing.utilisation for one in (dry, both)]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+LIVE = {"mean": [10.0, 0.0], "cov": 0.5, "kind": "lognormal"}
+"""Load whose 98 % fractile is 10 exp(2.0537 ζ − ζ²/2), ζ² = ln 1.25."""
+
+
+@pytest.mark.parametrize(
+    "loads",
+    [
+        {"live": [{"element": "b", "force": LIVE, "at": [0.5, 0.0]}]},
+        {"live": [{"element": "b", "force": [{**LIVE, "mean": 10.0}, 0.0], "at": [0.5, 0.0]}]},
+        {"cases": [{"name": "wind", "live": [{"element": "b", "force": LIVE, "at": [0.5, 0.0]}]}]},
+        {"live": [{"body": {**LIVE, "mean": [0.25, 0.0]}}]},
+        {"live": [{"face": {"along": [[0, 0], [0, 2]]}, "pressure": {**LIVE, "mean": 5.0}}]},
+    ],
+)
+def test_live_loads_with_a_distribution_count_by_an_upper_value(loads: dict[str, Any]) -> None:
+    """EN 1990, 4.1.2(7): sliding at 0.4 · 0.9 W = λ γQ H, with the 98 % fractile of H."""
+    spread = math.sqrt(math.log(1.25))
+    most = 10.0 * math.exp(2.053748911 * spread - 0.5 * spread**2)
+    materials = {"dry": {"friction_coefficient": 0.05}}
+    found = checked(wall([], loads=loads, materials=materials)).governing
+    assert found.bounds.load_factor == pytest.approx(0.04 * 0.9 * 40 / (1.4 * most), rel=1e-8)
+
+
+def test_permanent_loads_of_large_variation_are_refused() -> None:
+    """EN 1990, 4.1.2(2) asks for a lower and an upper value; up to 10 % the mean counts."""
+    loads = {"live": [WATER], "dead": [{"element": "b", "force": {"mean": [0.0, -5.0], "cov": 0.1, "kind": "normal"}}]}
+    plain = {"live": [WATER], "dead": [{"element": "b", "force": [0.0, -5.0]}]}
+    found = [checked(wall([], loads=one)).governing.utilisation for one in (loads, plain)]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    loads["dead"][0]["force"]["cov"] = 0.2
+    with pytest.raises(InputError, match=r"loads.dead\[0\].force: its coefficient of variation is 0.2"):
+        checked(wall([], loads=loads))
 
 
 def test_fill_is_refused_in_one_line() -> None:

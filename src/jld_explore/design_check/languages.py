@@ -152,9 +152,12 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Reazioni e riserve esistono solo se la verifica riesce; qui mancano.",
     ),
     "uncertain": (
-        "Of values with a distribution, strengths count by their 5 % fractile (EN 1990, 4.2(3)), loads by their mean.",
-        "Von Werten mit Verteilung gilt für Festigkeiten das 5-%-Fraktil (EN 1990, 4.2(3)), für Lasten das Mittel.",
-        "Dei valori con distribuzione valgono il frattile 5 % (resistenze; EN 1990, 4.2(3)) e la media (carichi).",
+        "Of values with a distribution, strengths count by their 5 % fractile (EN 1990, 4.2(3)), live loads by their "
+        "98 % fractile (4.1.2(7)), permanent loads by their mean (4.1.2(3)).",
+        "Von Werten mit Verteilung gilt für Festigkeiten das 5-%-Fraktil (EN 1990, 4.2(3)), für veränderliche Lasten "
+        "das 98-%-Fraktil (4.1.2(7)), für ständige Lasten das Mittel (4.1.2(3)).",
+        "Dei valori con distribuzione valgono il frattile 5 % (resistenze; EN 1990, 4.2(3)), il frattile 98 % (carichi "
+        "variabili; 4.1.2(7)) e la media (carichi permanenti; 4.1.2(3)).",
     ),
     "with_members": (
         "Reactions are those of the faces of supports; forces of members anchored there add to them. A member without "
