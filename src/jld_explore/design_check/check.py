@@ -24,6 +24,7 @@ from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.design_values import at_design_values
 from jld_explore.design_check.combinations import Combination, at_design_loads, combinations_of
+from jld_explore.design_check.parts import worst_parts
 
 LISTED: Final = 8
 """Number of joints and of blocks that a check lists, those nearest to their limit."""
@@ -191,20 +192,27 @@ def design_check(
     assembly = build_assembly(scene)
     own = assembly.labels if labels is None else labels
     require_materials(assembly, own, ~own)
+    if factors.by_parts and isinstance(scene.cracks, FieldCracks):
+        problem = "EN 1990, 6.4.3.1(4) factors parts of the weight one by one, which fields do not"
+        raise InputError("cracks", problem, '"faces" or {"kind": "cells"}')
     combinations = combinations_of(assembly, factors)
     structures = _structures(scene, own, factors, combinations)
     tried: list[list[CaseCheck]] = []
     solutions: list[Solution] = []
     for combination, (structure, cells) in zip(combinations, structures, strict=True):
+        if factors.by_parts:
+            tried.append(_cases_by_parts(structure, cells, factors, combination))
+            continue
         solution = _solved(scene, structure, cells, seconds)
         solutions.append(solution)
         tried.append(_cases(structure, cells, combination, solution, seconds))
     by_case = tuple(zip(*tried, strict=True))
     cases = tuple(_worst(one) for one in by_case)
     first = _worst(cases)
-    chosen = combinations.index(first.combination)
+    chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]
-    checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, _of_case(solutions[chosen], first), (), None)
+    solved = solve(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
+    checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
     if not states or isinstance(scene.cracks, FieldCracks) or first.verified is not True:
         return checked
     loaded = replace(first.structure, dead=first.structure.dead + first.required * first.structure.live)
@@ -223,7 +231,7 @@ def _structures(
     factors: PartialFactors,
     combinations: list[Combination],
 ) -> list[tuple[Assembly, Bits]]:
-    """Return the structure and its labels under each combination, at design values.
+    """Return the structure and its labels under each combination, at design values; loads of parts are characteristic.
 
     labels: (m,) True = dry. Where blocks crack by cells, these are the finer cells. Raises InputError for contradictory
     design values.
@@ -244,7 +252,7 @@ def _structures(
                 cells = crack_cells(design, built, scene.cracks.cell)
                 found[prestress] = cells.fine, cells.labels(labels)
         structure, own = found[prestress]
-        structures.append((at_design_loads(structure, factors, combination), own))
+        structures.append((structure if factors.by_parts else at_design_loads(structure, factors, combination), own))
     return structures
 
 
@@ -270,6 +278,19 @@ def _cases(
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
         found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+    return found
+
+
+def _cases_by_parts(
+    structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination
+) -> list[CaseCheck]:
+    """Return the check of every load case under its worst factors of the parts of permanent loads."""
+    names = [case.name for case in structure.cases] or [""]
+    places = [case.place for case in structure.cases] or [None]
+    found = []
+    for name, alone, required, place in zip(names, structure.by_case, structure.required, places, strict=True):
+        one = worst_parts(alone, labels, factors, combination)
+        found.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
     return found
 
 

@@ -121,9 +121,22 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Tutti i carichi variabili di un caso hanno γQ; ψ delle azioni concomitanti va nei carichi della scena.",
     ),
     "parts": (
-        "Self-weight is one action: its parts are not factored apart (EN 1990, Table A1.2(A), note 1).",
-        "Das Eigengewicht ist eine Einwirkung: seine Teile haben denselben Beiwert (EN 1990, Tab. A1.2(A), Anm. 1).",
-        "Il peso proprio è una sola azione: le sue parti hanno lo stesso coefficiente (EN 1990, tab. A1.2(A), nota 1).",
+        "Self-weight is one action, all its parts have the same factor (EN 1990, 6.4.3.1(4) is for EQU: --set).",
+        "Das Eigengewicht ist eine Einwirkung, seine Teile haben denselben Beiwert (EN 1990, 6.4.3.1(4): EQU, --set).",
+        "Il peso proprio è una sola azione, con lo stesso coefficiente (EN 1990, 6.4.3.1(4) vale per EQU: --set).",
+    ),
+    "each_part": (
+        "Each element's self-weight and dead load is an individual action (EN 1990, 6.4.3.1(4)); the bounds hold for "
+        "all choices of their factors. Strengths are not reduced: strength is another check (EN 1990, 6.4.1(1)).",
+        "Eigengewicht und ständige Last jedes Elements sind eigene Einwirkungen (EN 1990, 6.4.3.1(4)); die Schranken "
+        "gelten für alle Wahlen der Beiwerte. Festigkeiten sind nicht abgemindert: eigener Nachweis (6.4.1(1)).",
+        "Peso proprio e carico permanente di ogni elemento sono azioni distinte (EN 1990, 6.4.3.1(4)); i limiti "
+        "valgono per ogni scelta dei coefficienti. Le resistenze non sono ridotte: verifica a parte (6.4.1(1)).",
+    ),
+    "of_parts": (
+        "by parts γG = {low} / {high}, unfavourable: {names}",
+        "nach Teilen γG = {low} / {high}, ungünstig: {names}",
+        "per parti γG = {low} / {high}, sfavorevoli: {names}",
     ),
     "nothing_else": (
         "Recommended values, no national annex. No serviceability, fatigue, fire, accidental or seismic situation, "

@@ -80,6 +80,11 @@ def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
 def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -> str:
     """Describe the factors of permanent loads that differ or act alone."""
     chosen = one.combination.factors(check.factors)
+    if check.factors.by_parts:
+        (low, high), heavier = check.factors.self_weight, one.combination.heavier
+        names = textwrap.shorten(", ".join(heavier), 60, placeholder=" …") or "–"
+        told = words["of_parts"].format(low=f"{low:g}", high=f"{high:g}", names=names)
+        return told + (f", {words['prestress']} γP = {chosen['prestressing']:g}" if check.assembly.members else "")
     varied = {
         name for other in check.tried[0] for name, value in vars(other.combination).items() if value != "unfavourable"
     }
@@ -208,7 +213,8 @@ def _members(check: DesignCheck, words: Mapping[str, str]) -> Table:
 def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
     """Return sentences on what a check assumes and does not cover."""
     kind = str(cracks_to_json(check.scene.cracks)) if check.scene.cracks == "faces" else check.scene.cracks.kind
-    found = [words["model"].format(cracks=words.get(kind, kind)), words["psi"], words["parts"], words["nothing_else"]]
+    parts = words["each_part" if check.factors.by_parts else "parts"]
+    found = [words["model"].format(cracks=words.get(kind, kind)), words["psi"], parts, words["nothing_else"]]
     design = check.scene.design
     if check.factors.name == "EN 1996-1-1" and check.factors.clauses["strength"].startswith("EN"):
         stated = design is not None and design.model_fields_set & {"units", "mortar", "execution"}

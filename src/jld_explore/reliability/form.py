@@ -122,18 +122,22 @@ class LimitFunction:
         self.bounds, self.required = bounds, required
         self.variables = bounds.structure.variables
 
-    @one_thread()
     def at(self, point: Floats) -> Limit:
         """Return value and gradient at a point (v,) of the standard normal space."""
-        values = self.variables.values(point)
+        limit = self.at_values(self.variables.values(point))
+        slopes = self.variables.slopes(point)
+        return limit if limit.gradient is None else replace(limit, gradient=limit.gradient * slopes)
+
+    @one_thread()
+    def at_values(self, values: Floats) -> Limit:
+        """Return value and gradient by the values (v,) of the variables themselves."""
         found: list[tuple[float, Floats | None]] = []
         for case, asked in enumerate(self.bounds.structure.assembly.required.tolist()):
             analysis, proof = self.bounds.solved(values, case)
             value, rates = self._of_case(analysis, proof, values, case)
             found.append((value / asked, None if rates is None else rates / asked))
         value, rates = min(found, key=lambda one: math.inf if math.isnan(one[0]) else one[0])
-        gradient = None if rates is None else rates * self.variables.slopes(point)
-        return Limit(value - self.required, gradient)
+        return Limit(value - self.required, rates)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
         """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4).
