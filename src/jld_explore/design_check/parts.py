@@ -18,9 +18,8 @@ from scipy.sparse.linalg import splu
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import CaseBounds, Status
+from jld_core.limit import CaseBounds, SolveOptions, Status
 from jld_core.models import limit_analysis, solve
-from jld_core.models.labelling import SolveOptions
 from jld_core.program import ConicProgram, Template
 from jld_core.scene.design import PartialFactors
 from jld_core.solvers import make_solver
