@@ -17,7 +17,7 @@ from jld_core.build.loads import PlacedLoad
 from jld_core.build.members import with_members
 from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.planar import planar_geometry
-from jld_core.build.plausibility import implausible
+from jld_core.build.plausibility import implausible, not_judged
 from jld_core.build.pressure import Boundary
 from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
@@ -132,7 +132,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    assembly = replace(assembly, warnings=warnings, notes=_means(scene))
+    assembly = replace(assembly, warnings=warnings, notes=(*not_judged(scene), *_means(scene)))
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
     return with_members(assembly, scene.members, pressures)

@@ -10,6 +10,7 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
+from jld_core.build.plausibility import not_judged
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
@@ -47,7 +48,8 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
     rank without results, or a rank that the folder does not have.
     """
     found = layout_with_distributions(source, rank)
-    for note in found[1].notes:
+    unjudged = not_judged(found[0])  # a word on plausibility, for the commands that judge it
+    for note in (one for one in found[1].notes if one not in unjudged):
         warn(f"jld: note: {source}: {note}")
     return found
 

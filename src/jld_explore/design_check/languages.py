@@ -71,6 +71,9 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "tensile_strength": ("tensile strength", "Zugfestigkeit", "resistenza a trazione"),
     "shear_strength": ("shear strength", "Schubfestigkeit", "resistenza a taglio"),
     "compressive_strength": ("compressive strength", "Druckfestigkeit", "resistenza a compressione"),
+    "whole_thickness": ("thickness", "Dicke", "spessore"),
+    "whole_density": ("density", "Dichte", "densità"),
+    "whole_weight": ("characteristic weight of all", "charakteristisches Gewicht", "peso caratteristico totale"),
     "of_faces": (
         "Faces with values of their own are reduced alike.",
         "Flächen mit eigenen Werten werden ebenso abgemindert.",

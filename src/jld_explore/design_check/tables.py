@@ -13,6 +13,7 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.assembly import blocks_of
 from jld_core.build.materials import friction
+from jld_core.build.plausibility import weight_facts
 from jld_core.limit import number
 from jld_core.limit.member_results import effects
 from jld_core.limit.reserve import Reserve
@@ -128,6 +129,9 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
                 parts.append((key, name, [float(value or 0.0) for value in values]))
     cells = [f"{words[key]}: {words[name]} {first:.4g} / {second:.4g}" for key, name, (first, second) in parts]
     rows = [[*cells[k : k + 2], ""][:2] for k in range(0, len(cells), 2)]
+    facts = weight_facts(check.scene, check.assembly)
+    told = [f"{words[f'whole_{name}']}: {facts[name]}" for name in ("thickness", "density", "weight") if name in facts]
+    rows += [[*told[k : k + 2], ""][:2] for k in range(0, len(told), 2)]
     length, force = check.assembly.units
     return Table(words["materials"].format(force=force, length=length), ["", ""], rows, [0.5, 0.5])
 
