@@ -33,6 +33,40 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Maßgebend: {case}; {combination}.",
         "Determinante: {case}; {combination}.",
     ),
+    "by_faces": (
+        "By the faces drawn: {value}.",
+        "Nach den gezeichneten Flächen: {value}.",
+        "Per le facce date: {value}.",
+    ),
+    "by_cells": ("By cells: {value}.", "Nach Zellen: {value}.", "Per celle: {value}."),
+    "by_anywhere": (
+        "Wherever blocks crack: {value}.",
+        "Wo immer Blöcke reißen: {value}.",
+        "Ovunque i blocchi si fessurino: {value}.",
+    ),
+    "governs": ("This governs.", "Dies ist maßgebend.", "Questo è determinante."),
+    "between": ("between {low} and {high}", "zwischen {low} und {high}", "tra {low} e {high}"),
+    "any_load": ("no live load brings it down", "keine Nutzlast bringt es zum Einsturz", "nessun carico lo abbatte"),
+    "falls": (
+        "falls under its permanent loads",
+        "fällt unter seinen ständigen Lasten",
+        "cade sotto i carichi permanenti",
+    ),
+    "rigid": (
+        "Blocks do not crack: the scene states no strengths of theirs.",
+        "Blöcke reißen nicht: die Szene nennt keine Festigkeiten.",
+        "I blocchi non si fessurano: la scena non indica resistenze.",
+    ),
+    "equilibrium": (
+        "Bodies are rigid in a check of static equilibrium (EN 1990, 6.4.1(1)P).",
+        "Körper sind starr im Nachweis der Lagesicherheit (EN 1990, 6.4.1(1)P).",
+        "I corpi sono rigidi nella verifica di equilibrio statico (EN 1990, 6.4.1(1)P).",
+    ),
+    "not_anywhere": (
+        "Cracks elsewhere in the blocks are not checked: {reason}.",
+        "Risse anderswo in den Blöcken sind nicht geprüft: {reason}.",
+        "Fessure altrove nei blocchi non sono verificate: {reason}.",
+    ),
     "only": ("the live load", "die Nutzlast", "il carico variabile"),
     "factors": ("Partial factors: {name}", "Teilsicherheitsbeiwerte: {name}", "Coefficienti parziali: {name}"),
     "factor": ("factor", "Beiwert", "coefficiente"),
@@ -157,6 +191,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "faces": ("along stated faces", "entlang gegebener Flächen", "lungo facce date"),
     "cells": ("along the faces of cells", "entlang von Zellflächen", "lungo le facce delle celle"),
     "fields": ("anywhere (fields)", "überall (Felder)", "ovunque (campi)"),
+    "and": ("and", "und", "e"),
     "by_fields": (
         "Fields give no reactions and no reserves of joints.",
         "Felder liefern keine Auflagerkräfte und keine Reserven von Fugen.",
@@ -189,7 +224,11 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "e altri {count}, in design_check.json",
     ),
     "structure": ("structure, governing load", "Tragwerk, maßgebende Last", "struttura, carico determinante"),
-    "mechanism": ("collapse at λ = {load}", "Versagen bei λ = {load}", "collasso a λ = {load}"),
+    "mechanism": (
+        "collapse as drawn at λ = {load}",
+        "Versagen wie gezeichnet bei λ = {load}",
+        "collasso come disegnato a λ = {load}",
+    ),
     "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
     "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
 }
