@@ -118,6 +118,20 @@ class Loads:
             tuple(replace(one, mean=factor * one.mean, slope=factor * one.slope) for one in self.tractions),
         )
 
+    def of_elements(self, factors: Floats) -> Loads:
+        """Return the loads multiplied by a factor (n,) of each element."""
+        column = factors[:, None]
+        force = factors[self.points.element][:, None] * self.points.force
+        return Loads(
+            column * self.body,
+            column * self.couples,
+            replace(self.points, force=force),
+            tuple(
+                replace(one, mean=factors[one.element] * one.mean, slope=factors[one.element] * one.slope)
+                for one in self.tractions
+            ),
+        )
+
     def __bool__(self) -> bool:
         return bool(
             self.body.any()

@@ -13,7 +13,7 @@ from cases import grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from command import call
-from jld_core import build_assembly, load_scene, parse_scene
+from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_core.build.plausibility import resultant
 from paths import SCENES
 
@@ -76,9 +76,101 @@ def test_real_scenes_are_plausible(path: Path) -> None:
     assert build_assembly(load_scene(path)).warnings == ()
 
 
-def test_other_units_are_not_judged() -> None:
+UNITS = {("m", "kN"): (1.0, 1e3), ("mm", "N"): (1e-3, 1.0), ("cm", "MN"): (1e-2, 1e6), ("ft", "lbf"): (0.3048, 4.44822)}
+"""Metres and newtons of units of scenes."""
+
+
+def in_units(length: str, force: str, density: Any, factor: float = 1.0) -> dict[str, Any]:
+    """A wall in other units, with a density as it stands; strengths of 2 MPa times `factor`."""
+    metres, newtons = UNITS.get((length, force), (1.0, 1.0))
+    stress = factor * 2e6 * metres**2 / newtons
+    return {
+        "units": {"length": length, "force": force},
+        "grid": {"cell": [0.4 / metres, 0.2 / metres], "thickness": 0.3 / metres, "rows": ["aa", "ab", "##"]},
+        "materials": {
+            "density": density,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": stress, "shear_strength": stress},
+        },
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+
+
+@pytest.mark.parametrize(("length", "force"), UNITS)
+@pytest.mark.parametrize("text", ["2000 kg/m³", "2 t/m^3", "19.62 kN/m³", "2 g/cm³", "19.62 N/dm³", "124.856 lb/ft³"])
+def test_densities_are_texts_with_units_in_every_system(length: str, force: str, text: str) -> None:
+    metres, newtons = UNITS[length, force]
+    assembly = build_assembly(parse_scene(in_units(length, force, text)))
+    assert assembly.warnings == ()
+    own = np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1).sum()
+    assert own * newtons == pytest.approx(4 * 0.4 * 0.2 * 0.3 * 2000 * 9.81, rel=1e-5)
+    assert metres > 0
+
+
+@pytest.mark.parametrize(("length", "force"), UNITS)
+def test_a_density_in_kg_per_cubic_metre_is_a_warning_in_other_units(length: str, force: str) -> None:
+    metres, newtons = UNITS[length, force]
+    (warning,) = build_assembly(parse_scene(in_units(length, force, 2000.0))).warnings
+    assert warning.startswith(f"materials.density is 2000, which is {2000 * newtons / metres**3:.4g} kg/m³ in")
+    assert 'write "density": "2000 kg/m³", or' in warning
+    remedy = float(warning.rpartition("or ")[2])
+    assert build_assembly(parse_scene(in_units(length, force, remedy))).warnings == ()
+
+
+@pytest.mark.parametrize(("length", "force"), UNITS)
+def test_strengths_and_sizes_are_judged_in_every_system(length: str, force: str) -> None:
+    warnings = build_assembly(parse_scene(in_units(length, force, "2000 kg/m³", 1e6))).warnings
+    assert len(warnings) == 2
+    assert all("usual is below 1e+09 Pa" in one for one in warnings)
+    large = in_units(length, force, "2000 kg/m³")
+    large["grid"]["cell"] = [1e5 * side for side in large["grid"]["cell"]]
+    assert any("more are above 1 km" in one for one in build_assembly(parse_scene(large)).warnings)
+
+
+def test_gravity_of_the_unit_of_length_is_known() -> None:
+    """9810 mm/s², with tonnes per mm³: 2e-9 of these are 2000 kg/m³."""
+    document = in_units("mm", "N", 2e-9)
+    document["materials"]["gravity"] = 9810
+    told = {**document, "materials": {**document["materials"], "density": "2000 kg/m³"}}
+    for one in (document, told):
+        assembly = build_assembly(parse_scene(one))
+        assert assembly.warnings == ()
+        assert parse_scene(one).materials.density == pytest.approx(2e-9)
+
+
+def test_units_of_unknown_names_are_a_note() -> None:
     document = with_("materials.dry.friction_coefficient", 35.0)
-    assert build_assembly(parse_scene({**document, "units": {"length": "mm", "force": "N"}})).warnings == ()
+    assembly = build_assembly(parse_scene({**document, "units": {"length": "ell", "force": "N"}}))
+    assert [one[:40] for one in assembly.warnings] == ["materials.dry.friction_coefficient is 35"]
+    assert assembly.notes == ("no unit is named 'ell', so that densities, strengths and sizes could not be judged",)
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "words"),
+    [
+        ("2000 kg", {}, "'kg' is no unit of this quantity"),
+        ("2000 kg/m²", {}, "no unit of this quantity"),
+        ("20 kN/m³", {"gravity": 0}, "without gravity '20 kN/m³' is no density"),
+    ],
+)
+def test_wrong_densities_are_refused_in_one_line(text: str, more: dict[str, Any], words: str) -> None:
+    document = with_("materials.density", text)
+    document["materials"] |= more
+    with pytest.raises(InputError, match=r"materials\.density: ") as refused:
+        parse_scene(document)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_check_echoes_thickness_density_and_weight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(in_units("m", "kN", "2000 kg/m³")))
+    out = call(monkeypatch, capsys, "check", file).out
+    assert "thickness    0.3 m" in out
+    assert "density      2, 2000 kg/m³ in m and kN" in out
+    assert "weight       1.884 kN" in out
 
 
 @pytest.mark.usefixtures("without_pictures")

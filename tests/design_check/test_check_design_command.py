@@ -121,6 +121,74 @@ def test_everything_fits_on_one_sheet() -> None:
     assert len(to_json(check)["cases"]) == 12
 
 
+ARCH = {
+    "elements": [
+        {"id": "left", "support": True, "polygon": [[-1.5, -0.5], [-1, -0.5], [-1, 0.4], [-1.5, 0.4]]},
+        {"id": "right", "support": True, "polygon": [[1, -0.5], [1.5, -0.5], [1.5, 0.4], [1, 0.4]]},
+        {"id": "a", "polygon": [[-1, 0], [-0.1, 0], [-0.1, 0.4], [-1, 0.4]]},
+        {"id": "b", "polygon": [[-0.1, 0], [0.1, 0], [0.1, 0.4], [-0.1, 0.4]]},
+        {"id": "c", "polygon": [[0.1, 0], [1, 0], [1, 0.4], [0.1, 0.4]]},
+    ],
+    "thickness": 0.3,
+    "materials": {
+        "density": 2000.0,
+        "dry": {"friction_coefficient": 0.7, "compressive_strength": 2e7},
+        "inner": {"tensile_strength": 2e5, "shear_strength": 2e5, "compressive_strength": 2e7},
+    },
+    "loads": {"live": [{"element": "b", "force": [0, -2e4], "at": [0.0, 0.4]}]},
+    "design": {"set": "EN 1990"},
+}
+"""A flat arch whose joints crush at 20 MPa and whose blocks, sheared, at 2 · 0.2 MPa."""
+
+
+def test_the_weaker_of_both_crack_models_governs(jld: Command, tmp_path: Path) -> None:
+    """By the faces drawn the arch is verified; where its blocks crack anywhere it is not: H ≤ 0.4 MPa · 0.2 m · 0.3 m
+    = 24 kN with a lever below 0.3 m carries less than 1.5 · 20 kN at 1 m.
+    """
+    path = tmp_path / "arch.json"
+    path.write_text(json.dumps(ARCH))
+    told = json.loads(jld("check-design", path, "--json", "--seconds", 5).out)
+    assert told["by_drawn"]["verified"] is True
+    assert told["anywhere"]["verified"] is False
+    assert told["verified"] is False
+    assert told["utilisation"] == told["anywhere"]["utilisation"]
+    assert told["anywhere"]["utilisation_bracket"][0] > 1.0 > told["by_drawn"]["utilisation_bracket"][1]
+    done = jld("check-design", path, "--seconds", 5, "--out", tmp_path / "out")
+    lines = done.out.splitlines()
+    assert lines[1].startswith("Not verified: utilisation")
+    assert lines[3].startswith("By the faces drawn: λ = ")
+    assert "Wherever blocks crack: λ between" in lines[3]
+    assert lines[3].endswith("This governs.")
+    page = (tmp_path / "out" / "design_check.html").read_text(encoding="utf-8")
+    assert "Wherever blocks crack" in page
+
+
+def test_a_verified_design_is_verified_by_both_crack_models(jld: Command, tmp_path: Path) -> None:
+    path = tmp_path / "arch.json"
+    materials = {**ARCH["materials"], "inner": {"tensile_strength": 2e6, "shear_strength": 6e6}}  # type: ignore[dict-item]
+    path.write_text(json.dumps({**ARCH, "materials": materials}))
+    told = json.loads(jld("check-design", path, "--json", "--seconds", 20).out)
+    assert told["verified"] is told["by_drawn"]["verified"] is told["anywhere"]["verified"] is True
+    assert told["reactions"]
+
+
+@pytest.mark.parametrize(
+    ("more", "reason", "words"),
+    [
+        ({"materials": {"density": 2000, "dry": {"friction_coefficient": 0.7}}}, "rigid", "Blocks do not crack"),
+        ({"design": {"set": "EN 1990 EQU"}}, "equilibrium", "Bodies are rigid"),
+    ],
+)
+def test_what_is_not_checked_is_said(
+    jld: Command, tmp_path: Path, more: dict[str, Any], reason: str, words: str
+) -> None:
+    path = tmp_path / "arch.json"
+    path.write_text(json.dumps({**ARCH, **more}))
+    told = json.loads(jld("check-design", path, "--json").out)
+    assert (told["anywhere"], told["not_anywhere"]) == (None, reason)
+    assert words in jld("check-design", path).out.splitlines()[3]
+
+
 def test_moving_loads_are_plotted(jld: Command, tmp_path: Path) -> None:
     """Statics of a vehicle at x from the middle of a block, beyond its base: W b/2 = λ P (x − b/2)."""
     ground = {"id": "g", "support": True, "polygon": [[-1, -1], [1, -1], [1, 0], [-1, 0]]}

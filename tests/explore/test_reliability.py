@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,13 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
-from jld_explore.reliability.analysis import ReliabilityOptions, analyse, structure_of
+from jld_explore.reliability.analysis import ReliabilityOptions, analyse, estimate, structure_of
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
+from jld_explore.reliability.exploration import explore_failures
 from jld_explore.reliability.form import Form, Limit, LimitFunction, design_point
 from jld_explore.reliability.monte_carlo import _Drawing, compare, simulate
 from jld_explore.reliability.structure import RandomStructure, random_structure
+from jld_explore.reliability.variables import Variables
 
 WEIGHT = 2000.0 * 9.81
 """Weight of the sliding block, N."""
@@ -258,7 +261,7 @@ def test_importance_sampling_agrees_with_plain_sampling() -> None:
     found = sample_bounds(block(vary(0.6), [vary(9500.0, 0.2), 0.0]))
     form = design_point(LimitFunction(found, 1.0))
     plain = simulate(found, 1.0, 4000, 3)
-    weighted = simulate(found, 1.0, 4000, 3, design=form)
+    weighted = simulate(found, 1.0, 4000, 3, points=[form])
     assert weighted.importance
     assert not plain.importance
     exact = norm.cdf(-normal_index(9500.0))
@@ -269,7 +272,8 @@ def test_importance_sampling_agrees_with_plain_sampling() -> None:
 
 def test_samples_behind_the_means_are_neither_too_many_nor_too_few() -> None:
     """Φ(−1.5) behind the design point at 3, over 100 runs; plain samples in the first of ten strata gave half more."""
-    runs = [_Drawing(200, seed, 1, np.array([3.0]), np.array([3.0])).part(0) for seed in range(100)]
+    point = Form(3.0, np.array([3.0]), 1)
+    runs = [_Drawing.around([point], 200, seed, 1, rare=True).part(0) for seed in range(100)]
     shares = [float(weights[points[:, 0] < -1.5].sum()) / 200 for points, weights in runs]
     assert np.mean(shares) == pytest.approx(norm.cdf(-1.5), rel=0.05)
 
@@ -286,7 +290,7 @@ def test_failing_means_are_no_rare_failure() -> None:
 def test_a_simulation_without_failures_claims_no_certainty() -> None:
     """At most 3.7 / 400 at 97.5 %, from 400 samples around the means without a failure (Clopper and Pearson 1934)."""
     found = sample_bounds(block(0.6, [vary(1000.0, 0.1), 0.0]))
-    none = simulate(found, 1.0, 4000, 0, design=Form(4.0, np.array([-4.0]), 1))
+    none = simulate(found, 1.0, 4000, 0, points=[Form(4.0, np.array([-4.0]), 1)])
     assert none.importance
     assert none.failures == 0
     assert none.interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 400.0)))
@@ -312,7 +316,23 @@ class Planes:
     slopes: Floats
     sides: Floats
     series: bool
-    variables: tuple[str, str] = ("one", "two")
+    required: float = 0.0
+
+    @property
+    def variables(self) -> Variables:
+        count = self.slopes.shape[1]
+        return Variables(("",) * count, np.ones(count), np.ones(count), np.zeros(count, dtype=bool))
+
+    @property
+    def bounds(self) -> Any:
+        """Bounds of samples, whose values are 1 + u."""
+
+        def of(values: Floats, required: float = 0.0) -> GoverningBounds:
+            sides = self.sides - (values - 1.0) @ self.slopes.T
+            found = sides.min(axis=1) if self.series else sides.max(axis=1)
+            return GoverningBounds(found, found)
+
+        return SimpleNamespace(of=of, batched=False, structure=SimpleNamespace(variables=self.variables))
 
     def at(self, point: Floats) -> Limit:
         values = self.sides - self.slopes @ point
@@ -329,6 +349,80 @@ def test_a_kink_of_the_failure_surface_has_a_design_point(series: bool, point: t
     assert form.kink is not series
     assert form.point == pytest.approx(point, abs=1e-6)
     assert form.beta == pytest.approx(math.hypot(*point), rel=1e-9)
+
+
+def beside(count: int, p: float, cov: float = 0.1) -> tuple[dict[str, Any], float]:
+    """Blocks side by side, each with its own friction, that slide with the probability p each; and 1 − (1 − p)ⁿ."""
+    spread = math.sqrt(math.log1p(cov**2))
+    mean = 0.4 / math.exp(norm.ppf(p) * spread - 0.5 * spread**2)
+    elements: list[dict[str, Any]] = [
+        {"id": "g", "support": True, "polygon": [[-1, -1], [3 * count, -1], [3 * count, 0], [-1, 0]]}
+    ]
+    for k in range(count):
+        corners = [[3 * k, 0], [3 * k + 2, 0], [3 * k + 2, 0.2], [3 * k, 0.2]]
+        elements.append({"id": f"b{k}", "polygon": corners, "weight": 1.0})
+    live = [{"element": f"b{k}", "force": [0.4, 0], "at": [3 * k + 1, 0.1]} for k in range(count)]
+    dry = {"friction_coefficient": vary(mean, cov, "lognormal", each=True)}
+    return {"elements": elements, "materials": {"dry": dry}, "loads": {"live": live}}, -math.expm1(
+        count * math.log1p(-p)
+    )
+
+
+@pytest.mark.parametrize(("count", "p"), [(4, 1e-7), (10, 7.28e-7), (3, 1e-4)])
+def test_rare_failures_of_several_mechanisms_are_all_counted(count: int, p: float) -> None:
+    document, exact = beside(count, p)
+    found = structure(document)
+    result = analyse(found, found.assembly.labels, ReliabilityOptions(samples=8_000))
+    low, high = result.simulation.interval
+    assert low <= exact <= high
+    assert high < 1.5 * exact
+    assert len(result.points) == count
+    assert result.simulation.probability == pytest.approx(exact, rel=0.1)
+
+
+def test_what_no_design_point_explains_widens_the_interval() -> None:
+    """A mechanism that no search finds: the exploration counts its samples, and the interval holds it."""
+    function: Any = Planes(np.eye(2), np.array([4.0, 4.1]), series=True)
+    seen: Any = Planes(np.eye(2), np.array([4.0, 99.0]), series=True)
+    result = simulate(function.bounds, 0.0, 20_000, 0, points=[design_point(seen)])
+    exact = norm.cdf(-4.0) + norm.cdf(-4.1)
+    assert result.interval[1] < exact  # blind to the other mechanism
+    explored = explore_failures(function, design_point(seen), 10_000, 0, 1)
+    assert [one.beta for one in explored.points] == pytest.approx([4.0, 4.1])
+    blind: Any = replace(function)
+    object.__setattr__(blind, "at", lambda point: Limit(math.nan, None))
+    left = explore_failures(blind, design_point(seen), 10_000, 0, 1)
+    assert len(left.points) == 1
+    assert left.unseen > norm.cdf(-4.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_intervals_hold_the_probability_of_series_systems(seed: int) -> None:
+    """Mechanisms of variables of their own: P = 1 − Π Φ(β_i); three of the 200 systems of the benchmark."""
+    dice = np.random.default_rng(seed)
+    count = int(dice.integers(2, 13))
+    sides = 4.0 + 0.8 * dice.random(count)
+    slopes = np.zeros((count, 2 * count))
+    for k in range(count):
+        slopes[k, 2 * k : 2 * k + 2] = dice.standard_normal(2)
+    slopes /= np.linalg.norm(slopes, axis=1)[:, None]
+    function: Any = Planes(slopes, sides, series=True)
+    result = estimate(function, function.variables, ReliabilityOptions(samples=10_000, seed=seed))
+    low, high = result.simulation.interval
+    assert low <= -math.expm1(float(norm.logcdf(sides).sum())) <= high
+
+
+@pytest.mark.parametrize("required", [0.5, 1.25, 3.0])
+@pytest.mark.parametrize("cov", [1e-5, 1e-3, 0.5])
+def test_values_that_hardly_matter_give_an_answer(required: float, cov: float) -> None:
+    """λ of a block pushed by its own weight does not depend on its density, λ of one that crushes hardly does."""
+    document = grid_document(["aab", "dcc", "###"], tension=4e3, shear=4e3, crush_dry=3e4, crush_inner=3e4)
+    document["materials"]["density"] = vary(2000.0, cov, "lognormal")
+    document["loads"] = {"pushes": {"of_weight": 0.5, "directions": 2, "required": 1.25}}
+    found = structure(document)
+    result = analyse(found, found.assembly.labels, ReliabilityOptions(required, samples=200))
+    low, high = result.simulation.interval
+    assert 0.0 <= low <= result.simulation.probability <= high <= 1.0
 
 
 def test_a_stronger_layout_wins_every_sample_and_none_against_itself() -> None:

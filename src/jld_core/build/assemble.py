@@ -18,7 +18,7 @@ from jld_core.build.fill import Backing
 from jld_core.build.members import with_members
 from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.planar import planar_geometry
-from jld_core.build.plausibility import implausible
+from jld_core.build.plausibility import implausible, not_judged
 from jld_core.build.pressure import Boundary
 from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
@@ -133,7 +133,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    notes = (*_means(scene), *_dry_supports(scene, assembly))
+    notes = (*not_judged(scene), *_means(scene), *_dry_supports(scene, assembly))
     assembly = replace(assembly, warnings=warnings, notes=notes, cracks=scene.cracks, scene=scene)
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()

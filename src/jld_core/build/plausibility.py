@@ -1,6 +1,7 @@
 """Plausibility warnings for scenes: numbers in a wrong unit, loads beside the structure.
 
-Numbers are checked only in scenes with metres and newtons, because usual values are known in these units.
+Usual values are known in SI, so that numbers are converted from the units of the scene. Where these have unknown names,
+a note says that nothing could be judged.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from jld_core.geometry import moment_about
 from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, Inner
 from jld_core.scene.schema import Contact
+from jld_core.scene.units import GRAVITY, METRES, NEWTONS, USUAL_GRAVITY, UnitSystem
 
 _FRICTION: Final = 2.0  # above this friction coefficient, an angle in degrees was probably meant
 _ANGLE: Final = 2.0  # degrees: below, radians or the coefficient were probably given
 _DENSITY: Final = (300.0, 9000.0)  # kg/m³, from light earth mixtures to steel
 _STRENGTH: Final = 1e9  # Pa, upper limit of usual strengths
-_GRAVITY: Final = (1.0, 25.0)  # m/s², limits of usual gravity
 _ANGLES: Final = (10.0, 60.0)  # degrees, limits of plausible angles of friction
 _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
@@ -89,16 +90,51 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
     return Resultant(force, float(couple @ force / np.sqrt(size)), middle + np.cross(force, couple) / size, total)
 
 
+def units_of(scene: Scene) -> UnitSystem:
+    """Return the units of a scene in SI, with its gravity."""
+    gravity = float(np.linalg.norm(gravity_vector(scene.materials, scene.dimension)))
+    return UnitSystem.named(scene.units.force, scene.units.length, gravity)
+
+
 def implausible(scene: Scene, assembly: Assembly) -> list[str]:
     """Return warnings about implausible numbers of a scene, one sentence each.
 
-    A sentence names the usual range and the likely cause. For scenes in units other than metres and newtons, only keys
-    without effect are reported. The list is empty where all is plausible.
+    A sentence names the usual range and the likely cause. The list is empty where all is plausible. In units of unknown
+    names, only friction and keys without effect are judged.
     """
-    idle = [*_of_no_use(scene)]
-    if (scene.units.length, scene.units.force) != ("m", "N"):
-        return idle
-    return [*idle, *_of_friction(scene), *_of_weight(scene), *_of_strengths(scene, assembly), *_of_geometry(assembly)]
+    units = units_of(scene)
+    found = [*_of_no_use(scene), *_of_friction(scene)]
+    if not units.known:
+        return found
+    return [*found, *_of_weight(scene, units), *_of_strengths(scene, assembly, units), *_of_geometry(assembly, units)]
+
+
+def not_judged(scene: Scene) -> tuple[str, ...]:
+    """Return a note on a scene in units of unknown names, whose numbers are not judged."""
+    names = scene.units.length, scene.units.force
+    odd = [name for name, known in zip(names, (METRES, NEWTONS), strict=True) if name not in known]
+    if not odd:
+        return ()
+    told = " and ".join(repr(name) for name in odd)
+    return (f"no unit is named {told}, so that densities, strengths and sizes could not be judged",)
+
+
+def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
+    """Return thickness, density and weight of all free elements as texts with units, by name; absent ones left out."""
+    length, force = assembly.units
+    units, elements = units_of(scene), assembly.elements
+    facts = {} if scene.dimension == 3 else {"thickness": f"{scene.plane_thickness:g} {length}"}
+    density = scene.materials.density
+    if density is not None:
+        facts["density"] = f"{density:g}"
+        if units.known:
+            mass = f"{density * units.density:.4g} kg/m³"
+            facts["density"] = mass if units.density == 1.0 else f"{density:g}, {mass} in {_named(scene)}"
+    weight = float(np.linalg.norm(elements.weight[elements.free], axis=1).sum())
+    facts["weight"] = f"{weight:.4g} {force}"
+    if units.known and force != "kN":
+        facts["weight"] += f" = {weight * units.si((1, 0)) / NEWTONS['kN']:.4g} kN"
+    return facts
 
 
 def _of_no_use(scene: Scene) -> Iterator[str]:
@@ -143,36 +179,50 @@ def _of_friction(scene: Scene) -> Iterator[str]:
                 yield f"{where}.friction_coefficient is {value:g}; usual is 0.3 to 1{meant}"
 
 
-def _of_weight(scene: Scene) -> Iterator[str]:
+def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
     """Warn about implausible densities and gravity."""
     low, high = _DENSITY
     densities = [("materials.density", scene.materials.density)]
     densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]
+    densities += [("fill.density", scene.fill.density)] if scene.fill is not None else []
+    plain = (scene.units.length, scene.units.force) == ("m", "N")
     for where, value in densities:
-        if value is None or value == 0.0 or low <= value <= high:
+        mass = 0.0 if value is None else value * units.density
+        if value is None or mass == 0.0 or low <= mass <= high:
             continue
-        units = {
+        meant = {
+            "kg/m³ are meant": np.nan if plain else value,
             "t/m³ or g/cm³ are meant": 1e3 * value if value < high / 1e3 else np.nan,
             "a unit weight in kN/m³ is meant": value * 1e3 / 9.81,
             "a unit weight in N/m³ is meant": value / 9.81,
         }
-        meant = _meant(units, _DENSITY, first=True)
-        yield f"{where} is {value:g} kg/m³; usual is {low:g} to {high:g}{meant}"
+        likely = _meant(meant, _DENSITY, first=True)
+        usual = next((one for one in meant.values() if _within(one, _DENSITY)), 2000.0)
+        told = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_named(scene)}"
+        remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
+        yield f"{where} is {told}; usual is {low:g} to {high:g}{likely}{remedy}"
     gravity = scene.materials.gravity
     if isinstance(gravity, float | int) and gravity < 0.0:
         yield f"materials.gravity is {gravity:g}; a number already acts downwards, so {-gravity:g} was probably meant"
-    size = float(np.linalg.norm(gravity_vector(scene.materials, scene.dimension)))
-    if size and not _GRAVITY[0] <= size <= _GRAVITY[1]:
-        yield f"materials.gravity is {size:g} m/s²; usual is 9.81; 9.81 even where lengths were drawn in mm"
+    if units.gravity and not _within(units.acceleration, USUAL_GRAVITY):
+        yield f"materials.gravity is {units.gravity:g} m/s²; usual is 9.81; 9.81 even where lengths were drawn in mm"
 
 
-def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
+def _named(scene: Scene) -> str:
+    """Return the names of the units of a scene."""
+    return f"{scene.units.length} and {scene.units.force}"
+
+
+def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     """Warn about strengths above 1 GPa, or below the pressure of the structure's own weight."""
     elements = assembly.elements
     free = elements.free
     weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()
     along = np.argmax(abs(elements.weight[free].sum(axis=0)))
-    own = float(weight * np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
+    pascals, metres = units.si((1, -2)), units.si((0, 1))
+    height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
+    # an implausible density has a warning of its own
+    own = min(pascals * float(weight) * height, _DENSITY[1] * GRAVITY * metres * height)
     named = "tensile_strength", "shear_strength", "compressive_strength"
     sources: list[tuple[str, Dry | Inner | Contact | None]] = [
         ("materials.dry", scene.materials.dry),
@@ -181,33 +231,37 @@ def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
     sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
     for where, source in sources:
         for name in named:
-            value = getattr(source, name, None)
-            if not value:  # absent or zero: a model without this strength
+            number = getattr(source, name, None)
+            if not number:  # absent or zero: a model without this strength
                 continue
+            value = pascals * number
+            told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
             if value > _STRENGTH:
-                meant = _meant({"it was turned into Pa twice": value / 1e6}, (own, _STRENGTH))
-                yield f"{where}.{name} is {value:g} Pa; usual is below {_STRENGTH:g} (1 GPa){meant}"
+                readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
+                meant = _meant(readings, (own, _STRENGTH), first=True)
+                yield f"{where}.{name} is {told}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
             elif value < own:
-                meant = _meant({"MPa are meant": 1e6 * value, "kPa are meant": 1e3 * value}, (own, _STRENGTH))
+                meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own, _STRENGTH))
                 yield (
-                    f"{where}.{name} is {value:g} Pa, below the {own:.3g} Pa that the structure's own weight presses "
+                    f"{where}.{name} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
                     f"with; usual is above{meant}"
                 )
 
 
-def _of_geometry(assembly: Assembly) -> Iterator[str]:
+def _of_geometry(assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     """Warn about implausible element sizes and, for each load case, the live load."""
     elements = assembly.elements
     extent = (elements.upper - elements.lower).max(axis=1)
+    metres = units.si((0, 1)) * extent
     for bad, what, meant in (
-        (extent < _ELEMENT[0], "below 1 mm", "lengths in a larger unit"),
-        (extent > _ELEMENT[1], "above 1 km", "lengths in mm"),
+        (metres < _ELEMENT[0], "below 1 mm", "lengths in a larger unit"),
+        (metres > _ELEMENT[1], "above 1 km", "lengths in mm"),
     ):
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             count = int(np.count_nonzero(bad))
             yield (
-                f"element {elements.ids[first]!r} measures {extent[first]:.4g} m"
+                f"element {elements.ids[first]!r} measures {extent[first]:.4g} {assembly.units[0]}"
                 + (f" (and {count - 1} more are {what})" if count > 1 else "")
                 + f"; usual is 1 mm to 1 km; {meant} were probably meant"
             )

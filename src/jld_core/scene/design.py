@@ -18,6 +18,10 @@ DEFAULT_SET: Final = "EN 1996-1-1"
 """Set of partial factors where neither the scene nor the caller names one."""
 
 
+EQUILIBRIUM: Final = "EN 1990 EQU"
+"""Set of partial factors of static equilibrium."""
+
+
 class DesignFactors(Part):
     """Partial factors that a scene states itself; absent ones are those of its set.
 
@@ -106,6 +110,11 @@ class PartialFactors:
     members: float
     clauses: Mapping[str, str]
 
+    @property
+    def by_parts(self) -> bool:
+        """Return True if parts of permanent loads are individual actions, EN 1990, 6.4.3.1(4)."""
+        return self.name == EQUILIBRIUM
+
     def to_json(self) -> dict[str, object]:
         """Return the factors and their sources as plain values."""
         found: dict[str, object] = {"set": self.name}
@@ -142,7 +151,7 @@ _NAMED: Final[dict[str, PartialFactors]] = {
     for one in (
         # EN 1990:2002 + A1:2005, recommended values for persistent situations: STR by eq. (6.10), and EQU
         _of_actions("EN 1990", "EN 1990, Table A1.2(B), eq. (6.10)", (1.0, 1.35), 1.5),
-        _of_actions("EN 1990 EQU", "EN 1990, Table A1.2(A), eq. (6.10)", (0.9, 1.1), 1.5),
+        _of_actions(EQUILIBRIUM, "EN 1990, Table A1.2(A), eq. (6.10)", (0.9, 1.1), 1.5),
         _of_actions("EN 1996-1-1", "EN 1990, Table A1.2(B), eq. (6.10)", (1.0, 1.35), 1.5),
     )
 }

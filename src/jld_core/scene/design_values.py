@@ -11,7 +11,7 @@ from jld_core.errors import InputError
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
-from jld_core.scene.uncertain import is_uncertain
+from jld_core.scene.uncertain import Uncertain, UncertainVector, in_words, is_uncertain, uncertain_values
 
 _STRENGTHS: Final = ("tensile_strength", "shear_strength", "compressive_strength", "cohesion")
 """Keys that the factor of strengths divides."""
@@ -20,20 +20,27 @@ _CAPACITIES: Final = ("tension", "compression", "shear")
 """Keys of members that their factor divides."""
 
 
-_FRACTILE: Final = 0.05
+LOW_FRACTILE: Final = 0.05
 """Probability of values below the characteristic one of a strength, EN 1990, 4.2(3)."""
+
+HIGH_FRACTILE: Final = 0.98
+"""Probability of values below the characteristic one of a live load, EN 1990, 4.1.2(7) with note 2."""
+
+SMALL_VARIATION: Final = 0.1
+"""Largest coefficient of variation at which permanent actions count by their means, EN 1990, 4.1.2(3) with note."""
 
 
 def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) -> Scene:
     """Return the scene with design values of strengths, friction, capacities and prestress.
 
-    Loads and weights keep their characteristic values.
+    Loads and weights become characteristic values.
 
     Parameters
     ----------
     scene : Scene
-        Scene with characteristic values. Of nominal and low values, both are converted; of values with uncertainty, the
-        5 % fractile. Loads and weights with uncertainty count by their means.
+        Scene with characteristic values. The characteristic value of a strength is the low one of nominal and low
+        values, and the 5 % fractile of a value with uncertainty. That of a live load with uncertainty is the 98 %
+        fractile; permanent loads and weights count by their means.
     factors : PartialFactors
         Partial factors.
     prestress : float
@@ -47,7 +54,8 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     Raises
     ------
     InputError
-        The design values contradict one another, such as a prestress beyond the design tension; or the scene has fill.
+        The design values contradict one another, such as a prestress beyond the design tension; a permanent action
+        varies by more than `SMALL_VARIATION`; or the scene has fill.
     """
     if scene.fill is not None:
         raise InputError("fill", "the design check has no partial factors of soil", "loads in the place of it")
@@ -65,33 +73,55 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
         for key in _CAPACITIES:
             _apply(member, key, lambda value: value / factors.members)
         _apply(member, "prestress", lambda value: value * prestress)
+    _put_loads(document, scene)
     return parse_scene(document, f"the scene at design values of {factors.name}")
 
 
 def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) -> None:
-    """Change a value in place, or both nominal and low one; do nothing if it is absent.
-
-    A value with uncertainty becomes its characteristic value first, a prestress its mean.
-    """
+    """Replace a value by its changed characteristic value; do nothing if it is absent."""
     value = entry.get(key)
-    if isinstance(value, dict) and is_uncertain(value):
-        value = float(value["mean"]) if key == "prestress" else characteristic(value)
-    if isinstance(value, dict):
-        entry[key] = {name: change(number) for name, number in value.items()}
-    elif value is not None:
-        entry[key] = change(value)
+    if value is not None:
+        entry[key] = change(characteristic(value) if isinstance(value, dict) else value)
+
+
+def _put_loads(document: dict[str, Any], scene: Scene) -> None:
+    """Replace loads and weights with uncertainty in a document by their characteristic values.
+
+    Raises InputError for a permanent action of more than small variation.
+    """
+    for path, value in list(uncertain_values(scene)):
+        if path[0] not in ("loads", "elements") and path[-1] != "density":
+            continue
+        size = value.size if isinstance(value, UncertainVector) else value
+        live = "live" in path or "moving" in path or "pushes" in path
+        if not live and size.cov > SMALL_VARIATION:
+            problem = f"its coefficient of variation is {size.cov:g}, and EN 1990, 4.1.2(2) asks for two values"
+            raise InputError(in_words(path), problem, f"at most {SMALL_VARIATION:g}, or a number alone")
+        share = fractile(size, HIGH_FRACTILE) / float(size) if live else 1.0
+        owner: Any = document
+        for key in path[:-1]:
+            owner = owner[key]
+        owner[path[-1]] = [share * one for one in value] if isinstance(value, UncertainVector) else share * float(value)
 
 
 def characteristic(value: dict[str, Any]) -> float:
-    """Return the 5 % fractile of a value with uncertainty, at least 0.
+    """Return the characteristic value of a strength, EN 1990, 4.2(3).
 
-    value: object {"mean", "cov", "kind"}. Source: EN 1990, 4.2(3), with known coefficient of variation.
+    value: object {"nominal", "low"}, whose low value it is, or {"mean", "cov", "kind"}, whose 5 % fractile it is, at
+    least 0.
     """
-    mean, cov, fractile = float(value["mean"]), float(value["cov"]), NormalDist().inv_cdf(_FRACTILE)
-    if value["kind"] == "normal":
-        return max(0.0, mean * (1.0 + fractile * cov))
-    spread = math.sqrt(math.log1p(cov**2))
-    return mean * math.exp(fractile * spread - 0.5 * spread**2)
+    if not is_uncertain(value):
+        return float(value["low"])
+    return max(0.0, fractile(Uncertain(float(value["mean"]), float(value["cov"]), value["kind"]), LOW_FRACTILE))
+
+
+def fractile(value: Uncertain, probability: float) -> float:
+    """Return the value whose size is not exceeded with a probability; its sign is that of the mean."""
+    score = NormalDist().inv_cdf(probability)
+    if value.kind == "normal":
+        return float(value) * (1.0 + score * value.cov)
+    spread = math.sqrt(math.log1p(value.cov**2))
+    return float(value) * math.exp(score * spread - 0.5 * spread**2)
 
 
 def _angle(degrees: float, factor: float) -> float:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
@@ -19,11 +20,16 @@ NEWTONS: Final = {
     "MN": 1e6,
     "kg": GRAVITY,
     "t": 1e3 * GRAVITY,
+    "g": 1e-3 * GRAVITY,
+    "lb": 0.45359237 * GRAVITY,
     "kgf": 9.80665,
     "lbf": 4.4482216152605,
     "kip": 4448.2216152605,
 }
 """Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
+
+MASSES: Final = frozenset({"kg", "t", "g", "lb"})
+"""Units of mass among those of force."""
 
 METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
 """Metres per unit of length."""
@@ -46,8 +52,16 @@ _LENGTH: Final[_Powers] = (0, 1)
 _MOMENT: Final[_Powers] = (1, 1)
 _STRESS: Final[_Powers] = (1, -2)
 _LINE: Final[_Powers] = (1, -1)
+_DENSITY: Final[_Powers] = (1, -3)
 
-_EXAMPLES: Final = {_FORCE: "10 kN", _LENGTH: "1.2 m", _MOMENT: "3 kN·m", _STRESS: "2 kN/m²", _LINE: "2 kN/m"}
+_EXAMPLES: Final = {
+    _FORCE: "10 kN",
+    _LENGTH: "1.2 m",
+    _MOMENT: "3 kN·m",
+    _STRESS: "2 kN/m²",
+    _LINE: "2 kN/m",
+    _DENSITY: '2000 kg/m³" or "20 kN/m³',
+}
 """One correct text for each quantity, for error messages."""
 
 QUANTITIES: Final[dict[str, _Powers]] = {
@@ -55,6 +69,7 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("at", "width", "path", "distance", "along", "patch", "thickness", "level"), _LENGTH),
     "moment": _MOMENT,
     "line": _LINE,
+    "density": _DENSITY,
     **dict.fromkeys(
         (
             *("pressure", "traction", "surcharge"),
@@ -73,6 +88,50 @@ _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^
 
 _FACTOR: Final = re.compile(r"([*·/]?)\s*([A-Za-z]+)(?:\^?(-?\d|²|³))?\s*")
 """Pattern of one factor of a unit, with the sign before it and its power."""
+
+
+USUAL_GRAVITY: Final = (1.0, 25.0)
+"""Least and greatest usual acceleration of gravity, m/s²."""
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """Units of a scene in SI; None for a unit of unknown name.
+
+    force, length: newtons and metres. gravity: number of the scene for the acceleration of gravity.
+    """
+
+    force: float | None
+    length: float | None
+    gravity: float
+
+    @classmethod
+    def named(cls, force: str, length: str, gravity: float = GRAVITY) -> UnitSystem:
+        """Return the system of two names of units."""
+        return cls(NEWTONS.get(force), METRES.get(length), gravity)
+
+    @property
+    def known(self) -> bool:
+        """Return True if both units are known."""
+        return self.force is not None and self.length is not None
+
+    def si(self, powers: tuple[int, int]) -> float:
+        """Return the size in SI of the unit of a quantity with powers of force and length; units must be known."""
+        assert self.force is not None
+        assert self.length is not None
+        return self.force ** powers[0] * self.length ** powers[1]
+
+    @property
+    def acceleration(self) -> float:
+        """Return gravity in m/s²: the number is one of m/s² where that is usual, else of the unit of length."""
+        scaled = self.gravity * (self.length or 1.0)
+        usual = [one for one in (self.gravity, scaled) if USUAL_GRAVITY[0] <= one <= USUAL_GRAVITY[1]]
+        return usual[0] if usual else self.gravity
+
+    @property
+    def density(self) -> float:
+        """Return the kg/m³ of a density of 1: what it weighs, over gravity in m/s²; 1 without gravity."""
+        return self.gravity * self.si(_DENSITY) / self.acceleration if self.gravity else self.si(_DENSITY)
 
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
@@ -95,17 +154,38 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """
     units = document.get("units")
     names = units if isinstance(units, dict) else {}
-    own = str(names.get("force", "N")), str(names.get("length", "m"))
+    own = _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
     return {
         key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
         for key, value in document.items()
     }
 
 
-def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | None) -> Any:
+class _Names(NamedTuple):
+    """Names of the units of a scene, and its number for gravity."""
+
+    force: str
+    length: str
+    gravity: float
+
+    @property
+    def system(self) -> UnitSystem:
+        """Return the units in SI."""
+        return UnitSystem.named(*self)
+
+
+def _gravity(materials: Any) -> float:
+    """Return the size of gravity in materials that are not validated; the default where none is stated."""
+    value = materials.get("gravity", GRAVITY) if isinstance(materials, dict) else GRAVITY
+    parts = value if isinstance(value, list) else [value]
+    numbers = [one for one in parts if isinstance(one, int | float) and math.isfinite(one)]
+    return math.hypot(*numbers) if len(numbers) == len(parts) else GRAVITY
+
+
+def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
     """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively.
 
-    value: part of a scene document. own: units of force and length of the scene. where: key path of the value. powers:
+    value: part of a scene document. own: units of the scene. where: key path of the value. powers:
     powers of force and length of its quantity; None if it is no quantity.
     """
     if isinstance(value, str) and powers is not None:
@@ -122,11 +202,11 @@ def _converted(value: Any, own: tuple[str, str], where: str, powers: _Powers | N
     return value
 
 
-def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> float:
+def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
     """Convert a text with a number and a unit to a number in the units of the scene.
 
-    own: units of force and length of the scene. where: key of the value. powers: powers of force and length of the
-    quantity. Raises InputError for no number, an unknown unit or a unit of another quantity.
+    own: units of the scene. where: key of the value. powers: powers of force and length of the quantity. A density may
+    be a mass or a weight per volume. Raises InputError for no number, an unknown unit or a unit of another quantity.
     """
     expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
     found = _TEXT.fullmatch(text)
@@ -134,10 +214,10 @@ def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> flo
         raise InputError(where, f"{shown(text)} is no number with a unit", expected)
     if found[2] is None:
         return float(found[1])
-    for name, known in zip(own, (NEWTONS, METRES), strict=True):
+    for name, known in zip(own[:2], (NEWTONS, METRES), strict=True):
         if name not in known:
             raise InputError(where, f"no unit is named {name!r}, one of the scene", "a number alone")
-    size, have, place = 1.0, [0, 0], 0
+    size, have, place, mass = 1.0, [0, 0], 0, False
     while place < len(found[2]):
         factor = _FACTOR.match(found[2], place)
         known_size = None if factor is None else _unit(factor[2])
@@ -147,11 +227,19 @@ def _number(text: str, own: tuple[str, str], where: str, powers: _Powers) -> flo
         power = -power if factor[1] == "/" else power
         value, (force, length) = known_size
         size *= value**power
+        mass = mass or factor[2] in MASSES
         have = [have[0] + power * force, have[1] + power * length]
         place = factor.end()
     if tuple(have) != powers:
         raise InputError(where, f"{found[2]!r} is no unit of this quantity", expected)
-    return float(found[1]) * size / (NEWTONS[own[0]] ** powers[0] * METRES[own[1]] ** powers[1])
+    number = float(found[1]) * size
+    if powers != _DENSITY:
+        return number / own.system.si(powers)
+    if mass:
+        return number / GRAVITY / own.system.density
+    if own.gravity == 0.0:
+        raise InputError(where, f"without gravity {text.strip()!r} is no density", "a mass per volume")
+    return number / (own.gravity * own.system.si(_DENSITY))
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:

@@ -10,6 +10,7 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.start import LayingStart
 from jld_core.build import build_assembly
+from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import LimitAnalysisResult, Model, Status
 from jld_core.scene import Scene, load_scene
@@ -80,7 +81,8 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
         with error_context(source):
             assembly = build_assembly(scene)
         found = LaidOut(scene, assembly, assembly.labels, Model())
-    for note in () if uncertain else found.assembly.notes:
+    unjudged = not_judged(found.scene)  # a word on plausibility, for the commands that judge it
+    for note in () if uncertain else (one for one in found.assembly.notes if one not in unjudged):
         warn(f"jld: note: {source}: {note}")
     return found
 

@@ -82,6 +82,9 @@ def _lines(name: str, found: Reliability, compared: Comparison | None, against: 
         f"  simulation    β = {index} ({within}), probability {simulation.probability:.3g}",
         f"                {simulation.failures} of {simulation.samples} samples fail, {how}, seed {found.options.seed}",
     ]
+    if simulation.importance:
+        several = "one design point" if len(found.points) == 1 else f"{len(found.points)} design points"
+        lines.append(f"                around {several}; the interval counts {simulation.unseen:.1e} away from them")
     if simulation.resolved:
         lines.append(f"                {simulation.resolved} left open by the batch solver and solved again")
     if simulation.undecided:

@@ -23,7 +23,9 @@ from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.design_values import at_design_values
+from jld_explore.design_check.anywhere import assess_all, loaded_cases, why_not_anywhere
 from jld_explore.design_check.combinations import Combination, at_design_loads, combinations_of
+from jld_explore.design_check.parts import worst_parts
 
 LISTED: Final = 8
 """Number of joints and of blocks that a check lists, those nearest to their limit."""
@@ -131,6 +133,10 @@ class DesignCheck:
         Ranges of the reactions of supports under the design loads of the governing case.
     reserve : Reserve or None
         State under these loads in which faces use the least share of their capacity.
+    anywhere : tuple of CaseCheck
+        Every load case under its worst combination where blocks may crack anywhere; empty if that is not checked.
+    not_anywhere : str
+        Why it is not: "rigid" without strengths of blocks, "equilibrium" for EQU, or a reason in words; "" if it is.
     """
 
     scene: Scene
@@ -142,16 +148,28 @@ class DesignCheck:
     solved: LimitAnalysisResult | None
     reactions: tuple[ResultantRange, ...]
     reserve: Reserve | None
+    anywhere: tuple[CaseCheck, ...] = ()
+    not_anywhere: str = ""
 
     @property
     def governing(self) -> CaseCheck:
-        """Return the load case of largest utilisation, the first of several that are equal."""
+        """Return the load case of largest utilisation of both crack models, the first of several that are equal."""
+        return _worst((*self.cases, *self.anywhere))
+
+    @property
+    def as_drawn(self) -> CaseCheck:
+        """Return the governing load case by the crack model of the scene."""
         return _worst(self.cases)
 
     @property
+    def if_anywhere(self) -> CaseCheck | None:
+        """Return the governing load case where blocks may crack anywhere; None if that is not checked."""
+        return _worst(self.anywhere) if self.anywhere else None
+
+    @property
     def verified(self) -> bool | None:
-        """Return True if all cases are verified, False if one is refuted, else None."""
-        found = [one.verified for one in self.cases]
+        """Return True if all cases are verified by both crack models, False if one is refuted, else None."""
+        found = [one.verified for one in (*self.cases, *self.anywhere)]
         return False if False in found else None if None in found else True
 
 
@@ -165,6 +183,8 @@ def design_check(
 ) -> DesignCheck:
     """Check one layout with partial factors.
 
+    Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must verify.
+
     Parameters
     ----------
     scene : Scene
@@ -174,7 +194,7 @@ def design_check(
     factors : PartialFactors
         Partial factors.
     seconds : float
-        Time for the bounds of each load case where blocks crack by fields.
+        Time for the bounds of each load case where the scene's blocks crack by fields, else of all of them together.
     states : bool
         Also compute reactions and the reserves of joints and blocks.
 
@@ -191,21 +211,29 @@ def design_check(
     assembly = build_assembly(scene)
     own = assembly.labels if labels is None else labels
     require_materials(assembly, own, ~own)
+    if factors.by_parts and isinstance(scene.cracks, FieldCracks):
+        problem = "EN 1990, 6.4.3.1(4) factors parts of the weight one by one, which fields do not"
+        raise InputError("cracks", problem, '"faces" or {"kind": "cells"}')
     combinations = combinations_of(assembly, factors)
     structures = _structures(scene, own, factors, combinations)
     tried: list[list[CaseCheck]] = []
     solutions: list[Solution] = []
     for combination, (structure, cells) in zip(combinations, structures, strict=True):
+        if factors.by_parts:
+            tried.append(_cases_by_parts(structure, cells, factors, combination))
+            continue
         solution = _solved(scene, structure, cells, seconds)
         solutions.append(solution)
         tried.append(_cases(structure, cells, combination, solution, seconds))
     by_case = tuple(zip(*tried, strict=True))
     cases = tuple(_worst(one) for one in by_case)
     first = _worst(cases)
-    chosen = combinations.index(first.combination)
+    chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]
-    checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, _of_case(solutions[chosen], first), (), None)
-    if not states or isinstance(scene.cracks, FieldCracks) or first.verified is not True:
+    solved = solve(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
+    checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
+    checked = _with_cracks_anywhere(checked, own, combinations, seconds)
+    if not states or isinstance(scene.cracks, FieldCracks) or checked.verified is not True:
         return checked
     at_required = first.structure.dead_loads + first.required * first.structure.live_loads
     loaded = replace(first.structure, dead_loads=at_required)
@@ -224,7 +252,7 @@ def _structures(
     factors: PartialFactors,
     combinations: list[Combination],
 ) -> list[tuple[Assembly, Bits]]:
-    """Return the structure and its labels under each combination, at design values.
+    """Return the structure and its labels under each combination, at design values; loads of parts are characteristic.
 
     labels: (m,) True = dry. Where blocks crack by cells, these are the finer cells. Raises InputError for contradictory
     design values.
@@ -245,7 +273,7 @@ def _structures(
                 cells = crack_cells(design, built, scene.cracks.cell)
                 found[prestress] = cells.fine, cells.labels(labels)
         structure, own = found[prestress]
-        structures.append((at_design_loads(structure, factors, combination), own))
+        structures.append((structure if factors.by_parts else at_design_loads(structure, factors, combination), own))
     return structures
 
 
@@ -272,6 +300,68 @@ def _cases(
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
         found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+    return found
+
+
+def _with_cracks_anywhere(
+    check: DesignCheck, labels: Bits, combinations: list[Combination], seconds: float
+) -> DesignCheck:
+    """Add the check by fields to one by faces or cells; labels: (m,) of the joint grid, True = dry."""
+    scene, factors = check.scene, check.factors
+    if isinstance(scene.cracks, FieldCracks):
+        return check
+    reason = "equilibrium" if factors.by_parts else why_not_anywhere(scene, check.assembly)
+    if reason:
+        return replace(check, not_anywhere=reason)
+    drawn = scene.model_copy(update={"cracks": "faces"})
+    structures = _structures(drawn, labels, factors, combinations)
+    loaded = [
+        one
+        for combination, (structure, own) in zip(combinations, structures, strict=True)
+        for one in loaded_cases(structure, own, combination)
+    ]
+    refuted = check.as_drawn
+    if refuted.verified is False:  # how much less the blocks carry is of interest for the governing load alone
+        name, combination = refuted.name, refuted.combination
+        loaded = [k for k in loaded if (check.cases[k.number].name, k.combination) == (name, combination)]
+
+    nothing = CaseBounds(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
+    every: list[CaseCheck] = []
+    for one in loaded:
+        plain = check.cases[one.number]
+        start = CaseCheck(plain.name, one.required, one.combination, one.structure, nothing, None, plain.place)
+        every.append(start)
+
+    def assess(k: int, gap: float, patience: float) -> bool | None:
+        """Bound one case by fields and keep its check."""
+        one, before = loaded[k], every[k]
+        result = solve_by_fields(one.structure, one.labels, gap=gap, seconds=patience)
+        (found,) = _cases(one.structure, one.labels, one.combination, result, patience)
+        every[k] = replace(before, bounds=found.bounds, stands=found.stands)
+        return every[k].verified
+
+    def least(k: int) -> float:
+        """Return the upper bound over the required factor; what has none comes first."""
+        high = every[k].bounds.high
+        return high / every[k].required if math.isfinite(high) else -1.0
+
+    assess_all(len(loaded), seconds, assess, least)
+    by_case: dict[int, list[CaseCheck]] = {one.number: [] for one in loaded}
+    for one, case in zip(loaded, every, strict=True):
+        by_case[one.number].append(case)
+    return replace(check, anywhere=tuple(_worst(tuple(group)) for group in by_case.values()))
+
+
+def _cases_by_parts(
+    structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination
+) -> list[CaseCheck]:
+    """Return the check of every load case under its worst factors of the parts of permanent loads."""
+    names = [case.name for case in structure.cases] or [""]
+    places = [case.place for case in structure.cases] or [None]
+    found = []
+    for name, alone, required, place in zip(names, structure.by_case, structure.required, places, strict=True):
+        one = worst_parts(alone, labels, factors, combination)
+        found.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
     return found
 
 

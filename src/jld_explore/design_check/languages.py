@@ -33,6 +33,40 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Maßgebend: {case}; {combination}.",
         "Determinante: {case}; {combination}.",
     ),
+    "by_faces": (
+        "By the faces drawn: {value}.",
+        "Nach den gezeichneten Flächen: {value}.",
+        "Per le facce date: {value}.",
+    ),
+    "by_cells": ("By cells: {value}.", "Nach Zellen: {value}.", "Per celle: {value}."),
+    "by_anywhere": (
+        "Wherever blocks crack: {value}.",
+        "Wo immer Blöcke reißen: {value}.",
+        "Ovunque i blocchi si fessurino: {value}.",
+    ),
+    "governs": ("This governs.", "Dies ist maßgebend.", "Questo è determinante."),
+    "between": ("between {low} and {high}", "zwischen {low} und {high}", "tra {low} e {high}"),
+    "any_load": ("no live load brings it down", "keine Nutzlast bringt es zum Einsturz", "nessun carico lo abbatte"),
+    "falls": (
+        "falls under its permanent loads",
+        "fällt unter seinen ständigen Lasten",
+        "cade sotto i carichi permanenti",
+    ),
+    "rigid": (
+        "Blocks do not crack: the scene states no strengths of theirs.",
+        "Blöcke reißen nicht: die Szene nennt keine Festigkeiten.",
+        "I blocchi non si fessurano: la scena non indica resistenze.",
+    ),
+    "equilibrium": (
+        "Bodies are rigid in a check of static equilibrium (EN 1990, 6.4.1(1)P).",
+        "Körper sind starr im Nachweis der Lagesicherheit (EN 1990, 6.4.1(1)P).",
+        "I corpi sono rigidi nella verifica di equilibrio statico (EN 1990, 6.4.1(1)P).",
+    ),
+    "not_anywhere": (
+        "Cracks elsewhere in the blocks are not checked: {reason}.",
+        "Risse anderswo in den Blöcken sind nicht geprüft: {reason}.",
+        "Fessure altrove nei blocchi non sono verificate: {reason}.",
+    ),
     "only": ("the live load", "die Nutzlast", "il carico variabile"),
     "factors": ("Partial factors: {name}", "Teilsicherheitsbeiwerte: {name}", "Coefficienti parziali: {name}"),
     "factor": ("factor", "Beiwert", "coefficiente"),
@@ -71,6 +105,9 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "tensile_strength": ("tensile strength", "Zugfestigkeit", "resistenza a trazione"),
     "shear_strength": ("shear strength", "Schubfestigkeit", "resistenza a taglio"),
     "compressive_strength": ("compressive strength", "Druckfestigkeit", "resistenza a compressione"),
+    "whole_thickness": ("thickness", "Dicke", "spessore"),
+    "whole_density": ("density", "Dichte", "densità"),
+    "whole_weight": ("characteristic weight of all", "charakteristisches Gewicht", "peso caratteristico totale"),
     "of_faces": (
         "Faces with values of their own are reduced alike.",
         "Flächen mit eigenen Werten werden ebenso abgemindert.",
@@ -121,9 +158,22 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Tutti i carichi variabili di un caso hanno γQ; ψ delle azioni concomitanti va nei carichi della scena.",
     ),
     "parts": (
-        "Self-weight is one action: its parts are not factored apart (EN 1990, Table A1.2(A), note 1).",
-        "Das Eigengewicht ist eine Einwirkung: seine Teile haben denselben Beiwert (EN 1990, Tab. A1.2(A), Anm. 1).",
-        "Il peso proprio è una sola azione: le sue parti hanno lo stesso coefficiente (EN 1990, tab. A1.2(A), nota 1).",
+        "Self-weight is one action, all its parts have the same factor (EN 1990, 6.4.3.1(4) is for EQU: --set).",
+        "Das Eigengewicht ist eine Einwirkung, seine Teile haben denselben Beiwert (EN 1990, 6.4.3.1(4): EQU, --set).",
+        "Il peso proprio è una sola azione, con lo stesso coefficiente (EN 1990, 6.4.3.1(4) vale per EQU: --set).",
+    ),
+    "each_part": (
+        "Each element's self-weight and dead load is an individual action (EN 1990, 6.4.3.1(4)); the bounds hold for "
+        "all choices of their factors. Strengths are not reduced: strength is another check (EN 1990, 6.4.1(1)).",
+        "Eigengewicht und ständige Last jedes Elements sind eigene Einwirkungen (EN 1990, 6.4.3.1(4)); die Schranken "
+        "gelten für alle Wahlen der Beiwerte. Festigkeiten sind nicht abgemindert: eigener Nachweis (6.4.1(1)).",
+        "Peso proprio e carico permanente di ogni elemento sono azioni distinte (EN 1990, 6.4.3.1(4)); i limiti "
+        "valgono per ogni scelta dei coefficienti. Le resistenze non sono ridotte: verifica a parte (6.4.1(1)).",
+    ),
+    "of_parts": (
+        "by parts γG = {low} / {high}, unfavourable: {names}",
+        "nach Teilen γG = {low} / {high}, ungünstig: {names}",
+        "per parti γG = {low} / {high}, sfavorevoli: {names}",
     ),
     "nothing_else": (
         "Recommended values, no national annex. No serviceability, fatigue, fire, accidental or seismic situation, "
@@ -141,6 +191,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "faces": ("along stated faces", "entlang gegebener Flächen", "lungo facce date"),
     "cells": ("along the faces of cells", "entlang von Zellflächen", "lungo le facce delle celle"),
     "fields": ("anywhere (fields)", "überall (Felder)", "ovunque (campi)"),
+    "and": ("and", "und", "e"),
     "by_fields": (
         "Fields give no reactions and no reserves of joints.",
         "Felder liefern keine Auflagerkräfte und keine Reserven von Fugen.",
@@ -152,9 +203,12 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Reazioni e riserve esistono solo se la verifica riesce; qui mancano.",
     ),
     "uncertain": (
-        "Of values with a distribution, strengths count by their 5 % fractile (EN 1990, 4.2(3)), loads by their mean.",
-        "Von Werten mit Verteilung gilt für Festigkeiten das 5-%-Fraktil (EN 1990, 4.2(3)), für Lasten das Mittel.",
-        "Dei valori con distribuzione valgono il frattile 5 % (resistenze; EN 1990, 4.2(3)) e la media (carichi).",
+        "Of values with a distribution, strengths count by their 5 % fractile (EN 1990, 4.2(3)), live loads by their "
+        "98 % fractile (4.1.2(7)), permanent loads by their mean (4.1.2(3)).",
+        "Von Werten mit Verteilung gilt für Festigkeiten das 5-%-Fraktil (EN 1990, 4.2(3)), für veränderliche Lasten "
+        "das 98-%-Fraktil (4.1.2(7)), für ständige Lasten das Mittel (4.1.2(3)).",
+        "Dei valori con distribuzione valgono il frattile 5 % (resistenze; EN 1990, 4.2(3)), il frattile 98 % (carichi "
+        "variabili; 4.1.2(7)) e la media (carichi permanenti; 4.1.2(3)).",
     ),
     "with_members": (
         "Reactions are those of the faces of supports; forces of members anchored there add to them. A member without "
@@ -170,7 +224,11 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "e altri {count}, in design_check.json",
     ),
     "structure": ("structure, governing load", "Tragwerk, maßgebende Last", "struttura, carico determinante"),
-    "mechanism": ("collapse at λ = {load}", "Versagen bei λ = {load}", "collasso a λ = {load}"),
+    "mechanism": (
+        "collapse as drawn at λ = {load}",
+        "Versagen wie gezeichnet bei λ = {load}",
+        "collasso come disegnato a λ = {load}",
+    ),
     "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
     "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
 }

@@ -182,7 +182,7 @@ def _draw(
 
     left, width, low, height: of the area, relative to the figure.
     """
-    worst, solved, words = check.governing, check.solved, content.words
+    worst, solved, words = check.as_drawn, check.solved, content.words
     values = path_of(check)
     kinds = ["structure", *(["mechanism"] if solved is not None and solved.mechanism is not None else [])]
     kinds += ["path"] if values else []

@@ -13,7 +13,8 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.assembly import blocks_of
 from jld_core.build.materials import friction
-from jld_core.limit import number
+from jld_core.build.plausibility import weight_facts
+from jld_core.limit import Status, number
 from jld_core.limit.member_results import effects
 from jld_core.limit.reserve import Reserve
 from jld_core.scene.cracks import cracks_to_json
@@ -72,14 +73,56 @@ def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
     elif worst.verified:
         first = words["verified"].format(use=_shown(worst.utilisation))
     else:
-        first = words["fallen"] if math.isinf(low) else words["refuted"].format(use=_shown(worst.utilisation))
+        use = _shown(low) if high - low <= 1e-3 * high else f"{_shown(low)} … {_shown(high)}"
+        first = words["fallen"] if math.isinf(low) else words["refuted"].format(use=use)
     case = worst.name or words["only"]
-    return [first, words["worst"].format(case=case, combination=_combination(check, worst, words))]
+    governing = words["worst"].format(case=case, combination=_combination(check, worst, words))
+    return [first, governing, *_by_model(check, words)]
+
+
+def _by_model(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
+    """Return the sentence that sets λ by the faces drawn beside λ wherever blocks crack."""
+    if kind_of(check) == "fields":
+        return [words["by_anywhere"].format(value=_values(check.as_drawn, words))]
+    found = [words[f"by_{kind_of(check)}"].format(value=_values(check.as_drawn, words))]
+    anywhere = check.if_anywhere
+    if anywhere is not None:
+        more = "" if anywhere is not check.governing else f" {words['governs']}"
+        found.append(words["by_anywhere"].format(value=_values(anywhere, words)) + more)
+    else:
+        reason = {"rigid": words["rigid"], "equilibrium": words["equilibrium"]}.get(check.not_anywhere)
+        found.append(reason or words["not_anywhere"].format(reason=check.not_anywhere))
+    return [" ".join(found)]
+
+
+def kind_of(check: DesignCheck) -> str:
+    """Return the kind of the crack model of the scene: faces, cells or fields."""
+    return check.scene.cracks if isinstance(check.scene.cracks, str) else check.scene.cracks.kind
+
+
+def _values(one: CaseCheck, words: Mapping[str, str]) -> str:
+    """Return λ and utilisation of a case in words: one number each where proven closely, else both bounds."""
+    low, high = one.range
+    if one.bounds.status is Status.LOCKED:
+        return words["any_load"]
+    if one.stands is False or one.bounds.status is Status.UNSTABLE:
+        return words["falls"]
+    if high - low <= 1e-3 * high < math.inf:
+        return f"λ = {_shown(one.bounds.load_factor)}, {words['use']} = {_shown(one.utilisation)}"
+    ends = (_shown(end) if math.isfinite(end) else "?" for end in (one.bounds.low, one.bounds.high))
+    load = words["between"].format(low=next(ends), high=next(ends))
+    use = words["between"].format(low=_shown(low), high=_shown(high))
+    return f"λ {load}, {words['use']} {use}"
 
 
 def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -> str:
     """Describe the factors of permanent loads that differ or act alone."""
     chosen = one.combination.factors(check.factors)
+    if check.factors.by_parts:
+        (low, high), heavier = check.factors.self_weight, one.combination.heavier
+        names = textwrap.shorten(", ".join(heavier), 60, placeholder=" …") or "–"
+        told = words["of_parts"].format(low=f"{low:g}", high=f"{high:g}", names=names)
+        return told + (f", {words['prestress']} γP = {chosen['prestressing']:g}" if check.assembly.members else "")
     varied = {
         name for other in check.tried[0] for name, value in vars(other.combination).items() if value != "unfavourable"
     }
@@ -123,6 +166,9 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
                 parts.append((key, name, [float(value or 0.0) for value in values]))
     cells = [f"{words[key]}: {words[name]} {first:.4g} / {second:.4g}" for key, name, (first, second) in parts]
     rows = [[*cells[k : k + 2], ""][:2] for k in range(0, len(cells), 2)]
+    facts = weight_facts(check.scene, check.assembly)
+    told = [f"{words[f'whole_{name}']}: {facts[name]}" for name in ("thickness", "density", "weight") if name in facts]
+    rows += [[*told[k : k + 2], ""][:2] for k in range(0, len(told), 2)]
     length, force = check.assembly.units
     return Table(words["materials"].format(force=force, length=length), ["", ""], rows, [0.5, 0.5])
 
@@ -130,12 +176,15 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
 def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
     """Return the table of load cases, the most utilised first where there are many."""
     verdicts = {True: words["yes"], False: words["no"], None: words["open"]}
-    order = sorted(range(len(check.cases)), key=lambda k: (-check.cases[k].range[1], k))
+    every = (*check.cases, *check.anywhere)
+    order = sorted(range(len(every)), key=lambda k: (-every[k].range[1], k))
     kept = sorted(order[:LISTED])
     rows = []
-    for one in (check.cases[k] for k in kept):
+    for k in kept:
+        one = every[k]
         load = "∞" if str(one.bounds.status) == "locked" else _shown(one.bounds.load_factor)
         name = textwrap.shorten(one.name or words["only"], 30, placeholder=" …")
+        name += f", {words['fields']}" if k >= len(check.cases) else ""
         combination = _combination(check, one, words)
         rows.append([name, f"{one.required:g}", combination, load, _shown(one.utilisation), verdicts[one.verified]])
     head = [words["case"], words["required"], words["combination"], "λ", words["use"], words["verdict"]]
@@ -207,8 +256,10 @@ def _members(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
     """Return sentences on what a check assumes and does not cover."""
-    kind = str(cracks_to_json(check.scene.cracks)) if check.scene.cracks == "faces" else check.scene.cracks.kind
-    found = [words["model"].format(cracks=words.get(kind, kind)), words["psi"], words["parts"], words["nothing_else"]]
+    kind = kind_of(check)
+    parts = words["each_part" if check.factors.by_parts else "parts"]
+    cracks = words[kind] + (f" {words['and']} {words['fields']}" if check.anywhere else "")
+    found = [words["model"].format(cracks=cracks), words["psi"], parts, words["nothing_else"]]
     design = check.scene.design
     if check.factors.name == "EN 1996-1-1" and check.factors.clauses["strength"].startswith("EN"):
         stated = design is not None and design.model_fields_set & {"units", "mortar", "execution"}
@@ -231,7 +282,7 @@ def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
 
 def joints_of(check: DesignCheck) -> list[dict[str, Any]]:
     """Return the dry faces as plain values, those that use most of their capacity first."""
-    reserve, worst = check.reserve, check.governing.structure
+    reserve, worst = check.reserve, check.as_drawn.structure
     if reserve is None:
         return []
     faces = np.flatnonzero(check.labels & ~worst.of_members)
@@ -241,7 +292,7 @@ def joints_of(check: DesignCheck) -> list[dict[str, Any]]:
 
 def _joint(check: DesignCheck, reserve: Reserve, face: int) -> dict[str, Any]:
     """Return one joint as plain values; the eccentricity is None where nothing presses it."""
-    structure = check.governing.structure
+    structure = check.as_drawn.structure
     ids, joints = structure.elements.ids, structure.interfaces
     normal, forces = float(reserve.forces[face, 0]), reserve.forces[face]
     moment = abs(float(forces[2])) if structure.dimension == 2 else float(np.hypot(forces[3], forces[4]))
@@ -259,7 +310,7 @@ def _joint(check: DesignCheck, reserve: Reserve, face: int) -> dict[str, Any]:
 
 def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
     """Return each block that may crack, with its most utilised inner face, nearest first."""
-    reserve, structure = check.reserve, check.governing.structure
+    reserve, structure = check.reserve, check.as_drawn.structure
     if reserve is None:
         return []
     block, joints, ids = blocks_of(structure, check.labels), structure.interfaces, structure.elements.ids
@@ -279,7 +330,7 @@ def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
 
 def members_of(check: DesignCheck) -> list[dict[str, Any]]:
     """Return forces of members, and the share used of the capacity beyond the prestress."""
-    reserve, structure = check.reserve, check.governing.structure
+    reserve, structure = check.reserve, check.as_drawn.structure
     if reserve is None or not structure.members:
         return []
     force = effects(structure, reserve.forces)
@@ -303,6 +354,9 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
         "utilisation": number(worst.utilisation),
         "governing": worst.name or None,
         "combination": vars(worst.combination),
+        "by_drawn": {"cracks": cracks_to_json(check.scene.cracks), **check.as_drawn.to_json()},
+        "anywhere": None if check.if_anywhere is None else check.if_anywhere.to_json(),
+        "not_anywhere": check.not_anywhere or None,
         "cases": [
             {"case": one.name or None, **one.to_json(), "combinations": [other.to_json() for other in tried]}
             for one, tried in zip(check.cases, check.tried, strict=True)

@@ -12,8 +12,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene
 from jld_explore.reliability.bounds import SampleBounds
+from jld_explore.reliability.exploration import explore_failures
 from jld_explore.reliability.form import Form, LimitFunction, design_point
-from jld_explore.reliability.monte_carlo import CONFIDENCE, MonteCarlo, simulate
+from jld_explore.reliability.monte_carlo import CONFIDENCE, MonteCarlo, is_rare, simulate
 from jld_explore.reliability.structure import RandomStructure, random_structure
 from jld_explore.reliability.variables import Variables
 
@@ -68,6 +69,8 @@ class Reliability:
         Result of the first-order method.
     simulation : MonteCarlo
         Result of the simulation.
+    points : tuple of Form
+        Design points of several mechanisms, nearest first, around which rare failures are sampled.
     options : ReliabilityOptions
         Options of both.
     """
@@ -75,6 +78,7 @@ class Reliability:
     variables: Variables
     form: Form
     simulation: MonteCarlo
+    points: tuple[Form, ...]
     options: ReliabilityOptions
 
     @property
@@ -100,6 +104,8 @@ class Reliability:
             "beta_interval": list(simulation.beta_interval),
             "confidence": CONFIDENCE,
             "importance_sampling": simulation.importance,
+            "unseen": simulation.unseen,
+            "mechanisms": [{"beta": one.beta, "probability": one.probability} for one in self.points],
             "resolved": simulation.resolved,
             "undecided": simulation.undecided,
             "form": {"iterations": form.steps, "kink": form.kink, "problem": form.problem or None},
@@ -135,8 +141,8 @@ def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStruct
 def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOptions) -> Reliability:
     """Compute the reliability of a layout by the first-order method and by simulation.
 
-    Where a failing sample is nearer to the means than the design point, the iteration begins again from it, since the
-    failure surface may have several near points.
+    Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end
+    of the interval.
 
     Parameters
     ----------
@@ -159,12 +165,22 @@ def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOption
     """
     bounds = SampleBounds(structure, labels)
     function = LimitFunction(bounds, options.required)
+    return estimate(function, structure.variables, options)
+
+
+def estimate(function: LimitFunction, variables: Variables, options: ReliabilityOptions) -> Reliability:
+    """Compute the reliability of a limit function by both methods; see `analyse`."""
+    samples, seed, jobs = options.samples, options.seed, options.jobs
     form = design_point(function)
-    around = form if form.found else None
-    simulation = simulate(bounds, options.required, options.samples, options.seed, options.jobs, around)
+    points, unseen = ((form,) if form.found else ()), 0.0
+    if is_rare(points, samples) or form.far:
+        explored = explore_failures(function, form, max(1, samples // 2), seed, jobs)
+        points, unseen = explored.points, explored.unseen
+        form = points[0] if points else form
+    simulation = simulate(function.bounds, function.required, samples, seed, jobs, points, unseen)
     nearest = simulation.nearest
     if nearest is not None and (not form.found or np.linalg.norm(nearest) < (1.0 - _NEARER) * form.beta):
         other = design_point(function, nearest)
         if other.found and (not form.found or other.beta < form.beta):
             form = other
-    return Reliability(structure.variables, form, simulation, options)
+    return Reliability(variables, form, simulation, points, options)

@@ -36,6 +36,9 @@ _SURFACE: Final = 1e-6
 _POINT: Final = 1e-4
 """Distance from the point of the linearised surface nearest to the means at which the iteration ends."""
 
+_HOPELESS: Final = 1e4
+"""Distance to the failure surface, linearised at the means, beyond which there is no search for it."""
+
 _DIFFERENCE: Final = 1e-6
 """Relative step of the derivatives of the dissipation by strengths, in which it is linear or smooth."""
 
@@ -80,6 +83,8 @@ class Form:
         True if the design point lies on a kink of λ, between one-sided gradients.
     problem : str
         Why there is no design point; "" where there is one.
+    far : bool
+        True if there is none since failures are too far from the means.
     """
 
     beta: float
@@ -87,6 +92,7 @@ class Form:
     steps: int
     kink: bool = False
     problem: str = ""
+    far: bool = False
 
     @property
     def found(self) -> bool:
@@ -122,18 +128,22 @@ class LimitFunction:
         self.bounds, self.required = bounds, required
         self.variables = bounds.structure.variables
 
-    @one_thread()
     def at(self, point: Floats) -> Limit:
         """Return value and gradient at a point (v,) of the standard normal space."""
-        values = self.variables.values(point)
+        limit = self.at_values(self.variables.values(point))
+        slopes = self.variables.slopes(point)
+        return limit if limit.gradient is None else replace(limit, gradient=limit.gradient * slopes)
+
+    @one_thread()
+    def at_values(self, values: Floats) -> Limit:
+        """Return value and gradient by the values (v,) of the variables themselves."""
         found: list[tuple[float, Floats | None]] = []
         for case, asked in enumerate(self.bounds.structure.assembly.required.tolist()):
             analysis, proof = self.bounds.solved(values, case)
             value, rates = self._of_case(analysis, proof, values, case)
             found.append((value / asked, None if rates is None else rates / asked))
         value, rates = min(found, key=lambda one: math.inf if math.isnan(one[0]) else one[0])
-        gradient = None if rates is None else rates * self.variables.slopes(point)
-        return Limit(value - self.required, gradient)
+        return Limit(value - self.required, rates)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
         """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4).
@@ -182,7 +192,7 @@ class _Iteration:
     """
 
     def __init__(self, function: LimitFunction, point: Floats) -> None:
-        self.function, self.point = function, point
+        self.function, self.point, self.reach = function, point, function.variables.reach
         self.met: list[tuple[Floats, Limit]] = []
         self.here = self.limit(point)
 
@@ -208,7 +218,8 @@ class _Iteration:
         )
         sides = np.array([slope @ at - one.distance for slope, (at, one) in zip(slopes, chosen, strict=True)])
         found = _least_distance(slopes, sides) if around else None
-        return np.asarray(sides[0] * slopes[0]) if found is None else found
+        point = np.asarray(sides[0] * slopes[0]) if found is None else found
+        return point * min(1.0, float((self.reach / np.maximum(abs(point), self.reach)).min()))
 
     def step(self, target: Floats) -> bool:
         """Move towards a target by the largest share that improves; return False if none does."""
@@ -226,9 +237,12 @@ class _Iteration:
 
     def arrived(self, target: Floats) -> bool:
         """Return True if the point lies on the failure surface and equals the target."""
-        if abs(self.here.distance) > _SURFACE:
-            return False
-        return float(np.linalg.norm(target - self.point)) <= _POINT * max(1.0, float(np.linalg.norm(self.point)))
+        return abs(self.here.distance) <= _SURFACE and _close(target, self.point)
+
+
+def _close(one: Floats, other: Floats) -> bool:
+    """Return True if two points are equal to the accuracy of a design point."""
+    return float(np.linalg.norm(one - other)) <= _POINT * max(1.0, float(np.linalg.norm(other)))
 
 
 def _merit(point: Floats, limit: Limit, penalty: float) -> float:
@@ -266,10 +280,14 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
     if not math.isfinite(work.here.distance):
         where = "at the means" if start is None else "at its start"
         why = "is unbounded" if work.here.value == math.inf else "has no rates"
-        return Form(math.nan, work.point, 0, problem=f"the load factor {where} {why}")
+        return Form(math.nan, work.point, 0, problem=f"the load factor {where} {why}", far=work.here.value > 0.0)
     inside = (work.here if start is None else function.at(means)).value < 0.0
     for number in range(1, _STEPS + 1):
         plain = work.nearest(around=False)
+        stuck = (abs(plain) >= (1.0 - 1e-9) * work.reach).any() and _close(plain, work.point)
+        if stuck or (number == 1 and abs(work.here.distance) > _HOPELESS):
+            problem = "λ hardly depends on the random values: none that can occur changes the outcome"
+            return Form(math.nan, work.point, number, problem=problem, far=not inside)
         if work.arrived(plain):
             return _found(work, number, inside, kink=False)
         if work.step(plain):

@@ -1,11 +1,11 @@
 """Monte Carlo simulation of a layout; proven bounds decide every sample.
 
-Rare failures are sampled around the design point (importance sampling).
+Rare failures are sampled around the design points (importance sampling).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
@@ -19,10 +19,13 @@ from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
 from jld_explore.reliability.form import Form
 
 _FEW: Final = 1000
-"""Failures expected of plain sampling below which samples are drawn around the design point."""
+"""Failures expected of plain sampling below which samples are drawn around the design points."""
 
 _PLAIN: Final = 10
 """One of so many samples of importance sampling is drawn around the means, so that no weight exceeds this number."""
+
+_EVEN: Final = 0.5
+"""Share of the other samples that is divided evenly among the design points; the rest follows their probabilities."""
 
 CONFIDENCE: Final = 0.95
 """Confidence of intervals."""
@@ -42,11 +45,13 @@ class MonteCarlo:
     probability : float
         Estimated probability of failure.
     interval : (float, float)
-        Confidence interval of it; its lower end counts undecided samples as safe.
+        Confidence interval of it; its lower end counts undecided samples as safe, its upper end what was not seen.
     importance : bool
         True for importance sampling.
     nearest : (v,) array or None
         Failing sample nearest to the means, in standard normal space; None where none fails.
+    unseen : float
+        What the upper end of the interval counts for failures away from all design points.
     """
 
     samples: int
@@ -57,6 +62,7 @@ class MonteCarlo:
     interval: tuple[float, float]
     importance: bool
     nearest: Floats | None
+    unseen: float = 0.0
 
     @property
     def beta(self) -> float | None:
@@ -89,18 +95,28 @@ class _Part:
     nearest: Floats | None
 
 
+def is_rare(points: Sequence[Form], samples: int) -> bool:
+    """Return True if plain samples are expected to fail too seldom."""
+    return bool(points) and samples * sum(one.probability for one in points) < _FEW
+
+
 def simulate(
-    bounds: SampleBounds, required: float, samples: int, seed: int, jobs: int = 1, design: Form | None = None
+    bounds: SampleBounds,
+    required: float,
+    samples: int,
+    seed: int,
+    jobs: int = 1,
+    points: Sequence[Form] = (),
+    unseen: float = 0.0,
 ) -> MonteCarlo:
     """Estimate the probability that a layout carries less than `required`.
 
     bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
-    number of threads. design: result of the first-order method; None without a design point. Samples are stratified
-    along its point; where failures are rare, they are drawn around it. Source: docs/method.md (12.6) to (12.8).
+    number of threads. points: design points, nearest first. Samples are stratified along the first; where failures are
+    rare, they are drawn around all. unseen: bound on failures away from them. Source: docs/method.md (12.6) to (12.9).
     """
-    point = None if design is None else design.point
-    rare = design is not None and samples * design.probability < _FEW
-    drawing = _Drawing(samples, seed, len(bounds.structure.variables), point, point if rare else None)
+    rare = is_rare(points, samples)
+    drawing = _Drawing.around(points if rare else points[:1], samples, seed, len(bounds.structure.variables), rare)
 
     def one(part: int) -> _Part:
         return _counted(bounds, required, *drawing.part(part))
@@ -113,15 +129,15 @@ def simulate(
     near = [p.nearest for p in parts if p.nearest is not None]
     nearest = min(near, key=lambda point: float(point @ point)) if near else None
     if not rare:
-        interval = _exact_interval(failures, undecided, samples)
+        interval = exact_interval(failures, undecided, samples)
         probability = (failures + undecided) / samples
-    else:
-        probability = min(1.0, float(weights.sum()) / samples)
-        low, high = (_normal_interval(weights[:n].sum(), squares[:n].sum(), samples) for n in (1, 2))
-        # without any failure, those drawn around the means alone say how rare failures are
-        unseen = _exact_interval(0, 0, drawing.plain)[1] if failures + undecided == 0 else 0.0
-        interval = low[0], max(high[1], unseen)
-    return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest)
+        return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest)
+    probability = min(1.0, float(weights.sum()) / samples)
+    low, high = (_normal_interval(weights[:n].sum(), squares[:n].sum(), samples) for n in (1, 2))
+    if failures + undecided == 0:  # those drawn around the means alone say how rare failures are
+        unseen = exact_interval(0, 0, drawing.counts[0])[1]
+    interval = low[0], min(1.0, high[1] + unseen)
+    return MonteCarlo(samples, failures, resolved, undecided, probability, interval, rare, nearest, unseen)
 
 
 def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
@@ -140,58 +156,55 @@ class _Drawing:
 
     Attributes
     ----------
-    samples, seed, variables : int
-        Number of samples; seed; number v of variables.
-    along : (v,) array or None
-        Direction in which the samples are stratified, one in each of as many strata of equal probability; those around
-        the means and those around `shift` apart. None for independent samples.
-    shift : (v,) array or None
-        Point around which all but every `_PLAIN`-th sample is drawn; None to draw all around the means.
+    seed : int
+        Seed.
+    counts : (c,) array
+        Number of samples around each centre. Samples of one centre follow one another.
+    centres : (c, v) array
+        Points around which samples are drawn; the first one is the means.
+    along : (c, v) array
+        Direction in which the samples of each centre are stratified, one in each of as many strata of equal
+        probability; 0 for independent samples.
     """
 
-    samples: int
     seed: int
-    variables: int
-    along: Floats | None = None
-    shift: Floats | None = None
+    counts: Ints
+    centres: Floats
+    along: Floats
 
-    @property
-    def plain(self) -> int:
-        """Return how many samples are drawn around the means."""
-        return self.samples if self.shift is None else -(-self.samples // _PLAIN)
+    @classmethod
+    def around(cls, points: Sequence[Form], samples: int, seed: int, variables: int, rare: bool) -> _Drawing:
+        """Return the drawing of samples around the means alone, or around rare design points too."""
+        ends = np.array([one.point for one in points]).reshape(-1, variables)
+        first = ends[:1] if len(ends) else np.zeros((1, variables))
+        if not rare:
+            return cls(seed, np.array([samples]), np.zeros((1, variables)), first)
+        share = np.array([one.probability for one in points])
+        share = _EVEN / len(share) + (1.0 - _EVEN) * share / share.sum() if share.any() else 1.0 / len(share) + share
+        plain = -(-samples // _PLAIN)
+        last = np.round((samples - plain) * np.cumsum(share)).astype(np.int64)
+        counts = np.diff(np.concatenate([[0, plain], plain + last]))
+        return cls(seed, counts, np.vstack([np.zeros((1, variables)), ends]), np.vstack([first, ends]))
 
     def part(self, number: int) -> tuple[Floats, Floats]:
         """Return the points (k, v) of a portion and their weights (k,)."""
-        index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, self.samples))
+        samples = int(self.counts.sum())
+        index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, samples))
         dice = np.random.default_rng([self.seed, number])
-        points = dice.standard_normal((len(index), self.variables))
-        if self.along is not None and self.along.any():
-            unit = self.along / np.linalg.norm(self.along)
-            place = self._strata(index, dice.uniform(0.0, 1.0, len(index)))
-            # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
-            level = ndtri(np.maximum(place, 0.5 * 2.0**-53 / self.samples))
-            points += np.outer(level - points @ unit, unit)
-        if self.shift is None:
-            return points, np.ones(len(index))
-        points[index % _PLAIN != 0] += self.shift
-        share = 1.0 / _PLAIN
+        points = dice.standard_normal((len(index), self.centres.shape[1]))
+        within = dice.uniform(0.0, 1.0, len(index))
+        begin = np.cumsum(self.counts) - self.counts
+        centre = np.searchsorted(begin + self.counts, index, side="right")
+        place = (index - begin[centre] + within) / self.counts[centre]
+        # 0 has no quantile; half of the smallest share that numbers of a generator can have stands for it
+        level = ndtri(np.maximum(place, 0.5 * 2.0**-53 / samples))
+        size = np.linalg.norm(self.along, axis=1, keepdims=True)
+        unit = (self.along / np.where(size > 0.0, size, 1.0))[centre]
+        ahead = np.where(size[centre, 0] > 0.0, level - (points * unit).sum(axis=1), 0.0)
+        points += ahead[:, None] * unit + self.centres[centre]
+        exponents = points @ self.centres.T - 0.5 * (self.centres**2).sum(axis=1)
         with np.errstate(over="ignore"):
-            ratio = np.exp(points @ self.shift - 0.5 * self.shift @ self.shift)
-        return points, 1.0 / (share + (1.0 - share) * ratio)
-
-    def _strata(self, index: Ints, within: Floats) -> Floats:
-        """Return stratified probabilities (k,) of samples, each in an interval of its own.
-
-        index: (k,) numbers of the samples. within: (k,) position of each in its interval, 0 to 1. Samples around the
-        means and samples around `shift` are stratified apart, since each group has to cover the whole distribution.
-        """
-        if self.shift is None:
-            return (index + within) / self.samples
-        before = -(-index // _PLAIN)
-        around = index % _PLAIN == 0
-        return np.where(
-            around, (before + within) / self.plain, (index - before + within) / max(self.samples - self.plain, 1)
-        )
+            return points, 1.0 / (np.exp(exponents) @ (self.counts / samples))
 
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
@@ -218,7 +231,7 @@ def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Flo
     return _Part(int(fails.sum()), again, int(open_.sum()), sums, squares, nearest)
 
 
-def _exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
+def exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
     """Return the Clopper–Pearson interval of a probability.
 
     Undecided samples count as safe at the lower end and as failures at the upper one.
@@ -265,7 +278,7 @@ class Comparison:
 
         Its upper end counts undecided samples as such.
         """
-        return _exact_interval(self.stronger, self.undecided, self.samples)
+        return exact_interval(self.stronger, self.undecided, self.samples)
 
 
 def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, jobs: int = 1) -> Comparison:
@@ -273,7 +286,7 @@ def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, job
 
     samples, seed, jobs: as in `simulate`.
     """
-    drawing = _Drawing(samples, seed, len(one.structure.variables))
+    drawing = _Drawing.around((), samples, seed, len(one.structure.variables), rare=False)
 
     def count(part: int) -> tuple[int, int]:
         points, _ = drawing.part(part)

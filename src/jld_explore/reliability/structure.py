@@ -52,7 +52,7 @@ class _Follower:
 
 
 @dataclass(frozen=True)
-class _Growth:
+class Growth:
     """Loads of one case that grow with random variables: Π (x − mean) times loads.
 
     The product is over `variables`. variables: one or two. dead, live: (n, q) loads.
@@ -82,7 +82,7 @@ class RandomStructure:
     assembly: Assembly
     variables: Variables
     followers: tuple[_Follower, ...]
-    growths: tuple[tuple[_Growth, ...], ...]
+    growths: tuple[tuple[Growth, ...], ...]
 
     @cached_property
     def cases(self) -> tuple[Assembly, ...]:
@@ -213,7 +213,7 @@ class _Measurement:
         self.names: list[str] = []
         self.sizes: list[Uncertain] = []
         self.followers: list[_Follower] = []
-        self.growths: list[list[_Growth]] = [[] for _ in self.base.by_case]
+        self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
     def structure(self) -> RandomStructure:
         """Return the structure with all variables."""
@@ -322,10 +322,10 @@ class _Measurement:
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():
-                    growths.append(_Growth((first,), dead, live))
+                    growths.append(Growth((first,), dead, live))
                 continue
             for number, element in enumerate(split.tolist()):
-                growths.append(_Growth((first + number,), _only(dead, element), _only(live, element)))
+                growths.append(Growth((first + number,), _only(dead, element), _only(live, element)))
 
     def _add_products(self, variables_of: list[list[int]]) -> None:
         """Add the loads that grow with products of two values: body loads, by weights."""
@@ -353,16 +353,16 @@ class _Measurement:
                     self._grow_pairs(growths, variables_of[one], variables_of[two][0], dead, live)
 
     @staticmethod
-    def _grow_pairs(growths: list[_Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
+    def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
         """Add loads that grow with a body load and each of the weights of one value."""
         if not (dead.any() or live.any()):
             return
         if len(weights) == 1:
-            growths.append(_Growth((weights[0], body), dead, live))
+            growths.append(Growth((weights[0], body), dead, live))
             return
         loaded = np.flatnonzero(np.any(dead, axis=1) | np.any(live, axis=1))
         for variable, element in zip(weights, loaded.tolist(), strict=True):
-            growths.append(_Growth((variable, body), _only(dead, element), _only(live, element)))
+            growths.append(Growth((variable, body), _only(dead, element), _only(live, element)))
 
 
 def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> Floats:

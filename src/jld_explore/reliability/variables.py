@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
+
+_FARTHEST: Final = 1e3
+"""Largest size of a standard normal variable."""
+
+_FACTOR: Final = 12.0
+"""Natural logarithm of the largest factor on the median of a lognormal value."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,11 @@ class Variables:
     def _spread(self) -> Floats:
         """Return ζ of the lognormal variables (v,), with the formula also for the others."""
         return np.sqrt(np.log1p((self.deviation / self.mean) ** 2))
+
+    @property
+    def reach(self) -> Floats:
+        """Return the largest sizes (v,) of standard normal variables at which values are computed."""
+        return np.where(self.lognormal, np.minimum(_FARTHEST, _FACTOR / self._spread()), _FARTHEST)
 
     def values(self, normal: Floats) -> Floats:
         """Return the values (..., v) that belong to independent standard normal ones (..., v)."""

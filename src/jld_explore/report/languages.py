@@ -137,6 +137,8 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Zug- und Schubfestigkeit des Steins {tension} und {shear}",
         "resistenza a trazione e a taglio della pietra {tension} e {shear}",
     ),
+    "whole_thickness": ("thickness {value}", "Dicke {value}", "spessore {value}"),
+    "whole_weight": ("weight of all stones {value}", "Gewicht aller Steine {value}", "peso di tutti i conci {value}"),
     "density": ("density {value}", "Dichte {value}", "densità {value}"),
     "rigid": (
         "rigid stones and plastic joints: no settlement, no dynamics, no creep; associative friction",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from jld_core.assembly import Assembly
+from jld_core.build.plausibility import weight_facts
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.limit import LimitAnalysisResult
@@ -111,7 +112,11 @@ def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
         scene=scene,
         assembly=assembly,
         candidates=assembly.free_faces,
-        facts={**facts_of_assembly(assembly), **facts_of_result(found)},
+        facts={
+            **facts_of_assembly(assembly),
+            **({} if scene is None else weight_facts(scene, assembly)),
+            **facts_of_result(found),
+        },
         solutions={0: solution},
         pictures=path_pictures(assembly, solution),
     )
@@ -163,7 +168,11 @@ def study_data(
         scene=done.scene,
         assembly=done.assembly,
         candidates=search_space(done.scene, done.assembly).candidates[: len(done.assembly.interfaces)],
-        facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary.facts, done.results)},
+        facts={
+            **words.facts_of_exploration(done),
+            **facts_of_summary(done.summary.facts, done.results),
+            **weight_facts(done.scene, done.assembly),
+        },
         warnings=[str(text) for text in done.summary.warnings],
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),

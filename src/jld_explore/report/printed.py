@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from jld_core._version import __version__
 from jld_core.arrays import Floats
 from jld_core.assembly_sequence import Laying
+from jld_core.build.plausibility import weight_facts
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
 from jld_core.scene import Scene
@@ -362,6 +363,8 @@ def _assumptions(book: _Book) -> list[str]:
         gravity = book.content.layout.assembly.elements.gravity
         factor, unit = (gravity / GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
         found.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
+    facts = weight_facts(scene, book.content.layout.assembly)
+    found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
     # what the file of materials says already stands above
     others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
     return [*found, words["rigid"], *(phrase_in(book.language, one) for one in others)]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
+from jld_core.build.plausibility import weight_facts
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words
@@ -60,6 +61,7 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
         {
             "scene": scene.name,
             **facts_of_assembly(found),
+            **weight_facts(scene, found),
             "candidates": f"{spots} of {found.faces} faces may be dry or inner; a labelling says which",
             "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
