@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -268,6 +268,8 @@ class Assembly(NotebookRepr):
     fill : tuple of (k, 2) arrays
         Outlines of fill, for drawing.
     """
+
+    shown_by: ClassVar[str] = "jld_core.views.notebook:AssemblyView"
 
     name: str
     dimension: int

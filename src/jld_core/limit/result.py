@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -73,6 +73,8 @@ class LimitAnalysisResult(NotebookRepr):
     notes : tuple of str
         Sentences about this result.
     """
+
+    shown_by: ClassVar[str] = "jld_core.views.notebook:ResultView"
 
     assembly: Assembly
     labels: Bits

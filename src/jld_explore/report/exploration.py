@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -55,6 +55,8 @@ class Exploration(NotebookRepr):
     model : SolveOptions
         Model of the search.
     """
+
+    shown_by: ClassVar[str] = "jld_explore.report.notebook:ExplorationView"
 
     scene: Scene
     assembly: Assembly
