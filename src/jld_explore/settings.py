@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, get_args
 
 from jld_core.errors import ParameterError
 from jld_core.limit import SolveOptions
+from jld_core.parameters import require_field_types
 from jld_explore.drivers import Driver
 from jld_explore.evaluation.own_objective import OwnObjective
 
@@ -113,6 +114,7 @@ class BudgetSettings:
     seconds: float | None = None
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.budget is not None and self.budget < 1:
             raise ParameterError("budget", f"{self.budget} is no number of layouts", "a whole number from 1")
         if self.seconds is not None and not self.seconds >= 0.0:
@@ -135,6 +137,7 @@ class ParallelSettings:
     cluster: str | None = None
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.jobs < 1:
             raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
 
@@ -165,6 +168,7 @@ class SearchMethod:
     certificates: bool = False
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.certificates:
             warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
 

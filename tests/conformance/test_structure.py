@@ -68,6 +68,7 @@ ORDER = [
         "jld_core.errors",
         "jld_core.lazy_exports",
         "jld_core.memory",
+        "jld_core.parameters",
         "jld_core.tolerances",
         "jld_core.threads",
         "jld_core._version",

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.errors import ParameterError
 from jld_core.limit import (
     FLOOR_SECONDS,
     BatchAnalysis,
@@ -28,6 +29,7 @@ from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
 from jld_core.models.labelling import limit_analysis, solve_labelling
 from jld_core.models.solve import solve
+from jld_core.parameters import require_kind
 from jld_core.solvers import Solver
 from jld_core.threads import one_thread
 
@@ -93,7 +95,15 @@ class BatchResult:
         -------
         LimitAnalysisResult
             Full result of the labelling.
+
+        Raises
+        ------
+        InputError
+            If there is no labelling of that number.
         """
+        require_kind("number", number, int)
+        if not 0 <= number < len(self):
+            raise ParameterError("number", f"there is no labelling {number}", f"0 to {len(self) - 1}")
         return solve(self.assembly, self.labels[number], **vars(self.model))
 
     def to_frame(self) -> pd.DataFrame:

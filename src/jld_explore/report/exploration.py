@@ -15,6 +15,7 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.parameters import require_kind
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
@@ -191,6 +192,7 @@ class Exploration(NotebookRepr):
             problem = f"no layout of {self.folder} has a load factor to be ranked by"
             raise ParameterError("rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
         number = 1 if rank is None else rank
+        require_kind("rank", number, int)
         if not 1 <= number <= len(self.results):
             expected = (
                 f"1 to {len(self.results)}, the rows of results.csv" if len(self.results) else "a search with rows"
