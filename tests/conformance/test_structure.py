@@ -59,7 +59,7 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
-    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
+    ["jld_core.linalg", "jld_core.files", "jld_core.parameters", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",
@@ -68,7 +68,6 @@ ORDER = [
         "jld_core.errors",
         "jld_core.lazy_exports",
         "jld_core.memory",
-        "jld_core.parameters",
         "jld_core.tolerances",
         "jld_core.threads",
         "jld_core._version",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import jld_core as jc
 import jld_explore as je
 from jld_explore.drivers import make_driver
+from jld_explore.report.words import facts_of_exploration
 from paths import SCENES
 
 ARCH = SCENES / "flat_beam_arch.json"
@@ -86,3 +90,31 @@ def test_options_of_a_driver_are_keywords() -> None:
     same = {"driver": "genetic", "budget": 40, "seed": 2}
     one = je.explore(SCENE, **same, population=10).results.drop(columns="seconds")
     assert one.equals(je.explore(SCENE, **same, options={"population": 10}).results.drop(columns="seconds"))
+
+
+def test_arrays_and_tuples_are_lists_of_a_scene() -> None:
+    document: dict[str, Any] = {
+        "name": "block",
+        "elements": [
+            {"id": "s", "support": True, "polygon": [[0, 0], [1, 0], [1, 1], [0, 1]]},
+            {"id": "b", "polygon": [[0, 1], [1, 1], [1, 2], [0, 2]]},
+        ],
+        "materials": {"density": 1.0, "dry": {"friction_coefficient": 0.5}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    other = json.loads(json.dumps(document))
+    other["elements"][0]["polygon"] = np.array(other["elements"][0]["polygon"])
+    other["elements"][1]["polygon"] = tuple(map(tuple, other["elements"][1]["polygon"]))
+    other["loads"]["live"][0]["body"] = np.array([1.0, 0.0])
+    other["materials"]["density"] = np.int64(1)
+    assert jc.parse_scene(other).fingerprint == jc.parse_scene(document).fingerprint
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_resumed_search_without_solves_names_no_speed(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"driver": "random", "budget": 5}
+    first = je.explore(SCENE, tmp_path / "a", **settings)
+    again = je.explore(SCENE, tmp_path / "a", **settings, resume=True)
+    said = [facts_of_exploration(one)["stopped"] for one in (first, again)]
+    assert "solves/s" in said[0]
+    assert "solves/s" not in said[1]

@@ -116,7 +116,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
         **({"pruned": f"{facts['pruned']} by a bound, without a solve of their own"} if facts["pruned"] else {}),
-        "stopped": f"{ended} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
+        "stopped": f"{ended} after {facts['seconds']:.1f} s{speed(facts['rate'])}",
         **(
             {"required": required.words(facts["require"])}
             if facts.get("require")
@@ -130,6 +130,11 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         "cracks": cracks_in_words(done.scene.cracks),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
+
+
+def speed(rate: float | None) -> str:
+    """Return a rate of solves in words, "" where nothing was solved: all that is left may have been on record."""
+    return f", {rate:.2g} solves/s" if rate and rate < 1.0 else f", {rate:.0f} solves/s" if rate else ""
 
 
 def _reliability(facts: dict[str, Any]) -> dict[str, str]:
