@@ -339,7 +339,7 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
     """Write the certificate of a proof, with the best labelling found."""
     best, load = done.summary.best_labelling, done.summary.best
     found = None if best is None or load is None else (with_members(done.assembly, from_string(best)), load)
-    certify(driver, scene, path, found)
+    certify(driver, scene, path, found, done.summary.bound)
 
 
 def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:
