@@ -70,7 +70,8 @@ class Exploration(NotebookRepr):
 
     def __repr__(self) -> str:
         best, proven = self.summary.best, ", proven" if self.summary.proven else ""
-        found = "none ranked" if best is None else f"best λ = {best:.9g}{proven}"
+        falls = ", falls without live load" if self.summary.stands_at_zero is False else ""
+        found = "none ranked" if best is None else f"best λ = {best:.9g}{proven}{falls}"
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 
     def plot(self) -> Figure:

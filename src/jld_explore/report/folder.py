@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -153,6 +155,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
         own_objective=own is not None,
         wide=wide,
         deadline=deadline,
+        standing=study.standing,
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
@@ -199,9 +202,20 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
+    if found[tables.STANDS] is False:
+        done = replace(done, summary=Summary.of(found | {"least_load_factor": _least_load_factor(done)}))
+        write_text(study.folder / "summary.json", json.dumps(done.summary.facts, indent=1))
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
+
+
+def _least_load_factor(done: Exploration) -> float | None:
+    """Return the λ from which on the best layout stands, None where it is not known; by faces or cells."""
+    if isinstance(done.scene.cracks, FieldCracks):
+        return None
+    least = getattr(done.result(), "least_load_factor", None)
+    return least if least is not None and math.isfinite(least) else None
 
 
 def _complaints(study: Study) -> list[str]:
