@@ -202,20 +202,23 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
-    if found[tables.STANDS] is False:
-        done = replace(done, summary=Summary.of(found | {"least_load_factor": _least_load_factor(done)}))
-        write_text(study.folder / "summary.json", json.dumps(done.summary.facts, indent=1))
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
-    return done
+    return _with_least_load_factor(done)
 
 
-def _least_load_factor(done: Exploration) -> float | None:
-    """Return the λ from which on the best layout stands, None where it is not known; by faces or cells."""
-    if isinstance(done.scene.cracks, FieldCracks):
-        return None
-    least = getattr(done.result(), "least_load_factor", None)
-    return least if least is not None and math.isfinite(least) else None
+def _with_least_load_factor(done: Exploration) -> Exploration:
+    """Add the λ from which on the best layout stands to the summary, where it falls under its dead load alone.
+
+    It is None where it is not known, as by fields.
+    """
+    if done.summary.stands_at_zero is not False:
+        return done
+    fields = isinstance(done.scene.cracks, FieldCracks)
+    least = math.nan if fields else getattr(done.result(), "least_load_factor", math.nan)
+    facts = done.summary.facts | {"least_load_factor": least if math.isfinite(least) else None}
+    write_text(done.folder / "summary.json", json.dumps(facts, indent=1))
+    return replace(done, summary=Summary.of(facts))
 
 
 def _complaints(study: Study) -> list[str]:
