@@ -8,8 +8,8 @@ import hashlib, json, math, sys  # noqa: E401, I001
 from itertools import combinations, pairwise, product
 from pathlib import Path
 SLACK, CAP, TOUCH, NEAR = 1e-6, 1e4, 1e-7, 1e-3
-RULES = {"candidates", "segmentation", "block_cells", "block_weight", "block_mass", "block_extent",  # others admit less
-         "symmetry", "front", "block_aspect", "convex_blocks", "blocks", "shapes", "moulds", "require", "assemble"}
+RULES = ("candidates segmentation block_cells block_weight block_mass block_extent symmetry front block_aspect blocks "
+         "convex_blocks shapes moulds require assemble sawn_length saw_cuts saw_set_ups")  # after "front": less
 def need(condition, text):
     return condition or sys.exit(f"refused: {text}")
 def only(part, keys, where):
@@ -20,7 +20,7 @@ class Scene:
     def __init__(self, s):
         only(s, "name units source notes expected grid elements thickness materials loads search", "a scene")
         self.materials, self.search = only(s["materials"], "density gravity dry inner", "m"), s.get("search", {})
-        need(self.search.keys() <= RULES, f"search.{', search.'.join(self.search.keys() - RULES)}")
+        need(not (more := self.search.keys() - {*RULES.split()}), f"search.{', search.'.join(more)}")
         values = {type(v) for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values()} <= {int, float}
         need(values and "tensile_strength" not in self.materials.get("dry", {}), "a material with a spread or bond")
         entries, self.thickness = s.get("elements", []), s.get("grid", s).get("thickness", 1.0)
@@ -52,7 +52,7 @@ class Scene:
                     hits.append((a, b, p + (low + high) / 2 * u, -1j * u, high - low))
             need(len(hits) < 2, "two elements that touch along several edges")
             (self.touching if self.support[a] and self.support[b] else self.faces).extend(hits)
-        loads, down = only(s["loads"], "dead live cases", "loads"), g / (self.gravity or 1)
+        loads, down = only(s["loads"], "dead live cases", "loads"), g / self.gravity if g else -1j  # of stated weights
         own = [{"body": (down.real, down.imag)}, *loads.get("dead", [])]
         self.cases = [(self.forces(own + case.get("dead", [])), self.forces(case["live"]), case.get("required", 1))
                       for case in loads.get("cases", [{"live": loads.get("live")}])]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -67,12 +66,6 @@ def refuse_type(group: str, name: str, expected: str) -> InputError:
     point = entry_points(group)[name]
     where = f"plug-in {name!r} of the package {package(point)}"
     return InputError(where, f"{point.value} is not {GROUPS[group]}", expected)
-
-
-def suggestion(name: str, known: list[str]) -> str:
-    """Return a list of names in words, the one that was hardly misspelt first."""
-    near = get_close_matches(name, known, 1)
-    return f"{near[0]!r}?" if near else "one of " + ", ".join(known)
 
 
 def package(point: EntryPoint) -> str:

@@ -8,6 +8,18 @@ import sys
 import time
 
 
+def _leave_out_local_style() -> None:
+    """Load matplotlib now where the current folder has a matplotlibrc, without reading it: it may be of any kind."""
+    if not os.path.exists("matplotlibrc"):
+        return
+    here = os.getcwd()
+    try:
+        os.chdir(os.path.dirname(os.path.abspath(__file__)))
+        import matplotlib  # noqa: F401 – reads its settings here and never again
+    finally:
+        os.chdir(here)
+
+
 def main() -> None:
     """Run the command line `jld` with one BLAS thread per process.
 
@@ -27,6 +39,7 @@ def main() -> None:
 
             say(text().removesuffix("\n"))
             sys.exit(0)
+        _leave_out_local_style()
         gc.disable()  # Nothing loaded becomes garbage; collections took 7 % of loading. `command` enables it again.
         from jld_explore.cli.command import main as command
         from jld_explore.cli.ending import ignore_signals

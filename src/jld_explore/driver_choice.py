@@ -13,15 +13,15 @@ from jld_core.assembly_sequence import Laying
 from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.assembly_sequence.order import words_of_fall
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError, ParameterError
+from jld_core.errors import InputError
 from jld_core.memory import memory_limit
 from jld_core.models import require_memory
-from jld_core.plugins import suggestion
 from jld_core.scene.cracks import FieldCracks
-from jld_explore.drivers import Driver, driver_kinds, make_driver
+from jld_explore.drivers import Driver, make_driver
 from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.field_exact import FieldExact
+from jld_explore.drivers.registry import driver_named
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
@@ -71,8 +71,8 @@ def choose_driver(
         If the driver or an option is unknown, or the space provably holds no labelling.
     """
     wanted = settings.driver
-    if isinstance(wanted, str) and wanted not in (kinds := driver_kinds()):
-        raise ParameterError("driver", f"no driver is named {wanted!r}", suggestion(wanted, list(kinds)))
+    if isinstance(wanted, str):
+        driver_named(wanted)
     # A driver chosen by name needs the size of the space for progress reports only. Spaces beyond the reach of a proof
     # are hardly ever small, and the genetic driver comes to the end of those that are.
     quick = isinstance(wanted, str) and wanted != Enumeration.name

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
+from inspect import signature
 from pathlib import Path
+from types import NoneType
 from typing import Any, Final
 
 from jld_core.assembly import Assembly
@@ -18,6 +21,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.limit import Model
 from jld_core.models import require_memory
+from jld_core.parameters import near, require_kind
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
@@ -78,6 +82,7 @@ def explore(
     cluster: str | None = None,
     strict: bool | None = None,
     started: float | None = None,
+    **driver_options: Any,
 ) -> Exploration:
     """Search the labellings of a scene and write all results (docs/scene.md) into a folder.
 
@@ -113,7 +118,7 @@ def explore(
     model : Model, optional
         Crack model, model and solver; the objective sets `friction`, `range` and `floor_seconds`.
     options : mapping of str to object, optional
-        Options of a named driver.
+        Options of a named driver, which may also be given as keywords of their own.
     robust : bool, optional
         Rank by λ at the low values of materials.
     experiment : int, optional
@@ -130,6 +135,8 @@ def explore(
         Treat plausibility warnings as errors.
     started : float, optional
         Start of the time limit on the clock `time.perf_counter`, s. Default: now.
+    **driver_options
+        Options of a named driver, as in ``driver="genetic", population=50``.
 
     Returns
     -------
@@ -155,23 +162,28 @@ def explore(
         "jobs": jobs,
         "seed": seed,
         "model": model,
-        "options": None if options is None else dict(options),
+        "options": _driver_options(options, driver_options),
         "robust": robust,
         "experiment": experiment,
         "resume": resume,
         "pictures": pictures,
-        "certificate": None if certificate is None else Path(certificate),
+        "certificate": None if certificate is None else _path("certificate", certificate),
         "cluster": cluster,
         "strict": strict,
     }
     asked = {name: value for name, value in given.items() if value is not None}
+    for name, value, kind in (("settings", settings, ExploreSettings), ("report", report, Callable)):
+        require_kind(name, value, kind, NoneType)
+    require_kind("announce", announce, Callable, NoneType)
     settings = replace(settings or ExploreSettings(), **asked)
     if objective is not None:
         settings = settings.maximising(objective)
     if out is None and settings.resume:
         raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
     parsed = scene if isinstance(scene, Scene) else load_scene(scene)
-    folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
+    if isinstance(out, str) and out in driver_kinds():
+        raise ParameterError("out", f"{out!r} is the name of a driver", f'`driver="{out}"`, or "./{out}" for a folder')
+    folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else _path("out", out)
     try:
         with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
             return _search(parsed, folder, settings, report, announce, started)
@@ -180,6 +192,23 @@ def explore(
             with suppress(OSError):  # removes the temporary folder only if nothing was written into it
                 folder.rmdir()
         raise
+
+
+def _path(parameter: str, given: Any) -> Path:
+    """Return what a caller names as a path; raise ParameterError for anything but a name."""
+    require_kind(parameter, given, os.PathLike)
+    return Path(given)
+
+
+def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the options of a driver, given as a mapping or as keywords; None without any."""
+    require_kind("options", options, dict, NoneType)
+    known = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
+    for key in keywords:
+        if key not in known:
+            names = [*signature(explore).parameters, *known]
+            raise ParameterError(key, "explore has no such parameter, and no driver such an option", near(key, names))
+    return {**(options or {}), **keywords} or None
 
 
 @one_thread()
@@ -323,7 +352,7 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
     """Write the certificate of a proof, with the best labelling found."""
     best, load = done.summary.best_labelling, done.summary.best
     found = None if best is None or load is None else (with_members(done.assembly, from_string(best)), load)
-    certify(driver, scene, path, found)
+    certify(driver, scene, path, found, done.summary.bound)
 
 
 def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits
+from jld_core.limit import Status
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
@@ -61,6 +62,10 @@ class FieldStudy(Study):
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
         return cracks.gap
+
+    def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
+        """Return evaluations as they are: a bound by fields is no λ at which the layout is known to stand."""
+        return evaluations
 
     @property
     def evaluation_seconds(self) -> float:
@@ -219,6 +224,10 @@ class FieldStudy(Study):
         tied = int((results["rank"] == 1).sum())
         alone = self._complete and bound is not None and tied == 1 and race.rivals <= 1
         falls = bound is not None and bound < 0.0
+        ranked = results[results["status"] == str(Status.COLLAPSE)]
+        fallen = ~ranked["stands_at_zero"].fillna(True).astype(bool)
+        # the race compares λ alone: what falls under its dead load may have won it
+        alone &= not ranked.loc[fallen, "bracket_hi"].max() >= ranked["bracket_lo"].iloc[:1].max()
         return {
             "proven": bool(alone) or falls,
             "bound": bound,

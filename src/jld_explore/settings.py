@@ -10,6 +10,7 @@ from typing import Any, Final
 from jld_core import plugins
 from jld_core.errors import ParameterError
 from jld_core.limit import SolveOptions
+from jld_core.parameters import near, require_field_types
 from jld_explore.drivers import Driver
 from jld_explore.evaluation.own_objective import OwnObjective
 
@@ -101,8 +102,8 @@ def _plugin(objective: object) -> OwnObjective:
     points = plugins.entry_points("jld.objectives")
     if not isinstance(objective, str) or objective not in points:
         known = [*OBJECTIVES, *points]
-        near = plugins.suggestion(objective, known) if isinstance(objective, str) else ", ".join(known)
-        raise ParameterError("objective", f"no objective is named {objective!r}", f"{near} or a function")
+        remedy = near(objective, known) if isinstance(objective, str) else ", ".join(known)
+        raise ParameterError("objective", f"no objective is named {objective!r}", f"{remedy} or a function")
     function: OwnObjective = plugins.load("jld.objectives", objective)
     if not callable(function):
         raise plugins.refuse_type("jld.objectives", objective, "a function of (evaluation, assembly, labels)")
@@ -125,6 +126,7 @@ class BudgetSettings:
     seconds: float | None = None
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.budget is not None and self.budget < 1:
             raise ParameterError("budget", f"{self.budget} is no number of layouts", "a whole number from 1")
         if self.seconds is not None and not self.seconds >= 0.0:
@@ -147,6 +149,7 @@ class ParallelSettings:
     cluster: str | None = None
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.jobs < 1:
             raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
 
@@ -177,6 +180,7 @@ class SearchMethod:
     certificates: bool = False
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.certificates:
             warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
 

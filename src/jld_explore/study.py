@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,10 +29,12 @@ from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
 from jld_explore.evaluation.refined_records import RefinedRecords
+from jld_explore.evaluation.standing import Standing, VoidStanding
 from jld_explore.evaluation.worker_tasks import WorkerSpec
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
+from jld_explore.space.void import cut
 from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
@@ -134,6 +137,21 @@ class Study:
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.nominal is not None) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
+
+    @cached_property
+    def standing(self) -> Standing:
+        """Return what decides which layouts stand under their dead load alone."""
+        if self.space.void is not None:
+            real = self.space.void.real
+            return VoidStanding(lambda text: cut(real, text), self.space.void.texts, self.settings.model)
+        if isinstance(self._make, MakeCellEvaluator):
+            cells = self._make.cells
+            return Standing(cells.fine, self.settings.model, cells.labels)
+        return Standing(self.assembly, self.settings.model)
+
+    def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
+        """Return evaluations of labellings (k, m) as the driver is told them, see `Standing.told`."""
+        return self.standing.told(labellings, evaluations)
 
     @property
     def table_records(self) -> Records | RefinedRecords:
@@ -256,9 +274,10 @@ class Study:
                 self.solved = recorded.solved
                 if evaluations is None:
                     return StopReason.TIME
-                driver.tell(pending.labellings, evaluations)
+                told = self._told(pending.labellings, evaluations)
+                driver.tell(pending.labellings, told)
                 if front is not None:
-                    front.learn(pending.labellings, evaluations)
+                    front.learn(pending.labellings, told)
         finally:
             self.solved = recorded.solved
             workers.close()
@@ -299,7 +318,7 @@ class Study:
         packed = self.records.rows["labelling"]
         rows = unpack(packed, len(self.assembly.interfaces))
         known = [self.records.find(labels) for labels in rows]
-        restored = [evaluation for evaluation in known if evaluation is not None]
+        restored = self._told(rows, [evaluation for evaluation in known if evaluation is not None])
         self._withdraw_contradicted(restored)
         self.driver.restore(rows, restored)
 
@@ -369,6 +388,7 @@ class Study:
     def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
         """Update counters, bounds and progress with new evaluations of labellings (k, m)."""
         self.evaluated += len(evaluations)
+        evaluations = self._told(labellings, evaluations)
         # Reserve time to write the tables of all recorded labellings.
         self.deadline.end = self._end - _ROW * len(self.records)
         values = [e.load_factor if e.status is Status.COLLAPSE else np.nan for e in evaluations]

@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 
 import pytest
+from typer import Context
+from typer.main import get_command
 
 from command import Command, call
 from jld_core import InputError, SolveOptions
@@ -84,10 +86,26 @@ def test_an_old_value_of_a_flag_warns_in_one_line(
     [
         (("explore", "scene.json", "-x"), "jld explore --help"),
         (("new", "arch", "--foo", "3"), "jld new --help"),
-        (("refin",), "jld --help"),
+        (("refin",), "expected refine, or another that jld --help"),
+        (("solv", "scene.json"), "expected solve, or another that jld --help"),
+        (("new", "wal"), "expected wall, or another that jld new --help"),
+        (("solve", "--sovler", "highs"), "expected --solver, or another that jld solve --help"),
+        (("xyzzy",), "expected what jld --help"),
     ],
 )
 def test_an_unknown_option_names_the_help_of_its_command(jld: Command, arguments: tuple[str, ...], said: str) -> None:
     told = jld(*arguments)
     assert (told.code, told.err.count("\n")) == (2, 1)
-    assert told.err.endswith(f"expected what {said} lists\n")
+    assert told.err.endswith(f"{said} lists\n")
+
+
+def test_o_and_out_are_one_option_of_every_command() -> None:
+    from jld_explore.cli.command import app
+
+    group = get_command(app)
+    context = Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        for one in [command, *getattr(command, "commands", {}).values()]:
+            names = [set(option.opts) for option in one.params]
+            assert all(("-o" in each) == ("--out" in each) for each in names), name

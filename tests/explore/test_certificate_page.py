@@ -51,6 +51,21 @@ KNOWN: dict[str, Any] = {
     "tall": TALL,
     "voussoirs": VOUSSOIRS,
     "rough": grid_document(["aa", "aa", "##"], inner_friction=0.9, cohesion=5e2, tension=2e3, shear=3e3, friction=0.5),
+    "weights without gravity": {
+        **VOUSSOIRS,
+        "elements": [
+            one if one.get("support") else {**one, "weight": 10.0 + k} for k, one in enumerate(VOUSSOIRS["elements"])
+        ],
+        "materials": {**VOUSSOIRS["materials"], "gravity": 0},
+    },
+    "sawing": grid_document(
+        ["aaa", "aaa", "###"],
+        tension=2e3,
+        shear=2e3,
+        block_cells=[1, 2],
+        sawn_length=[None, 9.0],
+        saw_cuts=[1, 40],
+    ),
     "beam": json.loads((SCENE_FILES / "flat_beam_arch.json").read_text(encoding="utf-8")),
 }
 
@@ -182,3 +197,14 @@ def test_changed_certificates_are_judged_by_enumeration() -> None:
     tally = certificates.run(first_seed=1000, cases=2, seconds=600.0)
     assert tally.disagreements == []
     assert tally.notes["refused"] > tally.notes["accepted"] > 0
+
+
+def test_both_refuse_a_bound_that_forgets_weights(tmp_path: Path) -> None:
+    """Without gravity a stated weight acts downwards: a bound that leaves it out is far too low."""
+    path = written(KNOWN["weights without gravity"], tmp_path)
+    lines = lines_of(path)
+    lines[0].update(bound=lines[0]["bound"] * 0.5, load_factor=None, labelling=None)
+    rewritten(lines, path)
+    with pytest.raises(InputError):
+        verify(path)
+    assert checked(path).returncode == 1

@@ -195,3 +195,19 @@ def test_past_solves_settle_nothing_any_more(
     assert done.err == "jld: --certificates has no effect and will be refused in version 0.4; leave it out\n"
     results = read_folder(folder).results
     assert set(results["settled"]) == {"solve"}
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe no text", b"axes.facecolor: red\n", b"figure.dpi: none\nbogus line\n"])
+def test_a_matplotlibrc_in_the_current_folder_does_not_matter(content: bytes, tmp_path: Path) -> None:
+    """Pictures are the same bytes, whatever the file says."""
+    pictures = []
+    for name in ("plain", "styled"):
+        folder = tmp_path / name
+        folder.mkdir()
+        if name == "styled":
+            (folder / "matplotlibrc").write_bytes(content)
+        command = [sys.executable, "-m", "jld_explore", "plot", str(ROOT / "scenes" / "flat_beam_arch.json")]
+        done = subprocess.run([*command, "-o", "a.png"], cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        pictures.append((folder / "a.png").read_bytes())
+    assert pictures[0] == pictures[1]

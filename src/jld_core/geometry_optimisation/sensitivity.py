@@ -15,6 +15,7 @@ from jld_core.geometry_optimisation.spatial_rates import spatial_rates
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.limit.mechanism import face_jumps
+from jld_core.parameters import require_kind
 from jld_core.threads import one_thread
 
 
@@ -86,6 +87,7 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
     >>> rates = geometry_sensitivities(solve("scenes/flat_beam_arch.json"))
     >>> rates.derivative[0]
     """
+    require_kind("result", result, LimitAnalysisResult)
     if result.cases:
         names = [case.name for case in result.assembly.cases]
         if result.governing is None or result.status is not Status.COLLAPSE:

@@ -12,6 +12,7 @@ from jld_core import tolerances
 from jld_core.deprecation import warn_renamed
 from jld_core.errors import ParameterError
 from jld_core.mechanics import InnerBending
+from jld_core.parameters import require_field_types
 from jld_core.scene.cracks import CrackModel, FieldCracks, cracks_of, cracks_to_json
 from jld_core.solvers import Solver, require_solver
 
@@ -97,6 +98,7 @@ class Model:
             value, allowed = getattr(self, key), get_args(words)
             if value not in allowed:
                 raise ParameterError(key, f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
+        require_field_types(self)
         if self.range and self.friction != "zero-dilation":
             raise ParameterError(
                 "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'

@@ -109,6 +109,14 @@ class Repair:
         bool or None
             True with an admissible state, False with a motion that gains energy, None if neither is found.
         """
+        found = self.proof_at_zero(labels)
+        return None if found is None else isinstance(found, State)
+
+    def proof_at_zero(self, labels: Bits) -> State | Motion | None:
+        """Return what proves whether λ = 0 is admissible for a labelling (m,).
+
+        It is an admissible state, or a motion that gains energy; None if neither is found.
+        """
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
@@ -117,14 +125,15 @@ class Repair:
                 break
         return found
 
-    def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """Decide from a solver's answer whether λ = 0 is admissible; None if it proves neither.
+    def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
+        """Return what a solver's answer proves of λ = 0, as `proof_at_zero` does.
 
         raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry.
         """
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
-        if self.prover.state(point, labels, passes=3, held=True).admissible:
-            return True
+        state = self.prover.state(point, labels, passes=3, held=True)
+        if state.admissible:
+            return state
         motion = self.prover.motion(raw.dual, labels, normalise=False)
         opening = self.opening()
         if motion.margin < 0.0 and opening is not None:
@@ -132,8 +141,8 @@ class Repair:
         if motion.margin < 0.0:
             motion = self.reduced(motion, labels, normalise=False) or motion
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
-            return False
-        return True if self.boundary_state(raw.point, labels, load_fixed=True) is not None else None
+            return motion
+        return self.boundary_state(raw.point, labels, load_fixed=True)
 
     def instability_velocities(self, labels: Bits) -> Floats:
         """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -60,6 +60,8 @@ class Result(NotebookRepr):
     forces, mechanism, instability_mechanism : (m, q) or (n, q) float array or None
         Of rigid elements, see `LimitAnalysisResult`; None by fields.
     """
+
+    shown_by: ClassVar[str] = "jld_core.views.notebook:ResultView"
 
     assembly: Assembly
     labels: Bits

@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
 from jld_core.mechanics import require_materials
 from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
 from jld_core.models.labelling import limit_analysis, solve_labelling
 from jld_core.models.solve import model_of, options_of_model, solve_cracked
+from jld_core.parameters import require_kind
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
 
@@ -93,7 +95,15 @@ class BatchResult:
         -------
         Result
             Full result of the labelling, as of `solve`.
+
+        Raises
+        ------
+        InputError
+            If there is no labelling of that number.
         """
+        require_kind("number", number, int)
+        if not 0 <= number < len(self):
+            raise ParameterError("number", f"there is no labelling {number}", f"0 to {len(self) - 1}")
         return solve_cracked(self.assembly, self.labels[number], self.model)
 
     def to_frame(self) -> pd.DataFrame:

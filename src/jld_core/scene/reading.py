@@ -19,6 +19,9 @@ from jld_core.scene.units import with_numbers
 DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
+_PLAIN: Final = {int, float, str}
+"""Types of JSON that most lists hold."""
+
 
 class NeedsImport(InputError):
     """Error for a drawing or a file of solids where a scene is expected.
@@ -91,7 +94,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     Parameters
     ----------
     document : object
-        Nested dicts and lists as in the scene file.
+        Nested dicts and lists as in the scene file; tuples and numpy arrays count as lists, numpy numbers as numbers.
     file : str
         Name used in error messages.
 
@@ -107,6 +110,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     """
     if not isinstance(document, Mapping):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
+    document = _as_json(document)
     try:
         _refuse_extremes(document)
         document = {key: _plain(value) for key, value in document.items() if key != "$schema"}  # for editors alone
@@ -115,6 +119,19 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
         raise error.within(file) from None
     except ValidationError as error:
         raise first_complaint(error, Scene).within(file) from None
+
+
+def _as_json(value: Any, depth: int = 0) -> Any:
+    """Return a value with lists in place of arrays and tuples, and plain numbers in place of those of numpy."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if depth > _DEPTH:  # refused afterwards
+        return value
+    if isinstance(value, dict):
+        return {key: _as_json(one, depth + 1) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [one if type(one) in _PLAIN else _as_json(one, depth + 1) for one in value]
+    return value
 
 
 def at_low(scene: Scene) -> Scene:

@@ -137,7 +137,8 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
             "", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2}
         )
     stage = step.stage
-    for foot in projection(stage.places[stage.along > 0.0]):
+    # places along a line exist in the plane alone
+    for foot in projection(stage.places[stage.along > 0.0]) if stage.along.any() else ():
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
     beside = not stage.along.size or stage.elsewhere > 1e-5 * stage.weight
     for block in np.flatnonzero(stage.props > 0.0).tolist() if beside else ():

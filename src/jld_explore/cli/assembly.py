@@ -41,9 +41,9 @@ def assembly(
     rank: Rank = None,
     wish: Annotated[
         Literal["translation", "standing"],
-        typer.Option(help="Any order by translations, or one whose every stage stands."),
+        typer.Option(help="Require single translations only, or that every stage stands."),
     ] = "translation",
-    group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
+    group: Annotated[int, typer.Option(min=1, help="Most blocks moved together, where one alone cannot.")] = 3,
     start: Annotated[
         Literal["ground", "left", "right", "springings"] | None,
         typer.Option(
@@ -58,7 +58,7 @@ def assembly(
     stages: Annotated[bool, typer.Option("--stages", help="With --out: one picture per stage as well.")] = False,
     animation: Annotated[bool, typer.Option("--animation", help="With --out: the stages as an animated GIF.")] = False,
     seconds: Annotated[float | None, typer.Option(help="Time limit of order and pictures, s.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for assembly.csv and pictures.")] = None,
 ) -> None:
     """Find an order in which the blocks of a layout can be laid, with directions and props.
 

@@ -32,7 +32,7 @@ def check_design(
     ] = None,
     cracks: Cracks = None,
     seconds: Seconds = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the page (PDF and HTML) and design_check.json.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for page (PDF, HTML) and JSON.")] = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
     as_json: AsJson = False,
 ) -> None:

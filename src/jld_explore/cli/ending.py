@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from difflib import get_close_matches
 from typing import Any, Final, NoReturn
 
 import typer
@@ -36,6 +37,12 @@ _INTERRUPTED: Final = 130
 
 _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
 """A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`."""
+
+
+_UNKNOWN: Final = re.compile(
+    r"No such (?P<kind>command|option):? '?(?P<name>[^' ]+)'?(?:.*?(?:'|options?: )(?P<meant>[\w-]+))?"
+)
+"""What the parser says of an unknown command or option, with the one that it finds most like it."""
 
 
 def raise_on_signals() -> None:
@@ -83,7 +90,12 @@ def usage_of(message: str) -> str:
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:
         command = f"jld {sys.argv[1]}" if len(sys.argv) > 1 and sys.argv[1] in COMMANDS else "jld"
-        return f"{text}; expected what {command} --help lists"
+        unknown = _UNKNOWN.match(text)
+        if unknown is None:
+            return f"{text}; expected what {command} --help lists"
+        meant = unknown["meant"] or next(iter(get_close_matches(unknown["name"], COMMANDS, 1)), None)
+        remedy = f"{meant}, or another that" if meant else "what"
+        return f"no {unknown['kind']} is named {unknown['name']}; expected {remedy} {command} --help lists"
     option, wish = found.groups()
     wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
     wish = re.sub("^.* is not one of ", "one of ", wish)

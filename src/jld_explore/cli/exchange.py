@@ -82,7 +82,7 @@ def export_command(
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
     rank: Rank = None,
     cells: Annotated[
-        bool, typer.Option("--cells", help="Every element as a solid of its own (formats of solids).")
+        bool, typer.Option("--cells", help="Write every element as a separate solid (formats of solids).")
     ] = False,
     unit: Annotated[
         str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft); default that of the scene.")
@@ -116,7 +116,7 @@ def refine_command(
         str | None, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES; bond: BRICK,COURSE.")
     ] = None,
     kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
-    by: Annotated[str | None, typer.Option(help="Old joints the search leaves alone: block or material.")] = None,
+    by: Annotated[str | None, typer.Option(help="Old joints without a search: block or material.")] = None,
     centre: Annotated[
         str | None, typer.Option(help="Centre of radial cells, or of the joints of a flat arch: x,y.")
     ] = None,

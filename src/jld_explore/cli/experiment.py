@@ -38,9 +38,9 @@ def experiment(
     ] = "0",
     inner: Annotated[
         Literal["brittle", "plastic"],
-        typer.Option(help="What exceeds its strength loses it (brittle), or goes on at it (plastic)."),
+        typer.Option(help="Inner faces beyond their strength lose it (brittle) or keep it (plastic)."),
     ] = "brittle",
-    out: Annotated[Path | None, typer.Option(help="Folder for curve.csv, experiment.png and summary.json.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for curve, picture and summary.")] = None,
     scheme: Annotated[
         Literal["trapezoid", "simpson", "midpoint", "limit"], typer.Option(help="Where sub-contacts lie on a face.")
     ] = "trapezoid",
@@ -49,9 +49,9 @@ def experiment(
         bool, typer.Option("--moving", help="Follow the geometry, with new contacts at corners.")
     ] = False,
     normal_stiffness: Annotated[
-        float | None, typer.Option(help="Spring of a face per area, force per length³; default: nearly rigid.")
+        float | None, typer.Option(help="Normal stiffness of a face, force per length³; default: nearly rigid.")
     ] = None,
-    shear_stiffness: Annotated[float | None, typer.Option(help="The same along the face; default as normal.")] = None,
+    shear_stiffness: Annotated[float | None, typer.Option(help="Shear stiffness; default: the normal one.")] = None,
     inner_ratio: Annotated[float, typer.Option(help="Stiffness of inner faces over that of dry ones.")] = 1.0,
     residual_friction: Annotated[float, typer.Option(help="Friction coefficient of a crack.")] = 0.0,
     as_json: AsJson = False,

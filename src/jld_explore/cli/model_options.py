@@ -16,7 +16,7 @@ from jld_core.solvers import SOLVERS
 from jld_explore.cli.streams import warn
 
 EffectiveArea = Annotated[
-    bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
+    bool, typer.Option("--effective-area", help="Base torsion on the area in compression (spatial).")
 ]
 
 Contact = Annotated[
@@ -25,26 +25,24 @@ Contact = Annotated[
 
 Bending = Annotated[
     Literal["uncoupled", "kern", "paper"],
-    typer.Option(
-        help="Bending of spatial inner faces: uncoupled, or by elastic edge stress; paper is uncoupled by its old name."
-    ),
+    typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress (kern)."),
 ]
 
 Blocks = Annotated[
-    Condense, typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong.")
+    Condense, typer.Option(help="Rigid blocks that crack where needed; auto: where inner faces are very strong.")
 ]
 
 First = Annotated[
     str,
-    typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
+    typer.Option(help="First solver: " + ", ".join(SOLVERS) + "; others follow where it proves nothing."),
 ]
 
 Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
 
-Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Treat plausibility warnings as errors.")]
 
 Robust = Annotated[
-    bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
+    bool, typer.Option("--robust", help="Use the low values of materials; λ at nominal values is stated as well.")
 ]
 
 

@@ -71,7 +71,7 @@ def move(
     out: Out,
     rank: Rank = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="Time limit, s.")] = math.inf,
-    starts: Annotated[int, typer.Option(min=1, help="Number of starts: the scene, then shaken ones.")] = 1,
+    starts: Annotated[int, typer.Option(min=1, help="Starts: the scene as drawn, then disturbed copies.")] = 1,
     prove: Annotated[
         str | None,
         typer.Option(

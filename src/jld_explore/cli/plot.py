@@ -21,7 +21,7 @@ from jld_explore.report.page_of_study import scene_page
 
 def plot_command(
     source: Source,
-    out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write (scene) or folder (study).")] = None,
     kind: Annotated[
         Literal["png", "svg", "pdf", "html", "gif", "mp4"],
         typer.Option("--format", help="Kind of file, where --out names none."),

@@ -142,7 +142,9 @@ def content_of(source: Path, rank: int | None) -> Printed:
         done = read_folder(source)
         row = done.row(rank)
         fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
-        strongest = bool(done.summary.proven) and (rank is None or int(rank) == 1)
+        strongest = (
+            bool(done.summary.proven) and done.summary.stands_at_zero is not False and (rank is None or int(rank) == 1)
+        )
         with error_context(source):
             printed = _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
         facts = done.summary.facts

@@ -17,6 +17,7 @@ from rich.progress import (
 )
 
 from jld_explore import study_state
+from jld_explore.report.words import speed
 
 
 class ProgressBar:
@@ -54,13 +55,13 @@ class ProgressBar:
 
     def __call__(self, now: study_state.Progress) -> None:
         """Show the latest progress report of a search."""
-        rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
             best += f" ≤ {now.bound:.6g}"
         if math.isfinite(now.gap):
             best += f", gap {now.gap:.2%}"
-        rates, left = f"{rate:.0f} solves/s", _time_left(now)
+        rates = speed(now.solved / now.seconds if now.seconds > 0.0 else None).lstrip(", ")
+        left = _time_left(now)
         self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
 
 

@@ -27,7 +27,7 @@ def settlement(
         typer.Argument(help='A scene file with "settlements", or a folder written by jld explore.', show_default=False),
     ],
     rank: Rank = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for settlement.json and pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Bracket the thrust along each movement of supports that a scene names.

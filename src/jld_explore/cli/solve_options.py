@@ -14,9 +14,9 @@ from jld_core.limit import (
 SolvedFile = Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)]
 FrictionModel = Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")]
 SolutionRange = Annotated[
-    bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
+    bool, typer.Option("--range", help="With --friction zero-dilation: search the lowest and the highest λ.")
 ]
 FloorSeconds = Annotated[
     float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
 ]
-ResultFolder = Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")]
+ResultFolder = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result.json and pictures.")]

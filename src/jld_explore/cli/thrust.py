@@ -43,7 +43,7 @@ def thrust(
         list[str] | None,
         typer.Option(help="A line along faces, as X,Y,X,Y in the scene's unit: forces on the part to its left."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for thrust.json and pictures.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thrust.json and pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Bracket the least and the greatest reaction of supports, or forces across joints.

@@ -230,7 +230,7 @@ def design_check(
     first = _worst(cases)
     chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]
-    solved = solve(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
+    solved = solve_rigid(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
     checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
     checked = _with_cracks_anywhere(checked, own, combinations, seconds)
     if not states or isinstance(scene.cracks, FieldCracks) or checked.verified is not True:

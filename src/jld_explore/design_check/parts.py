@@ -19,6 +19,7 @@ from scipy.sparse.linalg import splu
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import CaseBounds, SolveOptions, Status
+from jld_core.loads import Loads, resultants
 from jld_core.models import limit_analysis, solve
 from jld_core.program import ConicProgram, Template
 from jld_core.scene.design import PartialFactors
@@ -92,10 +93,12 @@ class _Search:
     def bounds(self, direction: float = 1.0) -> SampleBounds:
         """Return bounds on the factor of the live load, or of its opposite, for given factors of the parts."""
         rest = at_design_loads(self.structure, self.factors, self.plain)
+        dead = resultants(rest.dead_loads, rest.elements)
+        dead += np.tensordot(self.middle, self.loads, 1) - self._plain_loads
         base = replace(
             rest,
-            dead=rest.dead + np.tensordot(self.middle, self.loads, 1) - self._plain_loads,
-            live=direction * rest.live,
+            dead_loads=Loads.of_resultants(dead),
+            live_loads=direction * rest.live_loads,
             nominal=None,
         )
         count, none = len(self.names), np.zeros_like(base.live)

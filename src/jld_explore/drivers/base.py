@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -18,7 +19,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
+from jld_core.models.solve_many import BatchResult
+from jld_core.parameters import require_kind
 from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation.evaluation import evaluations_of
 from jld_explore.space import SearchSpace
 
 if TYPE_CHECKING:
@@ -92,7 +96,22 @@ class Driver(ABC):
     """Class of the options of the driver."""
 
     def __init__(self, space: SearchSpace, seed: int = 0) -> None:
+        require_kind("seed", seed, int)
+        if seed < 0:
+            raise ParameterError("seed", f"{seed} is no seed", "a whole number from 0")
         self.space, self.seed = space, seed
+
+    def __init_subclass__(cls, **others: Any) -> None:
+        """Let `tell` of a driver take a `BatchResult` in place of evaluations."""
+        super().__init_subclass__(**others)
+        own: Any = cls.__dict__.get("tell")
+        if own is not None:
+
+            @wraps(own)
+            def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
+                own(self, labellings, evaluations_of(evaluations))
+
+            setattr(cls, "tell", tell)  # noqa: B010 – mypy refuses the assignment of a method
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
@@ -117,6 +136,7 @@ class Driver(ABC):
         InputError
             If an option is unknown or has a wrong value.
         """
+        require_kind("space", space, SearchSpace)
         try:
             options = cls.Options(**given)
         except ValidationError as error:
@@ -232,15 +252,16 @@ class Driver(ABC):
         """
 
     @abstractmethod
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
         """Take in evaluations of labellings that `ask` has returned.
 
         Parameters
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        evaluations : sequence of Evaluation
-            Their evaluations, in the same order.
+        evaluations : sequence of Evaluation, or BatchResult
+            Their evaluations, in the same order, or what `jld_core.solve_many` returned for them. A subclass that
+            defines `tell` is given evaluations in either case.
         """
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
+from jld_core.parameters import near
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
@@ -60,6 +61,14 @@ def owners(option: str) -> Iterator[type[Driver]]:
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 
+def driver_named(name: str) -> type[Driver]:
+    """Return the class of a driver; raise ParameterError with the name most like an unknown one."""
+    kinds = driver_kinds()
+    if name not in kinds:
+        raise ParameterError("driver", f"no driver is named {name!r}", near(str(name), kinds))
+    return kinds[name]
+
+
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
     """Make a driver by its name.
 
@@ -84,17 +93,14 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     Raises
     ------
     InputError
-        If no driver has the name, an option has a wrong value or belongs to another driver.
+        If no driver has the name, or an option has a wrong value or belongs to another driver.
     """
-    kinds = driver_kinds()
-    if name not in kinds:
-        raise ParameterError("driver", f"no driver is named {name!r}", plugins.suggestion(name, list(kinds)))
+    kind = driver_named(name)
     given = {key: value for key, value in options.items() if value is not None}
     for key in given:
-        if key not in kinds[name].Options.model_fields:
+        if key not in kind.Options.model_fields:
             others = " or ".join(f'`driver="{kind.name}"`' for kind in owners(key)) or "an option that it has"
             raise ParameterError(key, f"the driver {name} has no such option", others)
-    kind = kinds[name]
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count
         return MinimumCount.made(space, seed, given)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from jld_core.limit import Status
+from jld_core.models.solve_many import BatchResult
 
 SOLVE: Final = "solve"
 """Value of `Evaluation.settled`: settled by a limit analysis of the labelling itself."""
@@ -66,3 +68,25 @@ class Evaluation:
 
 FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 """Evaluation of a labelling whose worker died or hung twice."""
+
+
+def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evaluation]:
+    """Return the evaluations of a result of `jld_core.solve_many`, and evaluations as they are."""
+    if not isinstance(found, BatchResult):
+        return found
+    names = list(found.cases)
+    cases = [tuple(one.load_factor[k] for one in found.cases.values()) for k in range(len(found))]
+    dilatant = found.model.friction == "associative"
+    value = found.load_factor.tolist()
+    return [
+        Evaluation(
+            status,
+            found.low[k],
+            found.high[k],
+            value[k] if dilatant else math.nan,
+            math.nan if dilatant else value[k],
+            cases=cases[k],
+            governing=names.index(found.governing[k]) if names else -1,
+        )
+        for k, status in enumerate(found.status)
+    ]

@@ -21,13 +21,17 @@ _FACES: Final = {
     "candidate": ("", "whether the search may change its label"),
 }
 _RESULTS: Final = {
-    "rank": ("", "1 is the strongest; only of layouts with a proven load factor"),
+    "rank": (
+        "",
+        "1 is the strongest; only of layouts with a proven load factor, what falls without live load last",
+    ),
     "labelling": ("", "a letter for each face in the order of faces.csv: d dry, i inner"),
     "multiplicity": ("", "labellings that are equal to this one under the scene's symmetries, itself among them"),
     "load_factor": ("", "load factor of the objective"),
     "bracket_lo": ("", "proven lower bound on the load factor"),
     "bracket_hi": ("", "proven upper bound on the load factor"),
     "status": ("", "collapse, locked, uncertified, unstable or failed"),
+    "stands_at_zero": ("", "whether it stands under its dead load alone; blank where that is not known"),
     "load_factor_associative": ("", "load factor where sliding joints dilate"),
     "load_factor_zero_dilation": ("", "load factor found without dilation"),
     "meets": ("", "whether it is proven to carry the load factor that the scene requires"),

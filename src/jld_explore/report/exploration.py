@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_elements, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.parameters import require_kind
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_explore.report.summary import Summary
@@ -55,6 +56,8 @@ class Exploration(NotebookRepr):
         Model of the search.
     """
 
+    shown_by: ClassVar[str] = "jld_explore.report.notebook:ExplorationView"
+
     scene: Scene
     assembly: Assembly
     results: pd.DataFrame
@@ -63,8 +66,6 @@ class Exploration(NotebookRepr):
     folder: Path
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
-
-    views_module = "jld_explore.report.notebook"
 
     def __repr__(self) -> str:
         best, proven = self.summary.best, ", proven" if self.summary.proven else ""
@@ -76,6 +77,7 @@ class Exploration(NotebookRepr):
         if best is not None and self.scene.cracks == "faces" and self.summary.by_fields is not None:
             low, high = ("none" if end is None else f"{end:.4g}" for end in self.summary.by_fields)
             found += f", λ in [{low}, {high}] wherever blocks crack"
+        found += ", falls without live load" if self.summary.stands_at_zero is False else ""
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 
     def plot(self) -> Figure:
@@ -189,6 +191,7 @@ class Exploration(NotebookRepr):
             problem = f"no layout of {self.folder} has a load factor to be ranked by"
             raise ParameterError("rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
         number = 1 if rank is None else rank
+        require_kind("rank", number, int)
         if not 1 <= number <= len(self.results):
             expected = (
                 f"1 to {len(self.results)}, the rows of results.csv" if len(self.results) else "a search with rows"

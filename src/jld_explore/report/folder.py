@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -153,6 +155,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
         own_objective=own is not None,
         wide=wide,
         deadline=deadline,
+        standing=study.standing,
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
@@ -204,7 +207,21 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
-    return done
+    return _with_least_load_factor(done)
+
+
+def _with_least_load_factor(done: Exploration) -> Exploration:
+    """Add the λ from which on the best layout stands to the summary, where it falls under its dead load alone.
+
+    It is None where it is not known, as by fields.
+    """
+    if done.summary.stands_at_zero is not False:
+        return done
+    fields = isinstance(done.scene.cracks, FieldCracks)
+    least = math.nan if fields else getattr(done.result(), "least_load_factor", math.nan)
+    facts = done.summary.facts | {"least_load_factor": least if math.isfinite(least) else None}
+    write_text(done.folder / "summary.json", json.dumps(facts, indent=1))
+    return replace(done, summary=Summary.of(facts))
 
 
 def _complaints(study: Study) -> list[str]:

@@ -26,6 +26,8 @@ class Summary(Mapping[str, Any]):
         True if some layout is locked and carries any load.
     proven : bool
         True if no layout carries more than `best`.
+    stands_at_zero : bool or None
+        False if that layout falls under its dead load alone, as every layout with a load factor then does.
     bound : float or None
         Proven upper bound on λ of all layouts; None without one.
     gap : float or None
@@ -82,6 +84,7 @@ class Summary(Mapping[str, Any]):
     rate: float | None
     driver: str
     classes: int | None = None
+    stands_at_zero: bool | None = None
     solved: int = 0
     settled: int = 0
     pruned: int = 0

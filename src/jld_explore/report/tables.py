@@ -21,6 +21,7 @@ from jld_explore.evaluation.evaluation import BOUND
 from jld_explore.evaluation.ranking import ORDER
 from jld_explore.evaluation.refined_records import RefinedRecords
 from jld_explore.evaluation.rows import load_factors, settled, statuses
+from jld_explore.evaluation.standing import Standing
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import Count, SearchSpace, registered, unpack
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 CONVERGENCE: Final = "convergence.csv"
 """File name of the convergence table."""
+
+STANDS: Final = "stands_at_zero"
+"""Name of the column, and of the entry of the summary, on layouts that stand under their dead load alone."""
 
 _SLICE: Final = 1 << 15
 """Number of labellings turned into texts at a time, which limits temporary memory."""
@@ -76,10 +80,12 @@ def results_table(
     own_objective: bool = False,
     wide: bool = False,
     deadline: Deadline | None = None,
+    standing: Standing | None = None,
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    If a load factor is required, layouts that reach it come first, sorted by the count of the front.
+    Layouts that fall under their dead load alone follow those of the same status that stand. If a load factor is
+    required, layouts that reach it come first, sorted by the count of the front.
 
     Parameters
     ----------
@@ -98,6 +104,8 @@ def results_table(
     deadline : Deadline, optional
         Time after which no outline of a block is computed. Counts that need outlines are then missing in the last
         rows, unless the front is one of such a count.
+    standing : Standing, optional
+        Decides which layouts stand under their dead load alone. Default: none is known to stand or to fall.
 
     Returns
     -------
@@ -108,6 +116,8 @@ def results_table(
 
     rows = records.rows
     packed = np.ascontiguousarray(rows["labelling"])
+    stands = _stands(rows, records.faces, standing, deadline, wide=wide)
+    falls = stands == 0.0
     associative, zero = rows["cases"][:, -1] if own_objective else rows["associative"], rows["zero_dilation"]
     load_factor = load_factors(rows)
     axes = {name for name, _ in space.search.front.axes}
@@ -125,35 +135,61 @@ def results_table(
         "load_factor_zero_dilation": zero,
         **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
         **_of_cases(rows, assembly),
-        **required.column(rows["low"], statuses(rows), space.search),
+        **required.column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
         "seconds": rows["seconds"],
     }
     table = pd.DataFrame(columns)
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
+    ties = _ties(np.where((place == 0) & ~falls, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
+    last = _ties(np.where((place == 0) & falls, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
+    ties = np.where(last > 0, last + ties.max(initial=0), ties)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
     wanted = required.order(table, space.search)
     # Of wide brackets the one with the greater lower end comes first, however simple the others are.
     stronger = [-np.nan_to_num(load_factor)] if wide else []
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, place))
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, falls, place))
     table = table.iloc[order].reset_index(drop=True)
     packed = packed[order]
     void = space.void
     texts = _texts(packed, records.faces, assembly.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
     table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
+    known = np.where(np.isnan(stands), None, ~falls)[order]
+    table.insert(table.columns.to_list().index("status") + 1, STANDS, pd.Series(pd.array(known, dtype="boolean")))
     table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
     table["driver"] = driver
     _insert_late(table, late, unpack(packed, records.faces), space, deadline)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
-    alike = np.array([key[order] for key in (ties, *wanted)])
+    alike = np.array([key[order] for key in (ties, *wanted, falls)])
     first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
     number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else order
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
+
+
+def _stands(rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline, *, wide: bool) -> Floats:
+    """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided.
+
+    faces: number of labels. wide: True for bounds by fields; faces then show falls alone.
+    """
+    status = statuses(rows)
+    found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
+    asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
+    if standing is not None:
+        found[asked] = standing.of(unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), deadline)
+    return np.where(found == 1.0, np.nan, found) if wide else found
+
+
+def that_stand(results: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with a load factor whose layouts stand under their dead load alone; all where none does."""
+    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    if STANDS not in ranked:
+        return ranked
+    stands = ranked[ranked[STANDS].fillna(True).astype(bool)]
+    return ranked if stands.empty else stands
 
 
 def _insert_late(
@@ -196,7 +232,7 @@ def nominal_of_best(results: pd.DataFrame) -> float | None:
 
     None if no layout has a load factor. results: ranked table with the column `load_factor_nominal`.
     """
-    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    ranked = that_stand(results)
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
@@ -240,7 +276,7 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide:
     only those with the best count are on the front. Of several rows with the same counts the first is kept. wide: True
     for brackets that nearly all overlap; the front then compares load factors alone.
     """
-    ranked = results["status"] == str(Status.COLLAPSE)
+    ranked = results.index.isin(that_stand(results).index)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
     ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
     names, senses = zip(*axes, strict=True)
@@ -278,8 +314,9 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     """
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
-    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    ranked = that_stand(results)
     best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
+    stands = None if ranked.empty or ranked[STANDS].isna().iloc[0] else bool(ranked[STANDS].iloc[0])
     pruned = int((results["settled"] == BOUND).sum())
     certain = complete and not (tally[str(Status.UNCERTIFIED)] - pruned or tally[str(Status.FAILED)])
     unbounded = bool(tally[str(Status.LOCKED)])
@@ -290,6 +327,9 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         certain = False
     if certain and not ranked.empty and not unbounded:
         bound = float(ranked["bracket_hi"].max())
+    if stands is False and bound is None and driver.finished:
+        # a driver that proves that no layout stands has evaluated all that carry the live load nevertheless
+        bound = float(ranked["bracket_hi"].max())
     gap = None
     if best is not None and bound is not None:
         width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))
@@ -299,6 +339,8 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
+        STANDS: stands,
+        "falling": int(((results[STANDS] == False) & (results["status"] != str(Status.UNSTABLE))).sum()),  # noqa: E712
         "unbounded": unbounded,
         # If every standing layout is locked, there is no strongest one.
         "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),

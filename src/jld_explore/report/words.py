@@ -19,6 +19,7 @@ from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.languages import stronger_cut
+from jld_explore.report.tables import STANDS
 from jld_explore.space import SearchSpace, registered
 
 if TYPE_CHECKING:
@@ -71,11 +72,13 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
 def columns(done: Exploration) -> list[str]:
     """Return the names of the columns that a terminal or notebook shows of a study's results.
 
-    They are rank, λ with its bracket, all integer counts, the counts of the front, and the labelling.
+    They are rank, λ with its bracket, all integer counts, the counts of the front, and the labelling; also whether a
+    layout stands without live load, where some do not.
     """
+    falls = [STANDS] if (done.results.get(STANDS) == False).any() else []  # noqa: E712 – NA is neither
     whole = [count.name for count in registered() if count.integer]
     counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
-    return ["rank", "load_factor", "bracket_lo", "bracket_hi", *counted, "labelling"]
+    return ["rank", "load_factor", "bracket_lo", "bracket_hi", *falls, *counted, "labelling"]
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
@@ -94,6 +97,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
+    if facts.get(STANDS) is False:
+        proof = f"{'strongest' if facts['proven'] else 'not proven strongest'} {falls_below(facts)}"
     if facts.get("race", {}).get("decided"):
         proof = f"proven to within {facts['gap']:.1%}: none carries more than {facts['bound']:.6g}"
     nominal = {}
@@ -114,16 +119,18 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     # those of the assembly were printed when the search began
     said = (*done.assembly.warnings, *done.assembly.notes)
     complaints = [line for line in facts.get("warnings", []) if line not in said]
+    falls = 0 if facts.get(STANDS) is False else facts.get("falling", 0)
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
         **({"pruned": f"{facts['pruned']} by a bound, without a solve of their own"} if facts["pruned"] else {}),
-        "stopped": f"{ended} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
+        "stopped": f"{ended} after {facts['seconds']:.1f} s{speed(facts['rate'])}",
         **(
             {"required": required.words(facts["require"])}
             if facts.get("require")
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
+        **({"ranked last": f"{falls} that fall under their own weight without live load"} if falls else {}),
         **nominal,
         **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),
         **_of_blocks(facts.get("fields")),
@@ -132,6 +139,19 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         "cracks": cracks_in_words(done.scene.cracks),
         **({"warning": "; ".join(complaints)} if complaints else {}),
     }
+
+
+def falls_below(facts: dict[str, Any]) -> str:
+    """Return the words for a best layout that falls under its dead load alone, as all layouts with a λ then do."""
+    least = facts.get("least_load_factor")
+    if least is None:
+        return "where the live load acts; without it it falls under its own weight, as every layout found does"
+    return f"from λ ≥ {least:.6g} on; below that it falls under its own weight, as every layout found does without load"
+
+
+def speed(rate: float | None) -> str:
+    """Return a rate of solves in words, "" where nothing was solved: all that is left may have been on record."""
+    return f", {rate:.2g} solves/s" if rate and rate < 1.0 else f", {rate:.0f} solves/s" if rate else ""
 
 
 def _reliability(facts: dict[str, Any]) -> dict[str, str]:

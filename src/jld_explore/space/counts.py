@@ -18,6 +18,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.outlines import boundary
+from jld_core.parameters import near
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
@@ -387,5 +388,5 @@ def count_named(name: str, where: str = "search.front.count") -> Count:
     """
     _add_plugins()
     if name not in _COUNTS:
-        raise InputError(where, f'"{name}" is no count', plugins.suggestion(name, list(_COUNTS)))
+        raise InputError(where, f'"{name}" is no count', near(name, list(_COUNTS)))
     return _COUNTS[name]

@@ -13,6 +13,7 @@ from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
+from jld_core.parameters import require_kind
 from jld_core.scene import Scene, Search
 from jld_explore.space.contradictions import may_join, refuse_contradictions
 from jld_explore.space.counts import count_named
@@ -183,6 +184,8 @@ def search_space(
         Also if fixed labels contradict each other, no labelling satisfies the limits, a material is missing, or the
         scene lacks the requested symmetry.
     """
+    require_kind("scene", scene, Scene)
+    require_kind("assembly", assembly, Assembly)
     search = scene.search
     for place, (name, _) in enumerate(search.front.axes):
         count_named(name, f"search.front.counts[{place}]" if search.front.counts else "search.front.count")

@@ -44,6 +44,9 @@ _NARROWER: Final = {
     "require",
     "assemble",
     "assemble_out_of_plane",
+    "sawn_length",
+    "saw_cuts",
+    "saw_set_ups",
 }
 """Keys under "search" that never add labellings; a proof without them holds with them as well."""
 
@@ -89,7 +92,7 @@ class Labellings:
         self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
         self.fixed = self._fixed()
         self._around: dict[int, list[int]] = {e: [] for e in range(len(elements))}
-        for face, pair in enumerate(self._ends):
+        for face, pair in enumerate(self._ends[: assembly.faces]):  # members bound no block
             for element in pair:
                 self._around[element].append(face)
         self._support = elements.support.tolist()
@@ -188,8 +191,8 @@ class Labellings:
         return None
 
     def _are_faces(self, faces: Iterable[int]) -> bool:
-        """Return True if all numbers are faces of the assembly."""
-        return all(0 <= face < len(self._ends) for face in faces)
+        """Return True if all numbers are faces of the assembly, whose members are none."""
+        return all(0 <= face < self.assembly.faces for face in faces)
 
     def _joined(self, start: int, faces: Sequence[int]) -> set[int]:
         """Return the elements reachable from one across given faces and between touching supports."""

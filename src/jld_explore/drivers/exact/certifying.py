@@ -31,6 +31,7 @@ from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.drivers.exact.trimming import refutation
 from jld_explore.space import SearchSpace, to_string
 from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import feasible
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
 from jld_explore.verification.labellings import Labellings
@@ -71,9 +72,9 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     Raises
     ------
     InputError
-        If the driver is not `Exact`, enumerates its space or aims at a front. Also if the search limits assembly
-        sequences, block shapes or counts other than sums over faces, requires a load factor or uses robust values.
-        Also if friction is not associative, or a face has no work balance. The message has one line.
+        If the driver is not `Exact` or aims at a front, or nothing bounds λ of several labellings at once. Also if the
+        search limits assembly sequences, requires a load factor or uses robust values. Also if friction is not
+        associative, or a face has no work balance. The message has one line.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
@@ -85,25 +86,21 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
         )
     if not isinstance(driver, Exact):
         raise ParameterError("certificate", f"the driver {driver.name} has no proof to write", '`driver="exact"`')
-    assembly, limits = driver.space.assembly, driver.space.limits
-    if limits.on_shapes:
-        raise ParameterError("certificate", "it cannot express limits on the shape of blocks", "a search without them")
+    assembly = driver.space.assembly
     Labellings(scene, assembly)  # raises InputError for a rule that the checker lacks
-    for count, _ in limits.on_counts:
-        terms = count.terms(assembly) if count.terms else None
-        if terms is None or terms.blocks:
-            raise ParameterError("certificate", f"it cannot express search.{count.name}", "a search without that limit")
     if driver.aim != "best":
         raise ParameterError("certificate", "it cannot prove a whole front", '`aim="best"`')
     if not model.supports_bounds_over_labellings or model.friction != "associative":
         raise ParameterError("certificate", "it proves λ of associative friction only", '`objective="associative"`')
     for case in assembly.by_case:
         Balances(case)  # raises InputError for a face without a work balance
-    if driver.exhaustive:
+    if relaxation_of(assembly, [LimitAnalysis(case) for case in assembly.by_case]) is None:
         raise ParameterError("certificate", "this space is proven by enumeration, which writes none", _REMEDY)
 
 
-def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None) -> None:
+def certify(
+    driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None, bound: float | None = None
+) -> None:
     """Write the certificate of the bound that an exact driver has proven.
 
     Parameters
@@ -116,6 +113,8 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
         File to write.
     found : tuple of (m,) bool array and float, or None
         Best labelling (True = dry) and its λ, scene units; None where no labelling was found.
+    bound : float, optional
+        Bound on λ, scene units, where the driver has none of its own since it enumerated the space.
 
     Raises
     ------
@@ -126,9 +125,10 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
     OSError
         If the file cannot be written.
     """
-    if driver.bound is None:
+    bound = driver.bound if driver.bound is not None else bound
+    if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
-    Certifier(scene, driver.space, driver.bound).write(path, driver.state.conflicts, found)
+    Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, found)
 
 
 class Certifier:
@@ -286,8 +286,12 @@ class Certifier:
                 return reason
         reason = self._mechanism(self._space.candidates, labels) or self._own_mechanism(labels)
         if reason is None:
-            problem = f"of the layout {to_string(labels)} no mechanism in whole numbers keeps λ below {self.bound:.9g}"
-            raise ParameterError("certificate", problem, _REMEDY)
+            # limits on shapes and on most counts have no clauses: the proof speaks of layouts beyond them as well
+            beyond = (
+                "" if feasible(self._space, labels[None])[0] else ", which a limit that it cannot express excludes,"
+            )
+            problem = f"of the layout {to_string(labels)}{beyond} no mechanism keeps λ below {self.bound:.9g}"
+            raise ParameterError("certificate", problem, "a search without that limit" if beyond else _REMEDY)
         return reason
 
     # --- mechanisms -------------------------------------------------------------------------------------

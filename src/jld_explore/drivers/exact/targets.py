@@ -105,7 +105,7 @@ class Incumbents:
 class Best:
     """Best λ found and proven bound of the labellings with one count, or of all.
 
-    Locked labellings have no λ and are excluded.
+    Labellings that are locked, or fall under their dead load alone, count as without λ and are excluded.
 
     Attributes
     ----------
@@ -192,7 +192,8 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
     """
     rows: list[dict[str, Any]] = []
     for value, group in results.groupby(count):
-        ranked = group[group["status"] == str(Status.COLLAPSE)]
+        stands = group["stands_at_zero"].fillna(True).astype(bool)
+        ranked = group[(group["status"] == str(Status.COLLAPSE)) & stands]
         if not ranked.empty:
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())

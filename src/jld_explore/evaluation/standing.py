@@ -1,0 +1,138 @@
+"""Which layouts stand under their dead load alone, decided from states and mechanisms of earlier ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
+from jld_core.limit import LimitAnalysis, Motion, SolveOptions, State, Status
+from jld_core.tolerances import ROUNDING
+from jld_explore.evaluation.evaluation import Evaluation
+
+
+class Standing:
+    """Decide which labellings stand at λ = 0, in all load cases.
+
+    assembly: structure whose labellings are asked about. model: of the search; contacts at points and effective areas
+    admit fewer states than are looked at here, and only falls are certain. cells: labels of crack cells from labels of
+    the joint grid, where those are solved.
+    """
+
+    def __init__(self, assembly: Assembly, model: SolveOptions, cells: Callable[[Bits], Bits] | None = None) -> None:
+        self._cells = cells
+        self._cases = [_Case(LimitAnalysis(case, inner_bending=model.inner_bending)) for case in assembly.by_case]
+        self._falls_only = assembly.dimension == 3 and (model.contact == "concave" or model.effective_area)
+
+    def of(self, labellings: Bits, deadline: Deadline | None = None) -> Floats:
+        """Return 1 for labellings (k, m) that stand at λ = 0, 0 for those that fall, NaN where undecided: (k,)."""
+        if not len(labellings):
+            return np.empty(0)
+        labels = labellings if self._cells is None else self._cells(labellings)
+        found = np.min([case.of(labels, deadline) for case in self._cases], axis=0)
+        if self._falls_only:
+            found[found == 1.0] = math.nan
+        return np.asarray(found)
+
+    def told(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+        """Return evaluations of labellings (k, m) as a driver is told them: what falls at λ = 0 is unstable.
+
+        A driver then seeks, and the exact driver proves, the strongest layout of those that stand.
+        """
+        told = list(evaluations)
+        rows = [k for k, one in enumerate(told) if one.status in (Status.COLLAPSE, Status.LOCKED)]
+        falls = self.of(labellings[rows]) == 0.0
+        for k in np.array(rows, dtype=int)[falls].tolist():
+            nothing = (math.nan,) * len(told[k].cases)
+            told[k] = replace(Evaluation(Status.UNSTABLE, *[math.nan] * 3), cases=nothing, seconds=told[k].seconds)
+        return told
+
+
+class VoidStanding(Standing):
+    """Decide which labellings stand where a search may leave cells out, each as a structure of its own.
+
+    cut: function from letters, of which v leaves a cell out, to the remaining structure and its labels. texts: letters
+    of labellings (k, m).
+    """
+
+    def __init__(
+        self, cut: Callable[[str], tuple[Assembly, Bits]], texts: Callable[[Bits], list[str]], model: SolveOptions
+    ) -> None:
+        self._cut, self._texts, self._model = cut, texts, model
+        self._known: dict[str, float] = {}
+
+    def of(self, labellings: Bits, deadline: Deadline | None = None) -> Floats:
+        """Return 1, 0 or NaN for labellings (k, m), as `Standing.of` does."""
+        texts = self._texts(labellings) if len(labellings) else []
+        for text in texts:
+            if text not in self._known and not (deadline is not None and deadline.passed()):
+                assembly, labels = self._cut(text)
+                self._known[text] = float(Standing(assembly, self._model).of(labels[None])[0])
+        return np.array([self._known.get(text, math.nan) for text in texts])
+
+
+class _Case:
+    """States and motions at λ = 0 under one load case, each tested with every labelling before one is solved.
+
+    A state admissible under either label at every face settles all labellings at once.
+    """
+
+    def __init__(self, analysis: LimitAnalysis) -> None:
+        self._analysis = analysis
+        faces = len(analysis.assembly.interfaces)
+        self._every = not analysis.template.dead.any()  # whether every labelling stands
+        self._both = np.ones((2, faces), dtype=bool) & [[True], [False]]  # all dry, all inner
+        self._bad = np.empty((0, 2, faces))  # of each state: faces beyond their yield set, if dry and if inner
+        self._cost = np.empty((0, 2, faces))  # of each motion: dissipation if dry and if inner
+        self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
+
+    def of(self, labellings: Bits, deadline: Deadline | None) -> Floats:
+        """Return 1, 0 or NaN for labellings (k, m), as `Standing.of` does."""
+        if self._every:
+            return np.ones(len(labellings))
+        found = np.full(len(labellings), math.nan)
+        self._test(labellings, found, 0, 0)
+        for k in range(len(labellings)):
+            if not math.isnan(found[k]):
+                continue
+            if deadline is not None and deadline.passed():
+                break
+            states, motions = len(self._bad), len(self._cost)
+            proof = self._analysis.repair.proof_at_zero(labellings[k])
+            if proof is None:
+                continue
+            self._add(proof)
+            found[k] = float(isinstance(proof, State))
+            self._test(labellings, found, states, motions)
+        return found
+
+    def _test(self, labellings: Bits, found: Floats, states: int, motions: int) -> None:
+        """Settle labellings (k, m) by states and motions from given positions on; `found` (k,) is changed."""
+        for bad in self._bad[states:]:
+            found[np.isnan(found) & ~_sums(bad, labellings).astype(bool)] = 1.0
+        for cost, gain in zip(self._cost[motions:], self._gain[motions:], strict=True):
+            found[np.isnan(found) & (_sums(cost, labellings) < gain)] = 0.0
+
+    def _add(self, proof: State | Motion) -> None:
+        """Keep a state or a motion for other labellings."""
+        sets = self._analysis.template.yield_set
+        if isinstance(proof, State):
+            bad = [sets.slack(proof.forces, labels) < 2.0 * proof.error for labels in self._both]
+            self._bad = np.concatenate([self._bad, np.array(bad, dtype=float)[None]])
+            self._every |= not np.any(bad)
+            return
+        margins = np.array([sets.margin(proof.jumps, labels) for labels in self._both])
+        cost = np.array([sets.dissipation(proof.jumps, labels) for labels in self._both])
+        self._cost = np.concatenate([self._cost, np.where(margins >= 0.0, cost, np.inf)[None]])
+        gain = float(self._analysis.template.dead @ proof.velocity) - max(ROUNDING, proof.noise)
+        self._gain = np.append(self._gain, gain)
+
+
+def _sums(values: Floats, labellings: Bits) -> Floats:
+    """Return the sum over faces of values (2, m), dry and inner, under labellings (k, m): (k,)."""
+    return np.asarray(np.where(labellings, values[0], values[1]).sum(axis=1))
