@@ -21,6 +21,7 @@ FAMILIES: Final[dict[str, int]] = {
     "laying": 1000,
     "members": 200,
     "proofs": 3000,
+    "refined": 1000,
     "time_limits": 200,
     "units": 1000,
     "vertex_rates": 300,

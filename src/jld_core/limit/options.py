@@ -54,7 +54,7 @@ class SolveOptions:
     solver : str or Solver
         Solver of the first attempt, by name or as an object. Repairs and auxiliary programs use their own solvers.
     gap : float
-        Relative width of the bracket above which a result is uncertified.
+        Relative width of the bracket to aim at.
 
     Raises
     ------

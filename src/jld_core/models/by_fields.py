@@ -83,7 +83,7 @@ class FieldResult:
     def status(self) -> Status:
         """Return the outcome of the bounds by fields.
 
-        It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
+        It is collapse where both bounds are known, unstable where an upper bound is below 0, else uncertified.
         """
         return self.governing.status
 
@@ -159,8 +159,9 @@ class FieldResult:
             "λ / required" if several else "λ": _shown(found.load_factor),
             "bracket": bracket + (f"   (relative width {width:.1e})" if math.isfinite(width) else ""),
         }
-        if found.status is Status.UNCERTIFIED:
-            facts["reason"] = self._reason()
+        reason = self._reason()
+        if reason:
+            facts["reason"] = reason
         for (name, bounds), required in zip(self.cases.items(), self.assembly.required, strict=True):
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
             if several:
@@ -173,14 +174,16 @@ class FieldResult:
         return facts
 
     def _reason(self) -> str:
-        """Explain in one sentence why the bounds of the governing case did not reach the gap."""
+        """Explain in one sentence why the bounds of the governing case did not reach the gap; "" where they did."""
         bounds = list(self.cases.values())[self.governing.case]
+        if bounds.status is FieldStatus.CLOSED or self.status is Status.UNSTABLE:
+            return ""
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
             FieldStatus.NO_UPPER: "no velocity field could be certified",
         }
         limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
-        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
+        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may narrow it")
 
 
 def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
@@ -200,7 +203,7 @@ def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
     low = bounds.lower if math.isfinite(bounds.lower) else math.nan
     high = bounds.upper if math.isfinite(bounds.upper) else math.nan
-    status = Status.COLLAPSE if bounds.status is FieldStatus.CLOSED else Status.UNCERTIFIED
+    status = Status.UNCERTIFIED if math.isnan(low) or math.isnan(high) else Status.COLLAPSE
     return CaseBounds(status, low, high, low)
 
 

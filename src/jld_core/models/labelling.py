@@ -189,11 +189,11 @@ def _strong(attempt: ProofAttempt) -> bool:
 
 
 def _large(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is uncertified and has inner faces and a large program.
+    """Return True if an attempt is open and has inner faces and a large program.
 
     For large programs see `is_large`.
     """
-    return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
+    return attempt.open and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
 def _large_bounded(attempt: ProofAttempt) -> bool:
@@ -213,11 +213,11 @@ def _large_crushing(attempt: ProofAttempt) -> bool:
 
 
 def _small(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is uncertified, has inner faces, and its program is not large.
+    """Return True if an attempt is open, has inner faces, and its program is not large.
 
     For large programs see `is_large`.
     """
-    return attempt.uncertified and not attempt.labels.all() and not is_large(attempt.template.structure)
+    return attempt.open and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 
 _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"

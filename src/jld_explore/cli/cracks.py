@@ -61,7 +61,7 @@ def say_by_fields(
     """Solve a layout whose blocks crack by fields, print the result, and write it to a folder.
 
     labels: (m,) True = dry. seconds: time for each load case. out: folder for result.json and pictures, None for none.
-    as_json: print JSON. Exits with the code of `uncertified` where the gap is not reached.
+    as_json: print JSON. Exits with the code of `uncertified` where a bound is missing.
     """
     assert isinstance(scene.cracks, FieldCracks)
     from jld_core.models import solve_by_fields  # loads the mesh and the programs of fields

@@ -39,7 +39,7 @@ First = Annotated[
     typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
 ]
 
-Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
+Gap = Annotated[float, typer.Option(help="Relative width of the bracket to aim at.")]
 
 Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
 

@@ -73,8 +73,8 @@ def solve(
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
 
-    Print status, λ, bracket and evidence. With --out also write result.json and pictures. The exit code is 4 if the
-    bracket stays too wide (uncertified).
+    Print status, λ, bracket and evidence. With --out also write result.json and pictures. The exit code is 4 if a
+    bound is missing (uncertified).
     """
     if out is not None:
         require_folder(out)

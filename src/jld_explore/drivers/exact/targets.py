@@ -196,6 +196,8 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
         if not ranked.empty:
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
+            low, others = float(ranked["bracket_lo"].max()), ranked["bracket_hi"].drop(ranked["bracket_lo"].idxmax())
+            sure = sure and not others.max() - low > tolerances.PROVEN * abs(bound)
             number = value if isinstance(value, float) else int(str(value))
             rows.append({"count": number, "load_factor": best, "bound": bound if sure else None, "proven": sure})
     return rows
