@@ -12,7 +12,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.verdicts import FALLS, LOCKED, OPEN, PROVEN, BatchResults
 
-LAST_DIGITS = 1e-11
+LAST_DIGITS = 1e-9
 """What may separate two sums of the same dissipation, relative."""
 
 
@@ -29,8 +29,8 @@ def assert_proven(
     """Every bound of labellings (k, m) by the core's own prover, every verdict by `LimitAnalysis.prove`.
 
     digits: how near the prover's sum of a dissipation must be, relative. snap: what rounding may make of a margin,
-    beside the fastest velocity. At the least this is `tolerances.EXACT`: both sums of a jump are rounded, in another
-    order. That the exact margin is not negative is tested by `exact_margin`.
+    beside the fastest velocity, and friction where that is above 1. At the least this is `tolerances.EXACT`: both sums
+    of a jump are rounded, in another order. That the exact margin is not negative is tested by `exact_margin`.
     """
     floor = 1e-3 * analysis.assembly.total_dead / analysis.assembly.total_live / analysis.template.scaling.load
     assert found.forces is not None
@@ -45,7 +45,9 @@ def assert_proven(
             motion = analysis.prover.motion(found.velocity[k], labels)
             # where joints cannot all open, jumps that must be zero are so but for rounding
             confined = analysis.repair.opening() is None
-            assert motion.margin >= -max(snap, tolerances.EXACT, 1e-12 * confined) * abs(motion.velocity).max()
+            rough = max(1.0, float(analysis.template.yield_set.associative.friction_of(labels).max()))
+            least = max(snap, tolerances.EXACT, 1e-12 * confined) * rough
+            assert motion.margin >= -least * abs(motion.velocity).max()
             # what falls may move the live load by next to nothing, which the bound is divided by
             near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == FALLS))
             assert motion.bound == pytest.approx(found.high[k], rel=near, abs=1e-12)

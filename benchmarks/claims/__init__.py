@@ -22,6 +22,7 @@ FAMILIES: Final[dict[str, int]] = {
     "loads": 560,
     "members": 200,
     "proofs": 3000,
+    "refined": 1000,
     "symmetry": 300,
     "time_limits": 200,
     "units": 1000,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 GAP: Final = 1e-6
-"""Relative width of the bracket above which a result has the status `uncertified` (default of --gap)."""
+"""Relative width of the bracket that is aimed at (default of --gap)."""
 
 
 ALONE: Final = 1e-7

@@ -44,8 +44,9 @@ def address(browser: object, scene: Path) -> Iterator[str]:
 
 def answered(found: Visit) -> dict[str, object]:
     """Wait until the newest state has its answer; its solution."""
-    found.page.wait_for_function("() => !studio.live.waiting && studio.solution")
-    return dict(found.run("() => studio.solution.cases[0]"))
+    # read where it is found: the next state may have taken its place
+    ready = found.page.wait_for_function("() => !studio.live.waiting && studio.solution && studio.solution.cases[0]")
+    return dict(ready.json_value())
 
 
 def leave(found: Visit) -> None:

@@ -66,9 +66,6 @@ def test_rays_of_large_programs_are_settled_by_repairs(
     options = SolveOptions()
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is status
-    assert proof.solve_log[0] == "schur (unbounded)"
-    assert not any(entry.startswith("highs") for entry in proof.solve_log)
-    assert sum(entry.startswith("schur") for entry in proof.solve_log) == 1
 
 
 def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,11 +82,9 @@ def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypa
     labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
     proof = LimitAnalysis(built).prove(labels)
     assert proof.status is Status.LOCKED
-    assert "ray inside" in proof.solve_log
 
 
-def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:
-    """Two solves of one program with the same margin would find the same."""
+def test_large_crushable_walls_have_narrow_brackets() -> None:
     content = document("planar", 16)
     content["materials"]["dry"]["compressive_strength"] = 2e6
     content["materials"]["inner"]["compressive_strength"] = 2e6
@@ -98,7 +93,7 @@ def test_large_crushable_walls_are_solved_with_less_margin_once() -> None:
     options = SolveOptions()
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is Status.COLLAPSE
-    assert len(proof.solve_log) <= 2
+    assert proof.high - proof.low <= 1e-6 * proof.high
 
 
 @pytest.mark.parametrize(("edge", "status"), [(32, Status.LOCKED), (26, Status.COLLAPSE)])
@@ -120,18 +115,16 @@ def test_walls_that_supports_confine_are_settled_by_sparse_algebra(
     options = SolveOptions(condense="off")
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is status
-    assert (proof.solve_log[0] == "schur (unbounded)") is (status is Status.LOCKED)
-    assert "facial reduction" not in proof.solve_log
 
 
-def test_cubes_whose_last_iterate_proves_nothing_are_proven_by_an_earlier_one() -> None:
-    """125 cubes slide as one at λ = 0.75: rigid blocks and a simplex took 5 s where a second solve takes 0.3 s."""
+def test_cubes_whose_last_iterate_proves_nothing_are_proven() -> None:
+    """125 cubes slide as one at λ = 0.75."""
     scene = parse_scene(document("spatial", 5))
     built = build_assembly(scene)
     labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
     proof = solve_labelling(limit_analysis(built, SolveOptions()), labels, SolveOptions())
     assert proof.status is Status.COLLAPSE
-    assert proof.solve_log == ["schur (almost)", "schur"]
+    assert proof.high - proof.low <= 1e-6 * proof.high
 
 
 def test_a_fall_whose_proof_no_iterate_reaches_exactly_is_proven() -> None:
@@ -145,4 +138,4 @@ def test_a_fall_whose_proof_no_iterate_reaches_exactly_is_proven() -> None:
     labels = make_driver("random", search_space(scene, built), 0).ask(1)[0]
     options = SolveOptions(solver="schur")
     proof = solve_labelling(limit_analysis(built, options), labels, options)
-    assert (proof.status, proof.solves) == (Status.UNSTABLE, 1)
+    assert proof.status is Status.UNSTABLE

@@ -87,6 +87,7 @@ def test_the_governing_case() -> None:
     assert governing([collapse, known(Status.UNCERTIFIED, 0.5, 3.0)], [1, 1]).status is Status.UNCERTIFIED
     assert governing([collapse, known(Status.UNCERTIFIED, 1.5, 3.0)], [1, 1]).status is Status.COLLAPSE
     assert governing([collapse, known(Status.UNCERTIFIED, 1.5, 3.0)], [1, 2]).status is Status.UNCERTIFIED
+    assert governing([collapse, known(Status.UNCERTIFIED, 0.5, math.nan)], [1, 1]).status is Status.COLLAPSE
     open_end = governing([known(Status.UNCERTIFIED, math.nan, 2.0), collapse], [1, 1])
     assert (open_end.status, open_end.high) == (Status.UNCERTIFIED, 1.0)
     assert math.isnan(open_end.low)

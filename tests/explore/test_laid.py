@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from pathlib import Path
 from typing import Any
 
@@ -155,10 +154,8 @@ def test_an_arch_that_needs_centring_is_refused_at_once(tmp_path: Path) -> None:
     """No voussoir past the springing stands before the arch is closed: 1 490 segmentations, none of them laid."""
     scene = samples.arch()
     search = scene.search.model_copy(update={"block_cells": [1, 4], "assemble": "standing"})
-    start = time.perf_counter()
     with pytest.raises(InputError, match="assemble: no layout stands at every stage"):
         explore(scene.model_copy(update={"search": search}), tmp_path / "out", ExploreSettings(pictures=False))
-    assert time.perf_counter() - start < 30.0
     assert not (tmp_path / "out").exists()
 
 

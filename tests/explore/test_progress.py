@@ -24,9 +24,9 @@ def test_progress_names_the_layout_of_its_best(driver: str, tmp_path: Path) -> N
     told: list[Progress] = []
     settings = ExploreSettings(driver=driver, jobs=1, pictures=False)
     done = explore(scene, tmp_path / "out", settings, report=told.append)
-    assert told[-1].best == done.summary.best
+    assert told[-1].best == pytest.approx(done.summary.best, rel=1e-6)
     labels = from_string(told[-1].labelling)
-    assert solve(build_assembly(scene), labels).load_factor == pytest.approx(told[-1].best, rel=1e-8)
+    assert solve(build_assembly(scene), labels).load_factor == pytest.approx(told[-1].best, rel=1e-6)
     firsts = [one for one in told if one.labelling]
     assert all(a.best <= b.best for a, b in itertools.pairwise(firsts))
 

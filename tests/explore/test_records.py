@@ -7,7 +7,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -323,12 +322,10 @@ def test_many_rows(tmp_path: Path) -> None:
         found = [Evaluation(Status.COLLAPSE, value, value, value) for value in values.tolist()]
         records.append(every[low : low + part], [1] * part, found)
     records.close()
-    start = time.process_time()
     records = Records(tmp_path, HEADER, faces)
     assert len(records) == count
     table = tables.results_table(records, assembly, space, "any")
     front = tables.front_table(table, [("dry_faces", "max")])
-    seconds = time.process_time() - start
     records.close()
     assert len(table) == count
     assert table["rank"].iloc[-1] == count
@@ -336,7 +333,6 @@ def test_many_rows(tmp_path: Path) -> None:
     assert front["dry_faces"].is_unique
     assert table["labelling"].iloc[0] in set(front["labelling"])
     assert np.array_equal(unpack(records.rows["labelling"][:100], faces), every[:100])
-    assert seconds < 6.0  # about 1.6 on one core of its own
 
 
 def test_a_portion_that_time_ran_out_before_is_empty_under_any_number_of_cases() -> None:

@@ -51,9 +51,8 @@ def whole_again(lines: list[dict[str, Any]]) -> bytes:
 
 def test_a_proof_passes_and_holds_the_closed_form(done: ProvenBox, tmp_path: Path) -> None:
     """λ rises with both half widths as long as hinges rule: the bound lies above (11.8) at the corner of the box."""
-    passed, seconds, reason = check_proof(done)
+    passed, _, reason = check_proof(done)
     assert (passed, reason) == (True, "")
-    assert seconds < 2.0
     file = tmp_path / "proof.jld"
     write_box_certificate(done, file)
     found = verify_box(file, parse_scene(arch(2)))

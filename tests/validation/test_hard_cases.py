@@ -137,10 +137,11 @@ def test_a_wedged_block_without_friction_lifts() -> None:
 
 @pytest.mark.parametrize("route", ["clarabel", "highs"])
 def test_an_unreachable_width_is_named(route: str) -> None:
-    """Asked for more digits than there are, the result says so instead of pretending."""
+    """Asked for more digits than there are, the result is a bracket all the same, and says how wide it is."""
     assembly = grid_assembly(["aaaa"] * 4 + ["####"])
     result = solve(assembly, solver=route, gap=1e-16)
-    assert result.status is Status.UNCERTIFIED
+    assert result.status is Status.COLLAPSE
+    assert bool(result.reason) is (result.gap > 1e-16)
     assert result.bracket[0] <= result.load_factor <= result.bracket[1]
 
 

@@ -47,7 +47,7 @@ class LimitAnalysis:
     solver : str or Solver
         Solver of the first attempt, see `Model`.
     gap : float
-        Relative width of the bracket above which a result is uncertified.
+        Relative width of the bracket to aim at.
     inner_bending : {"uncoupled", "kern"}
         Bending of inner faces, see `Model`.
     margin : float or None
@@ -181,9 +181,25 @@ class LimitAnalysis:
             return Status.UNSTABLE
         if proof.ray is not None and proof.state is not None:
             return Status.LOCKED
-        if relative_width(proof.low, proof.high, self.load_scale) <= self.gap:
-            return Status.COLLAPSE
-        return Status.UNCERTIFIED
+        bounded = np.isfinite(proof.low) and np.isfinite(proof.high)
+        return Status.COLLAPSE if bounded else Status.UNCERTIFIED
+
+    def is_open(self, proof: Proof) -> bool:
+        """Return True if a bound is missing, or the bracket is wider than the gap aimed at.
+
+        Parameters
+        ----------
+        proof : Proof
+            Bounds and status of one labelling.
+
+        Returns
+        -------
+        bool
+            False for locked and unstable structures.
+        """
+        if proof.status is Status.COLLAPSE:
+            return relative_width(proof.low, proof.high, self.load_scale) > self.gap
+        return proof.status is Status.UNCERTIFIED
 
     def unloaded(self, labels: Bits) -> State | None:
         """Return the exact state without forces at λ = 0, or None if there is dead load.

@@ -8,6 +8,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch.verdicts import BatchResults
 from jld_core.limit.admissible import State
 from jld_core.limit.bounds import Prover
 from jld_core.limit.brackets import apart, relative_width
@@ -32,8 +33,8 @@ class Analysis(Protocol):
     """Interface to those members of `LimitAnalysis` that `ProofAttempt` uses.
 
     prover, repair: for `template`. first_solver: solver of the first attempt. reference: (m,) labelling, True = dry, on
-    which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width above
-    which a bracket is uncertified. load_scale: scaled λ below which differences are negligible. single_labelling: True
+    which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width
+    of brackets to aim at. load_scale: scaled λ below which differences are negligible. single_labelling: True
     if only one labelling will be analysed. options: model and solver options; `seconds` ends the attempts.
     """
 
@@ -66,6 +67,9 @@ class Analysis(Protocol):
     def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""
 
+    def is_open(self, proof: Proof) -> bool:
+        """Return True if a bound is missing, or the bracket is wider than the gap aimed at."""
+
 
 class AttemptState:
     """Bounds proven so far for one labelling, and conditions under which fallbacks are tried.
@@ -85,8 +89,8 @@ class AttemptState:
         Last raw solver answer, from which repairs start; None before the first.
     settled : bool
         True if no further fallback is to be tried.
-    batch_tried : bool
-        True if the batch solver was tried.
+    batch_results : BatchResults or None
+        Results of the batch solver; None before it was tried.
     reduction_tried : bool
         True if facial reduction was tried.
     less_margin_tried : bool
@@ -100,8 +104,9 @@ class AttemptState:
         self.template, self.prover, self.repair = analysis.template, analysis.prover, analysis.repair
         self.proof = Proof()
         self.raw: RawSolution | None = None
-        self.settled = self.batch_tried = self.reduction_tried = self.less_margin_tried = False
+        self.settled = self.reduction_tried = self.less_margin_tried = False
         self.mechanism_found = False
+        self.batch_results: BatchResults | None = None
         unloaded = analysis.unloaded(labels)
         if unloaded is not None:
             self.proof.offer_state(unloaded)
@@ -109,7 +114,8 @@ class AttemptState:
     def adopt(self, found: Proof) -> None:
         """Adopt a finished proof of the same labelling, unless the brackets are disjoint.
 
-        If they are disjoint, only the solve log of the finished proof is kept.
+        If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
+        better.
 
         Parameters
         ----------
@@ -119,50 +125,55 @@ class AttemptState:
         mine = self.proof
         mine.solve_log += found.solve_log
         mine.solves += found.solves
-        if not apart((found.low, found.high), (mine.low, mine.high)):
+        if apart((found.low, found.high), (mine.low, mine.high)):
+            return
+        if self.analysis.is_open(found):
+            if found.state is not None:
+                mine.offer_state(found.state)
+            if found.motion is not None:
+                mine.offer_motion(found.motion)
+        else:
             found.solve_log, found.solves = mine.solve_log, mine.solves
             self.proof, self.settled = found, True
 
     @property
-    def uncertified(self) -> bool:
-        """Return True if the status is still uncertified."""
-        return self.proof.status is Status.UNCERTIFIED
+    def open(self) -> bool:
+        """Return True if a bound is missing, or the bracket is wider than the gap aimed at."""
+        return self.analysis.is_open(self.proof)
 
     @property
-    def uncertified_with_point(self) -> bool:
-        """Return True if the status is uncertified and the last solver answer has a point.
+    def open_with_point(self) -> bool:
+        """Return True if the attempt is open and the last solver answer has a point.
 
         An answer has none if the solver reports that the program is infeasible.
         """
-        return self.uncertified and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
+        return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
     def open_after_reduction(self) -> bool:
-        """Return True if the status is uncertified although facial reduction was tried.
+        """Return True if the attempt is open although facial reduction was tried.
 
         The result is False for programs without friction cones, which alone the reduction replaces by rays.
         """
-        return self.uncertified and bool(self.template.structure.cones) and self.reduction_tried
+        return self.open and bool(self.template.structure.cones) and self.reduction_tried
 
     @property
     def may_be_unbounded(self) -> bool:
         """Return True if λ may be unbounded: large (scaled, above 1000), without an upper bound."""
         state = self.proof.state
-        return self.uncertified and self.proof.motion is None and state is not None and state.load > _GROWS
+        return self.open and self.proof.motion is None and state is not None and state.load > _GROWS
 
     @property
     def reported_unbounded(self) -> bool:
         """Return True if a solver reports unbounded λ and the batch solver was not tried."""
         unbounded = self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
-        return self.uncertified and not self.batch_tried and unbounded
+        return self.open and self.batch_results is None and unbounded
 
     @property
     def batch_goes_first(self) -> bool:
         """Return True if only one labelling is analysed and the batch solver is faster."""
         analysis = self.analysis
-        return (
-            self.uncertified and analysis.single_labelling and analysis.batch_is_faster and analysis.batch is not None
-        )
+        return self.open and analysis.single_labelling and analysis.batch_is_faster and analysis.batch is not None
 
     @property
     def settled_by_batch(self) -> bool:
@@ -170,9 +181,9 @@ class AttemptState:
 
         A bracket much wider than those of other solvers does not count.
         """
-        if not self.batch_tried or self.uncertified:
+        if self.batch_results is None or self.open:
             return False
-        return not self._collapses or self._width(0.0) <= tolerances.ALONE
+        return not self._narrow or self._width(0.0) <= tolerances.ALONE
 
     @property
     def is_small_linear(self) -> bool:
@@ -185,7 +196,7 @@ class AttemptState:
         """Return True if Clarabel ended early on a linear program that Schur complements solve fast."""
         structure, raw = self.template.structure, self.raw
         medium = not structure.cones and structure.equalities >= _SCHUR and not is_large(structure)
-        return self.uncertified and medium and raw is not None and raw.status is RawStatus.ALMOST
+        return self.open and medium and raw is not None and raw.status is RawStatus.ALMOST
 
     @property
     def lacks_large_mechanism(self) -> bool:
@@ -193,7 +204,7 @@ class AttemptState:
         structure, raw = self.template.structure, self.raw
         answered = raw is not None and raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST, RawStatus.LIMIT)
         linear = is_large(structure) and not structure.cones
-        return self.uncertified and linear and answered and self.proof.motion is None
+        return self.open and linear and answered and self.proof.motion is None
 
     @property
     def stalled_with_cones(self) -> bool:
@@ -202,7 +213,7 @@ class AttemptState:
         solved = bool(structure.cones) and is_large(structure) and structure.equalities < EARLY_FROM
         by_schur = isinstance(self.analysis.first_solver, SchurSolver)
         stalled = raw is not None and raw.status in (RawStatus.ALMOST, RawStatus.LIMIT)
-        return self.uncertified and solved and by_schur and stalled
+        return self.open and solved and by_schur and stalled
 
     @property
     def wide_by_crushing(self) -> bool:
@@ -211,7 +222,7 @@ class AttemptState:
         A smaller margin than most crushable scenes need may then narrow it.
         """
         crushing = self.template.precision is tolerances.CRUSHING
-        return crushing and self._collapses and self._width(self.analysis.load_scale) > tolerances.CRUSHING_WIDTH
+        return crushing and self._narrow and self._width(self.analysis.load_scale) > tolerances.CRUSHING_WIDTH
 
     @property
     def wide_relative_to_load_factor(self) -> bool:
@@ -219,7 +230,7 @@ class AttemptState:
 
         λ may then be small, or zero.
         """
-        return self._collapses and self._width(0.0) > self.analysis.gap
+        return self._narrow and self._width(0.0) > self.analysis.gap
 
     @property
     def wide_for_single_labelling(self) -> bool:
@@ -232,7 +243,7 @@ class AttemptState:
         analysis = self.analysis
         if (
             not analysis.single_labelling
-            or not self._collapses
+            or not self._narrow
             or self.settled_by_batch
             or is_large(self.template.structure)
         ):
@@ -240,9 +251,9 @@ class AttemptState:
         return self._width(analysis.load_scale) > tolerances.DIGITS
 
     @property
-    def _collapses(self) -> bool:
-        """Return True if the status of the proof so far is collapse."""
-        return self.proof.status is Status.COLLAPSE
+    def _narrow(self) -> bool:
+        """Return True if the proof so far has a bracket as narrow as aimed at."""
+        return self.proof.status is Status.COLLAPSE and not self.open
 
     def _width(self, load_scale: float) -> float:
         """Return the width of the bracket relative to its ends, or to `load_scale` if larger."""

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.batch.verdicts import LOCKED, PROVEN, BatchResults
+from jld_core.batch.verdicts import LOCKED, BatchResults
 from jld_core.limit.admissible import Motion
 from jld_core.limit.bounds import Prover
 from jld_core.limit.proof import Proof
@@ -29,13 +29,14 @@ def offer_results(
     motion or the ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin
     is negative.
     """
-    if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
+    if found.forces is None:
         return
-    proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
+    if np.isfinite(found.low[0]):
+        proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
     if found.verdict[0] == LOCKED and found.rays is not None:
         ray = prover.ray(np.append(found.rays[0], 1.0), labels)
         proof.ray = ray if prover.is_ray(ray) else proof.ray
-    elif found.velocity is not None:
+    elif found.velocity is not None and found.velocity[0].any():
         motion = prover.motion(found.velocity[0], labels)
         wider = opening() if motion.margin < 0.0 else None
         proof.offer_motion(motion if wider is None else prover.add_opening(motion, wider, labels))

@@ -71,7 +71,7 @@ FALLBACKS: Final = (
     ),
     Fallback(
         "repair",
-        lambda attempt: attempt.uncertified_with_point,
+        lambda attempt: attempt.open_with_point,
         ProofAttempt.repair_answer,
         "states blended with a strictly admissible one, opened motions, rays",
     ),
@@ -84,13 +84,13 @@ FALLBACKS: Final = (
     # Try a vertex before a boundary state: it separates unstable structures from those that barely stand.
     Fallback(
         "dual simplex",
-        lambda attempt: attempt.uncertified and attempt.is_small_linear,
+        lambda attempt: attempt.open and attempt.is_small_linear,
         ProofAttempt.solve_by_dual_simplex,
         "both bounds of a linear program, exact to rounding",
     ),
     Fallback(
         "boundary state",
-        lambda attempt: attempt.uncertified_with_point,
+        lambda attempt: attempt.open_with_point,
         ProofAttempt.find_boundary_state,
         "a state in yield sets without interior",
     ),
@@ -114,13 +114,13 @@ FALLBACKS: Final = (
     ),
     Fallback(
         "no margin",
-        lambda attempt: attempt.uncertified,
+        lambda attempt: attempt.open,
         ProofAttempt.solve_without_margin,
         "both bounds, for yield sets that leave no margin",
     ),
     Fallback(
         "boundary state again",
-        lambda attempt: attempt.uncertified_with_point,
+        lambda attempt: attempt.open_with_point,
         ProofAttempt.find_boundary_state,
         "a state in yield sets without interior, from the more accurate answer",
     ),
@@ -141,6 +141,12 @@ FALLBACKS: Final = (
         lambda attempt: attempt.wide_relative_to_load_factor and attempt.is_small_linear,
         ProofAttempt.solve_by_dual_simplex,
         "a bracket that shows whether λ is small or zero",
+    ),
+    Fallback(
+        "batch solver last",
+        lambda attempt: attempt.open,
+        ProofAttempt.try_batch_solver_last,
+        "bounds where all others left some open",
     ),
 )
 """Solution methods that `LimitAnalysis.prove` tries by default, in order."""

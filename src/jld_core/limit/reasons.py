@@ -1,4 +1,4 @@
-"""Explanation of an uncertified result in one sentence."""
+"""Explanation of a missing or a wide bound in one sentence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jld_core.limit.status import Status
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
-    """Explain which bound of an uncertified result is missing, and why.
+    """Explain which bound of a result is missing, and why, or how far its bounds are apart.
 
     Parameters
     ----------
@@ -21,17 +21,18 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
     gap : float
         Relative width of the bracket.
     gap_limit : float
-        Largest relative width that counts as converged.
+        Relative width that was aimed at.
     extra : dict
         Further facts of the model, as in the JSON output.
 
     Returns
     -------
     str
-        One sentence without a full stop; "" where nothing is missing.
+        One sentence without a full stop; "" where nothing is missing and the bracket is as narrow as asked.
     """
+    apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
-        return ""
+        return apart if status is Status.COLLAPSE and gap > gap_limit else ""
     low, high = (math.isfinite(end) for end in bracket)
     lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
     upper = (
@@ -62,4 +63,4 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
         return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"
     if gap <= gap_limit:
         return "the evidence that this model asks for is missing, see the numbers beside λ"
-    return f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
+    return apart

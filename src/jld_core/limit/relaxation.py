@@ -179,7 +179,7 @@ class Relaxation(PartialLabellingBounds):
         """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
-        balance = self._balances.balance(velocities, labellings, undecided)
+        balance = self._balances.balance(velocities, labellings, undecided, known=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             bound = np.where(balance.work > 0.0, balance.total / balance.work, np.inf)
         bound[(balance.work == 0.0) & (balance.total < 0.0)] = -np.inf

@@ -286,9 +286,9 @@ class LimitAnalysisResult(Result):
 
     @property
     def reason(self) -> str | None:  # type: ignore[override]
-        """Say which bound of an uncertified result is missing, and why.
+        """Say which bound is missing, and why, or how far apart the bounds are if that is more than asked.
 
-        One sentence; None where no bound is missing.
+        One sentence; None where no bound is missing and the bracket is as narrow as asked.
         """
         return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.facts) or None
 

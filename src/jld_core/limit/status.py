@@ -11,13 +11,13 @@ class Status(StrEnum):
     Attributes
     ----------
     COLLAPSE
-        Both bounds on λ are proven, and the bracket is narrow enough.
+        Both bounds on λ are proven.
     LOCKED
         Every larger λ is admissible, by proof (docs/method.md (3.14)).
     UNSTABLE
         No λ ≥ 0 is admissible, by proof (docs/method.md (3.15)).
     UNCERTIFIED
-        A bound is missing, or the bracket is too wide.
+        A bound is missing.
     FAILED
         The analysis ended without a result.
     """

@@ -62,14 +62,16 @@ class WorkBalances:
     def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:
         self.template, self._prover, self._repair = template, prover, repair
 
-    def balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> WorkBalance:
+    def balance(self, velocities: Floats, labels: Bits, undecided: Bools, *, known: bool = False) -> WorkBalance:
         """Compute the work balances of k mechanisms, each for one partial labelling.
 
         velocities: (k, q·free) scaled. labels: (k, m) True = dry. undecided: (k, m) True for faces that may have either
         label, which dissipate the larger value of both. Margins that only rounding violates are repaired by an opening
-        motion.
+        motion: under either label of all faces, as decided faces may become undecided, or only where the label occurs
+        if the mechanisms are `known` from an earlier balance, which are thus left as they are.
         """
-        velocities, jumps, finite = self._opened(velocities)
+        matters = np.array([undecided | labels, undecided | ~labels]) if known else np.True_
+        velocities, jumps, finite = self._opened(velocities, matters)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
         own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
@@ -97,17 +99,17 @@ class WorkBalances:
         each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
         return np.array(each).reshape(2, *jumps.shape[:2])
 
-    def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
+    def _opened(self, velocities: Floats, matters: Bools | np.bool) -> tuple[Floats, Floats, Floats]:
         """Add an opening motion to velocities whose margins are negative only by rounding.
 
-        velocities: (k, q·free) scaled. Returns velocities, jumps (k, m, q) and margins (2, k, m) of dry and of inner
-        faces. Without an opening motion nothing is added.
+        velocities: (k, q·free) scaled. matters: (2, k, m), margins to repair; True for all. Returns velocities, jumps
+        (k, m, q) and margins (2, k, m) of dry and of inner faces. Without an opening motion nothing is added.
         """
         jumps = self._prover.jumps(velocities)
         finite = self._measured(jumps, margins=True)
         opening = self._repair.opening()
         reach = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
-        lacks = np.where((finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
+        lacks = np.where(matters & (finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
         rows = np.flatnonzero(lacks > 0.0)
         if opening is None or not rows.size:
             return velocities, jumps, finite

@@ -86,7 +86,7 @@ class FieldResult(Result):
     def status(self) -> Status:  # type: ignore[override]
         """Return the outcome of the bounds by fields.
 
-        It is collapse where the gap is reached, unstable where an upper bound is below 0, else uncertified.
+        It is collapse where both bounds are known, unstable where an upper bound is below 0, else uncertified.
         """
         return self.governing.status
 
@@ -139,15 +139,15 @@ class FieldResult(Result):
     @property
     def reason(self) -> str | None:  # type: ignore[override]
         """Explain in one sentence why the bounds of the governing case did not reach the gap; None where they did."""
-        if self.status is not Status.UNCERTIFIED:
-            return None
         bounds = list(self.cases.values())[self.governing.case]
+        if bounds.status is FieldStatus.CLOSED or self.status is Status.UNSTABLE:
+            return None
         words = {
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
             FieldStatus.NO_UPPER: "no velocity field could be certified",
         }
         limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
-        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may settle it")
+        return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may narrow it")
 
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --cracks fields --json` prints, see `Result.to_json`."""
@@ -197,8 +197,8 @@ class FieldResult(Result):
             "λ / required" if several else "λ": _shown(found.load_factor),
             "bracket": bracket + (f"   (relative width {width:.1e})" if math.isfinite(width) else ""),
         }
-        if found.status is Status.UNCERTIFIED:
-            facts["reason"] = str(self.reason)
+        if self.reason:
+            facts["reason"] = self.reason
         for (name, bounds), required in zip(self.cases.items(), self.assembly.required, strict=True):
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
             if several:
@@ -227,7 +227,7 @@ def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
     low = bounds.lower if math.isfinite(bounds.lower) else math.nan
     high = bounds.upper if math.isfinite(bounds.upper) else math.nan
-    status = Status.COLLAPSE if bounds.status is FieldStatus.CLOSED else Status.UNCERTIFIED
+    status = Status.UNCERTIFIED if math.isnan(low) or math.isnan(high) else Status.COLLAPSE
     return CaseBounds(status, low, high, low)
 
 

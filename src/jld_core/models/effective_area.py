@@ -180,12 +180,13 @@ def prove_effective_area(
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
     """Convert a fixed point to a proof: its forces and its mechanism bound λ from both sides.
 
-    The bounds are those of the problem frozen at its areas. A status other than collapse becomes uncertified. labels:
-    (m,) True = dry. found: the fixed point.
+    The bounds are those of the problem frozen at its areas. A wide bracket, or a status other than collapse, becomes
+    uncertified. labels: (m,) True = dry. found: the fixed point.
     """
     proof = Proof(state=found.state, motion=found.motion)
-    proof.status = analysis.with_template(found.prover.template, labels).status_of(proof)
-    if proof.status is not Status.COLLAPSE:
+    frozen = analysis.with_template(found.prover.template, labels)
+    proof.status = frozen.status_of(proof)
+    if proof.status is not Status.COLLAPSE or frozen.is_open(proof):
         # other areas may hold what these do not: without forces above zero nothing is proven
         proof.status = Status.UNCERTIFIED
     return proof

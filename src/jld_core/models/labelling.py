@@ -18,6 +18,7 @@ from jld_core.limit import SolveOptions as SolveOptions
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
+from jld_core.models.loaded_part import prove_loaded_part
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import cracked, prove_condensed, worth_condensing
 from jld_core.solvers import RawStatus, is_large
@@ -188,17 +189,24 @@ def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
         attempt.adopt(found)
 
 
+def _loaded_part(attempt: ProofAttempt) -> None:
+    """Prove bounds in the scale of the loaded part, and adopt them in the attempt if this succeeds."""
+    found = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
+    if found is not None:
+        attempt.adopt(found)
+
+
 def _strong(attempt: ProofAttempt) -> bool:
     """Return True if the inner faces are so strong that rigid blocks are tried first."""
     return worth_condensing(attempt.template, attempt.labels)
 
 
 def _large(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is uncertified and has inner faces and a large program.
+    """Return True if an attempt is open and has inner faces and a large program.
 
     For large programs see `is_large`.
     """
-    return attempt.uncertified and not attempt.labels.all() and is_large(attempt.template.structure)
+    return attempt.open and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
 def _large_bounded(attempt: ProofAttempt) -> bool:
@@ -218,11 +226,11 @@ def _large_crushing(attempt: ProofAttempt) -> bool:
 
 
 def _small(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is uncertified, has inner faces, and its program is not large.
+    """Return True if an attempt is open, has inner faces, and its program is not large.
 
     For large programs see `is_large`.
     """
-    return attempt.uncertified and not attempt.labels.all() and not is_large(attempt.template.structure)
+    return attempt.open and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 
 _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
@@ -251,6 +259,12 @@ FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
             insert_before(insert_before(FALLBACKS, "repair", _LARGE), _LARGE.name, _LESS_MARGIN),
             "ray by batch solver",
             _UNSETTLED,
+        ),
+        Fallback(
+            "loaded part",
+            lambda attempt: attempt.wide_relative_to_load_factor,
+            _loaded_part,
+            "λ of light parts beside heavy ones that they do not touch",
         ),
         Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
     ),

@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.solvers import installed_solvers
+from jld_core.errors import SolverError
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.solvers import installed_solvers, make_solver
 
 _NAMED: Final = 6
 """Largest number of elements named; the others are counted."""
@@ -25,7 +26,7 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
     """Return causes of a result without a load factor, and the next option to try.
 
     The keys are "falls" (moving elements and their movement), "confined" (supports between which forces are unbounded)
-    and "next". The result is empty for a conclusive result and for several load cases.
+    and "next". The result is empty for several load cases, and where the bracket is as narrow as asked.
     """
     if result.cases:
         return {}
@@ -33,7 +34,7 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
         return _of_unstable(result)
     if result.status is Status.LOCKED:
         return _of_locked(result)
-    return _of_uncertified(result) if result.status is Status.UNCERTIFIED else {}
+    return {"next": _of_open(result)} if result.reason else {}
 
 
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
@@ -81,18 +82,33 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
     return {"confined": words, **found}
 
 
-def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
-    """Name the command-line option that may narrow or accept the bracket; key "next"."""
-    low, high = result.bracket
-    used = {name.split(" ")[0] for name in result.solve_log}
-    others = [name for name in installed_solvers() if name != "auto" and name not in used]
-    solver = f"--solver {' or '.join(others)}" if others else "another --condense"
+def _of_open(result: LimitAnalysisResult) -> str:
+    """Name the command-line option that may narrow the bracket, or find the missing bound."""
     if result.friction == "zero-dilation":
-        return {"next": "--range seeks the lowest and the highest λ from every side, each with its own evidence"}
+        return "--range seeks the lowest and the highest λ from every side, each with its own evidence"
+    low, high = result.bracket
+    others = _other_solvers(result)
+    solver = f"--solver {' or '.join(others)}" if others else "another --condense"
     if math.isfinite(low) and math.isfinite(high):
-        return {"next": f"{solver} may narrow the bracket, and --gap {1.1 * result.gap:.0e} takes it as it is"}
+        return f"{solver} may narrow the bracket"
     lacking = " and ".join(w for w, end in (("lower", low), ("upper", high)) if not math.isfinite(end))
-    return {"next": f"no {lacking} bound was proven: {solver} may find one; so may strengths nearer to the forces"}
+    return f"no {lacking} bound was proven: {solver} may find one; so may strengths nearer to the forces"
+
+
+def _other_solvers(result: LimitAnalysisResult) -> list[str]:
+    """Return the installed solvers that accept the program of a result and were not asked for it."""
+    used = {name.split(" ")[0] for name in result.solve_log}
+    structure = LimitAnalysis(result.assembly, inner_bending=result.model.inner_bending).template.structure
+    found = []
+    for name in installed_solvers():
+        if name == "auto" or name in used:
+            continue
+        try:
+            make_solver(name).require(structure)
+        except SolverError:
+            continue
+        found.append(name)
+    return found
 
 
 def _listed(names: list[str]) -> str:

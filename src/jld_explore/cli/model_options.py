@@ -37,7 +37,7 @@ First = Annotated[
     typer.Option(help="First solver: " + ", ".join(SOLVERS) + "; others follow where it proves nothing."),
 ]
 
-Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
+Gap = Annotated[float, typer.Option(help="Relative width of the bracket to aim at.")]
 
 Strict = Annotated[bool, typer.Option("--strict", help="Treat plausibility warnings as errors.")]
 

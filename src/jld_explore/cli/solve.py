@@ -68,8 +68,8 @@ def solve(
     """Compute the collapse load factor of one layout, with a two-sided bracket.
 
     Print status, λ, bracket and evidence. A folder's layout is solved by the model of its search, unless an option says
-    otherwise. With --out also write result.json and pictures. The exit code is 4 if the bracket stays too wide
-    (uncertified).
+    otherwise. With --out also write result.json and pictures. The exit code is 4 if a bound is
+    missing (uncertified).
     """
     if out is not None:
         require_folder(out)

@@ -20,7 +20,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import CaseBounds, SolveOptions, Status
 from jld_core.loads import Loads, resultants
-from jld_core.models import limit_analysis, solve
+from jld_core.models import limit_analysis, solve_rigid
 from jld_core.program import ConicProgram, Template
 from jld_core.scene.design import PartialFactors
 from jld_core.solvers import make_solver
@@ -73,7 +73,7 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
         return WorstParts(chosen, loaded, CaseBounds(Status.LOCKED, math.inf, math.inf, math.nan), stands)
     ends = [end if math.isfinite(end) else math.nan for end in (low, high)]
     status = Status.COLLAPSE if all(map(math.isfinite, ends)) else Status.UNCERTIFIED
-    value = solve(loaded, labels).load_factor
+    value = solve_rigid(loaded, labels).load_factor
     return WorstParts(chosen, loaded, CaseBounds(status, ends[0], ends[1], value), stands)
 
 

@@ -151,7 +151,7 @@ def what_would_prove(
         return "with effective areas nothing is proven of other layouts: the same search without --effective-area is"
     by_exact = summary["driver"] == "exact"
     if open_ones and reason == "exhausted" and (whole or by_exact):
-        return f"{open_ones} layouts are uncertified: a wider --gap or another --solver may settle them"
+        return f"{open_ones} layouts are uncertified: another --solver may settle them"
     if finite and reason != "exhausted":
         left = "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
         return f"--resume goes on to a proof{left}"

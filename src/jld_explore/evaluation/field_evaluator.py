@@ -48,8 +48,8 @@ def field_evaluation(
     Returns
     -------
     Evaluation
-        λ is the lower bound. The status is collapse if both bounds are known and the lower one is at least 0. It is
-        unstable if an upper bound is below 0.
+        λ is the lower bound. The status is collapse if both bounds are known, and unstable if an upper bound is below
+        0.
     """
     governing = int(np.argmin(low / required))
     least, most = float(low[governing] / required[governing]), float((high / required).min())
@@ -63,7 +63,7 @@ def field_evaluation(
     low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
     if most < 0.0:
         status, low_end, high_end, value, settled = Status.UNSTABLE, nan, nan, nan, SOLVE
-    elif least >= 0.0 and math.isfinite(most):
+    elif math.isfinite(least) and math.isfinite(most):
         status, value, settled = Status.COLLAPSE, least, SOLVE
     else:
         status, value = Status.UNCERTIFIED, nan

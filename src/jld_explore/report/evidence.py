@@ -58,7 +58,7 @@ def front_rows(
         known = given.pop(value, None) if len(values) == 1 else None
         # Of several tied rows, the one on the front may have a slightly smaller λ.
         strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
-        sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
+        sure = bool((complete if known is None else known["proven"]) or (strongest and summary["proven"]))
         bound = (known or {}).get("bound")
         if bound is None and sure:
             bound = summary["bound"] if strongest and not complete else best["bracket_hi"]

@@ -15,10 +15,11 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
-from jld_core.limit import LimitAnalysisResult, Status, number
+from jld_core.limit import LimitAnalysisResult, Status, load_scale, number
 from jld_core.models import cost_estimate
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
+from jld_core.tolerances import GAP
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE
@@ -145,22 +146,21 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     Exploration
         Tables and summary as written.
     """
-    own = study.settings.own_objective
-    wide = isinstance(study.scene.cracks, FieldCracks)
+    own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
         study.assembly,
         study.space,
         study.driver.name,
         own_objective=own is not None,
-        wide=wide,
         deadline=deadline,
         standing=study.standing,
+        by_fields=by_fields,
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     counts = [name for name, _ in axes]
-    front = tables.front_table(results, axes, wide=wide)
+    front = tables.front_table(results, axes)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
@@ -176,12 +176,11 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
         found |= {"own_objective": name_of(own), "proven": False, "bound": None, "gap": None}
     of_study = study.facts(results)
     found |= study.driver.facts(results, complete) | of_study
-    # of wide brackets the first row is proven strongest only where it stands alone
-    found["proven"] &= not wide or int((results["rank"] == 1).sum()) <= 1
+    found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
-    asked = required.facts(results, study.scene.search, complete=complete, finished=finished, wide=wide)
+    asked = required.facts(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, counts, complete=sure, aimed=aimed)
@@ -195,7 +194,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if study.scene.cracks != "faces":
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
     found["cracks"] = cracks_to_json(study.scene.cracks)
-    ranked = results[results["status"] == str(Status.COLLAPSE)] if wide else results.head(0)
+    ranked = results[results["status"] == str(Status.COLLAPSE)] if by_fields else results.head(0)
     ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
     found |= {"by_fields": [number(end) for end in ends[0]] if ends else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))

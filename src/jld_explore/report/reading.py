@@ -14,7 +14,6 @@ from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError, ParameterError
 from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
 from jld_core.scene import load_scene
-from jld_core.scene.cracks import FieldCracks
 from jld_core.solvers import SOLVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
@@ -108,9 +107,7 @@ def read_folder(folder: str | Path) -> Exploration:
         scene=scene,
         assembly=assembly,
         results=results,
-        front=with_evidence(
-            tables.front_table(results, axes, wide=isinstance(scene.cracks, FieldCracks)), summary, counts
-        ),
+        front=with_evidence(tables.front_table(results, axes), summary, counts),
         summary=Summary.of(summary),
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),

@@ -45,19 +45,19 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
     return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
 
 
-def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool, wide: bool = False) -> dict[str, Any]:
+def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
     """Return the entries of summary.json on the required load factor: `require` and `proven`.
 
     table: results with the column of `column`. complete: True if every class has been evaluated. finished: True if the
-    driver's proof is complete. wide: True for wide brackets; a layout that collapses may then reach the factor although
-    its lower bound does not. The dict is empty if no load factor is required.
+    driver's proof is complete. A layout that collapses may reach the factor although its lower bound does not. The dict
+    is empty if no load factor is required.
     """
     if search.require is None:
         return {}
     met, (count, sense) = table[table[COLUMN]], search.front.axes[0]
     sign = _signed(met, search)
     best = None if met.empty else met.iloc[int(np.argmin(sign))]
-    open_status = [Status.UNCERTIFIED, Status.FAILED, *([Status.COLLAPSE] if wide else [])]
+    open_status = [Status.UNCERTIFIED, Status.FAILED, Status.COLLAPSE]
     open_rows = table[~table[COLUMN] & table["status"].isin([str(status) for status in open_status])]
     high = open_rows["bracket_hi"].to_numpy(float)
     # Undecided layouts matter only if their count is better.

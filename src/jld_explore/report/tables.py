@@ -78,14 +78,15 @@ def results_table(
     driver: str,
     *,
     own_objective: bool = False,
-    wide: bool = False,
     deadline: Deadline | None = None,
     standing: Standing | None = None,
+    by_fields: bool = False,
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    Layouts that fall under their dead load alone follow those of the same status that stand. If a load factor is
-    required, layouts that reach it come first, sorted by the count of the front.
+    Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under their
+    dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach it come
+    first, sorted by the count of the front.
 
     Parameters
     ----------
@@ -99,8 +100,6 @@ def results_table(
         Name of the driver.
     own_objective : bool
         True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
-    wide : bool
-        True for wide brackets, as those by fields. Rows are then ordered by the number of others proven stronger.
     deadline : Deadline, optional
         Time after which no outline of a block is computed. Counts that need outlines are then missing in the last
         rows, unless the front is one of such a count.
@@ -116,7 +115,7 @@ def results_table(
 
     rows = records.rows
     packed = np.ascontiguousarray(rows["labelling"])
-    stands = _stands(rows, records.faces, standing, deadline, wide=wide)
+    stands = _stands(rows, records.faces, standing, deadline, by_fields=by_fields)
     falls = stands == 0.0
     associative, zero = rows["cases"][:, -1] if own_objective else rows["associative"], rows["zero_dilation"]
     load_factor = load_factors(rows)
@@ -140,15 +139,14 @@ def results_table(
     }
     table = pd.DataFrame(columns)
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    ties = _ties(np.where((place == 0) & ~falls, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
-    last = _ties(np.where((place == 0) & falls, load_factor, np.nan), rows["low"], rows["high"], wide=wide)
-    ties = np.where(last > 0, last + ties.max(initial=0), ties)
+    group, level = _ties(np.where((place == 0) & ~falls, load_factor, np.nan), rows["low"], rows["high"])
+    last, lower = _ties(np.where((place == 0) & falls, load_factor, np.nan), rows["low"], rows["high"])
+    group = np.where(last > 0, last + group.max(initial=0), group)
+    level = np.where(lower > 0, lower + level.max(initial=0), level)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
     wanted = required.order(table, space.search)
-    # Of wide brackets the one with the greater lower end comes first, however simple the others are.
-    stronger = [-np.nan_to_num(load_factor)] if wide else []
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, *stronger, ties, *wanted, falls, place))
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *wanted, falls, place))
     table = table.iloc[order].reset_index(drop=True)
     packed = packed[order]
     void = space.void
@@ -162,7 +160,7 @@ def results_table(
     _insert_late(table, late, unpack(packed, records.faces), space, deadline)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
-    alike = np.array([key[order] for key in (ties, *wanted, falls)])
+    alike = np.array([key[order] for key in (group, *wanted, falls)])
     first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
     number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else order
     unranked = np.arange(len(table)) >= ranked
@@ -170,17 +168,19 @@ def results_table(
     return table
 
 
-def _stands(rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline, *, wide: bool) -> Floats:
+def _stands(
+    rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline, *, by_fields: bool
+) -> Floats:
     """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided.
 
-    faces: number of labels. wide: True for bounds by fields; faces then show falls alone.
+    faces: number of labels. by_fields: bounds by fields, of which upper ones show falls alone.
     """
     status = statuses(rows)
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
     if standing is not None:
         found[asked] = standing.of(unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), deadline)
-    return np.where(found == 1.0, np.nan, found) if wide else found
+    return np.where(found == 1.0, np.nan, found) if by_fields else found
 
 
 def that_stand(results: pd.DataFrame) -> pd.DataFrame:
@@ -236,28 +236,27 @@ def nominal_of_best(results: pd.DataFrame) -> float | None:
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
-def _ties(load_factor: Floats, low: Floats, high: Floats, *, wide: bool = False) -> Ints:
-    """Return the group number (k,) of each row, best first; rows of one group tie.
+def _ties(load_factor: Floats, low: Floats, high: Floats) -> tuple[Ints, Ints]:
+    """Return the groups (k,) that share a rank, and within them the levels (k,) of equal strength, best first.
 
-    load_factor: (k,) λ, NaN for none. low, high: (k,) brackets. Rows tie if their brackets overlap the bracket of the
-    best row of the group. With `wide`, rows tie for which equally many rows are proven stronger. Group 0 holds the rows
-    without a load factor.
+    load_factor: (k,) λ, NaN for none. low, high: (k,) brackets. Rows share a rank if equally many others are proven
+    stronger. They are equally strong if λ differs by no more than their brackets, or than 1e-6 where these are wide.
+    Group and level 0 hold the rows without a load factor.
     """
-    group = np.zeros(len(load_factor), dtype=np.int64)
-    ranked = np.flatnonzero(~np.isnan(load_factor))
-    if wide:
-        stronger = len(ranked) - np.searchsorted(np.sort(low[ranked]), high[ranked], side="right")
-        group[ranked] = 1 + stronger
-        return group
-    ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
-    number, least = 0, np.inf
+    group, level = np.zeros((2, len(load_factor)), dtype=np.int64)
     # Replace a missing end of a bracket by λ.
     low, high = (np.where(np.isnan(end), load_factor, end) for end in (low, high))
+    ranked = np.flatnonzero(~np.isnan(load_factor))
+    group[ranked] = 1 + len(ranked) - np.searchsorted(np.sort(low[ranked]), high[ranked], side="right")
+    ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
+    near = GAP * abs(load_factor)
+    low, high = np.maximum(low, load_factor - near), np.minimum(high, load_factor + near)
+    number, least = 0, np.inf
     for row, lower, upper in zip(ranked.tolist(), low[ranked].tolist(), high[ranked].tolist(), strict=True):
         if upper < least:
             number, least = number + 1, lower
-        group[row] = number
-    return group
+        level[row] = number
+    return group, level
 
 
 def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
@@ -269,21 +268,31 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
     return {"governing": names[rows["governing"]], **each}
 
 
-def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]], *, wide: bool = False) -> pd.DataFrame:
+def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
     """Return the table pareto.csv: rows of the results on the front of λ and given counts.
 
-    axes: counts with their better directions, "max" or "min". Rows whose brackets overlap count as equally strong, so
-    only those with the best count are on the front. Of several rows with the same counts the first is kept. wide: True
-    for brackets that nearly all overlap; the front then compares load factors alone.
+    axes: counts with their better directions, "max" or "min". Of rows that are equally strong, see `_ties`, only
+    those with the best count are on the front. Of several rows with the same counts the first is kept.
     """
     ranked = results.index.isin(that_stand(results).index)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
-    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
+    _, level = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
     names, senses = zip(*axes, strict=True)
-    # Groups are numbered from the best; 0 means that there is no λ.
-    worth = value if wide else np.where(ties > 0, -ties.astype(float), np.nan)
+    # Levels are numbered from the best; 0 means that there is no λ.
+    worth = np.where(level > 0, -level.astype(float), np.nan)
     front = results[on_front(worth, results[list(names)].to_numpy(dtype=float), *senses)]
     return front.drop_duplicates(list(names))
+
+
+def is_ahead(results: pd.DataFrame, bound: float | None, gap: float, floor: float = 0.0) -> bool:
+    """Return True if no other layout may be stronger than the first, by more than a gap.
+
+    results: ranked table. bound: on λ of all layouts, None if there is none. floor: λ below which differences are
+    negligible.
+    """
+    top = results[(results["rank"] == 1).fillna(False)]
+    high = min(float(top["bracket_hi"].max()), math.inf if bound is None else bound)
+    return len(top) <= 1 or not relative_width(float(top["bracket_lo"].max()), high, floor) > gap
 
 
 def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:

@@ -182,7 +182,7 @@ def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
 
 MEANINGS: Final = {
     "locked": "no live load brings them down: confined between supports by faces that nothing crushes",
-    "uncertified": "nothing is proven of their λ; --gap and --solver may settle them",
+    "uncertified": "a bound of their λ is missing; --solver may find it",
     "unstable": "they fall whatever the live load",
     "failed": "the solve ended without an answer; --resume tries no more",
 }

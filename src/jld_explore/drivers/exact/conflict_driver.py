@@ -7,7 +7,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from pydantic import Field
@@ -26,6 +26,10 @@ from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_CORRECTIONS: Final = 3
+"""Number of times that a proof goes on after its check has corrected conflicts."""
 
 
 class ExactOptions(DriverOptions):
@@ -90,6 +94,7 @@ class ConflictDriver(Driver):
         self._waiting = self._no_labellings
         self._proof_check: ProofCheck | None = None
         self._contradictions: list[str] = []
+        self._corrections = 0
         self._deadline = Deadline()
         self._heartbeat: Callable[[], None] = lambda: None
         self._started_at = time.perf_counter()
@@ -170,14 +175,30 @@ class ConflictDriver(Driver):
         After a second contradiction the proof is given up.
         """
         self._contradictions.append(reason)
+        self._begin_again(self._state.clear)
+
+    def _begin_again(self, change: Callable[[], None]) -> None:
+        """Stop the sources of conflicts, change the state of the proof, and begin with new sources and formula."""
         if self._sources is not None:
             self._sources.close()
-        self._state.clear()
+        change()
         self._formula, self._conflicts_in_formula, self._handed_over_in_formula = None, 0, 0
         self._waiting = self._no_labellings
         self._sources = self._new_sources()
         if self._sources is not None:
             self._sources.set_workers(self._jobs)
+
+    def _take_up(self, check: ProofCheck) -> bool:
+        """Correct conflicts that a check found wrong; return True if the proof goes on from what holds.
+
+        It does unless the check found another problem, or conflicts were corrected `_CORRECTIONS` times already.
+        """
+        if not check.corrected:
+            return False
+        reason = check.problem or "a bound is corrected"
+        self._begin_again(lambda: self._state.conflicts.correct(check.corrected, reason))
+        self._corrections += 1
+        return bool(check.holds) and self._corrections <= _CORRECTIONS
 
     @property
     def _given_up(self) -> bool:

@@ -144,9 +144,10 @@ class Exact(ConflictDriver):
     def bound(self) -> float | None:
         """Proven upper bound on λ over the whole space, scene units; None if there is none.
 
-        The bound is also None after the proof was given up or failed its check.
+        The bound is also None after the proof was given up, or failed its check without a larger bound that holds.
         """
-        if self._given_up or (self._proof_check is not None and not self._proof_check.passed):
+        check = self._proof_check
+        if self._given_up or (check is not None and not check.passed and not check.holds):
             return None
         best = self.found[None]
         return best.bound if math.isfinite(best.bound) else None
@@ -175,7 +176,7 @@ class Exact(ConflictDriver):
         if self.aim == "front" and not asked.counts:
             enumerated = self._enumeration is not None
             rows = front_of_all(results, asked.count, complete) if enumerated else front(self.found.values())
-            if self.proof_check is not None and not self.proof_check.passed:
+            if self.proof_check is not None and not self.proof_check.passed and not self.proof_check.holds:
                 rows = [{**row, "bound": None, "proven": False} for row in rows]
             found["front"] = rows
         return found
@@ -230,7 +231,14 @@ class Exact(ConflictDriver):
         self._nothing_proposed &= not len(given)
         if not len(given) and not self._targets_left and self._proof_check is None and not self._given_up:
             claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
-            self._proof_check = self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
+            check = self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
+            goes_on = self._take_up(check)
+            self._targets.raise_to(check.holds, self._scale)
+            if goes_on:
+                self._steps = self._search()
+                return self.ask(limit)
+            self._targets.left.clear()
+            self._proof_check = check
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:

@@ -123,9 +123,11 @@ class MinimumCount(ConflictDriver):
             problem = "a layout that counts better may carry enough" if self._open_labelling_left else ""
             # the evaluations prove that each labelling carries the required λ, but not how much more
             carries = self._carrying_labellings
-            self._proof_check = self._check_proof(
-                [Claim(self._better, self._threshold / self._scale)], problem, carries
-            )
+            check = self._check_proof([Claim(self._better, self._threshold / self._scale)], problem, carries)
+            if self._take_up(check):
+                self._target_begun = self._done = False
+                return self.ask(limit)
+            self._proof_check = check
         return given
 
     def withdraw(self, reason: str) -> None:

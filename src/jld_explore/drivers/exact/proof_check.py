@@ -1,7 +1,8 @@
 """Proof check: derive the claims of a finished proof again by other means than the search.
 
 The check trusts neither the threads and processes of the search nor their formulas. It evaluates the work balance of
-every mechanism again. It states the formula anew for another satisfiability solver (docs/guide/trust.md).
+every mechanism again. It states the formula anew for another satisfiability solver (docs/guide/trust.md). Where a
+mechanism keeps λ at more than was recorded, the conflict is corrected and the claims are raised to what it does prove.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from jld_explore.drivers.exact.block_check import BlockConflictCheck
 from jld_explore.drivers.exact.context import CheckedProof
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
+from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
@@ -81,12 +82,19 @@ class ProofCheck:
         Number of conflicts that the claims rest on.
     weighed : int
         Number of those whose mechanism was evaluated, or that were refuted, again.
+    corrected : tuple of Conflict
+        Conflicts whose mechanism keeps λ at more than was recorded, with the bound that it does prove.
+    holds : tuple of Claim
+        Claims that the corrected conflicts prove in place of those checked; empty where nothing is corrected, or where
+        they do not prove these either.
     """
 
     problem: str
     seconds: float
     conflicts: int = 0
     weighed: int = 0
+    corrected: tuple[Conflict, ...] = ()
+    holds: tuple[Claim, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -142,25 +150,44 @@ def check_proof(
     used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
     conflict_check, block_check = _ConflictCheck(context), BlockConflictCheck(context)
     end = start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds)
+    conflict_check.weigh(used)
+    conflict_check.refute_again(used, end)
+    better = conflict_check.corrected
+    left = [better.get(one.key, one) for one in used]
+    raised = [_raised(claim, used, left) for claim in claims] if better else list(claims)
     problem = (
-        conflict_check.weigh(used)
-        or _find_contradiction(used, context.space, *evaluated)
-        or conflict_check.refute_again(used, end)
-        or block_check.refute_again(used, end)
-        or _find_open_labelling(context.space, context.blocks, used, state, claims)
+        _find_contradiction(left, context.space, *evaluated)
+        or block_check.refute_again(left, end)
+        or _find_open_labelling(context.space, context.blocks, left, state, raised)
     )
-    return ProofCheck(problem, time.perf_counter() - start, len(used), conflict_check.done + block_check.done)
+    holds = () if problem or not better else tuple(raised)
+    higher = any(one.threshold > claim.threshold for one, claim in zip(raised, claims, strict=True))
+    problem = problem or (conflict_check.problem if higher else "")
+    done = conflict_check.done + block_check.done
+    return ProofCheck(problem, time.perf_counter() - start, len(used), done, tuple(better.values()), holds)
+
+
+def _raised(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
+    """Return a claim raised to the largest bound of the conflicts `used` for it, as corrected in `left`."""
+    highest = _with_scaling_error(claim.threshold)
+    bounds = [new.bound for old, new in zip(used, left, strict=True) if old.bound <= highest < new.bound]
+    return replace(claim, threshold=max([claim.threshold, *bounds]))
 
 
 class _ConflictCheck:
-    """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
+    """Repeated evaluation of conflicts.
+
+    `done` counts those that were evaluated again. `corrected` has those that are wrong, by their keys, with the bound
+    that holds; `problem` names the first of them.
+    """
 
     def __init__(self, context: CheckedProof) -> None:
         self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
-        self.done = 0
+        self.done, self.problem = 0, ""
+        self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
-    def weigh(self, conflicts: Sequence[Conflict]) -> str:
-        """Evaluate every mechanism in memory again; return the first problem, "" for none."""
+    def weigh(self, conflicts: Sequence[Conflict]) -> None:
+        """Evaluate every mechanism in memory again."""
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
             mine = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
@@ -169,14 +196,24 @@ class _ConflictCheck:
                 found = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(some))
                 claimed = np.array([one.bound for one in some])
                 tolerance = _BOUND_TOLERANCE * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-                wrong = np.flatnonzero(~(found <= claimed + tolerance))
-                if wrong.size:
-                    k = int(wrong[0])
-                    return f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {found[k]:.9g} (scaled)"
+                for k in np.flatnonzero(~(found <= claimed + tolerance)).tolist():
+                    problem = f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {found[k]:.9g} (scaled)"
+                    self._correct(some[k], float(found[k]), problem)
                 self.done += len(some)
-        return ""
 
-    def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
+    def _correct(self, conflict: Conflict, bound: float, problem: str) -> None:
+        """Record that a conflict keeps λ at `bound`, or at less if a new mechanism does."""
+        self.problem = self.problem or problem
+        labels, undecided = self._partial([conflict])
+        found = self._relaxation.least_bound(labels[0], undecided[0])
+        if found is not None:
+            weighed = self._relaxation.evaluate_mechanisms(found.case, found.velocity[None], labels, undecided)[0]
+            if weighed < bound:
+                bound = max(float(weighed), conflict.bound)
+                conflict = replace(conflict, mechanism=Mechanism(found.case, found.velocity))
+        self.corrected[conflict.key] = replace(conflict, bound=bound)
+
+    def refute_again(self, conflicts: Sequence[Conflict], end: float) -> None:
         """Refute conflicts without a mechanism again, in random order, until a time.
 
         Parameters
@@ -185,11 +222,6 @@ class _ConflictCheck:
             Conflicts of the proof.
         end : float
             Time to stop, on the clock of `time.perf_counter`, s.
-
-        Returns
-        -------
-        str
-            The first problem, "" for none.
         """
         lacking = [one for one in conflicts if one.mechanism is None and one.evidence is Evidence.MECHANISM]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))
@@ -202,9 +234,9 @@ class _ConflictCheck:
             found = self._relaxation.refute_all(*self._partial(some), thresholds)
             for k, one in enumerate(found):
                 if one is None:
-                    return f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
+                    problem = f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
+                    self._correct(some[k], math.inf, problem)
             self.done += len(some)
-        return ""
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
         """Return labels (k, m), True = dry, and undecided faces (k, m) of k conflicts."""

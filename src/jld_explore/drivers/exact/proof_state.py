@@ -231,6 +231,24 @@ class Conflicts:
             bounds = [conflict.bound for conflict in new]
             self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
 
+    def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
+        """Replace conflicts by corrected ones, and forget those that follow from others and the bound on record.
+
+        Parameters
+        ----------
+        corrected : iterable of Conflict
+            Conflicts with the bounds that hold; each replaces that of the same faces and labels.
+        reason : str
+            Why the bound on record is withdrawn, one line.
+        """
+        better = {one.key: one for one in corrected}
+        known = [better.get(one.key, one) for one in self._known if not one.from_cube]
+        if self._records is not None:
+            self._records.withdraw_bound(reason)
+        self.clear()
+        self.add(known)
+        self.save()
+
     def clear(self) -> None:
         """Forget all conflicts, in memory and on record."""
         with self._lock:

@@ -19,6 +19,7 @@ from jld_core.limit import Status, exceeds
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, count_named, values_of
+from jld_explore.space.measures import Range
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -197,6 +198,8 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
         if not ranked.empty:
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
+            low, others = float(ranked["bracket_lo"].max()), ranked["bracket_hi"].drop(ranked["bracket_lo"].idxmax())
+            sure = sure and not others.max() - low > tolerances.PROVEN * abs(bound)
             number = value if isinstance(value, float) else int(str(value))
             rows.append({"count": number, "load_factor": best, "bound": bound if sure else None, "proven": sure})
     return rows
@@ -317,6 +320,19 @@ class Targets:
         best = self.found[target]
         if bound < best.bound:
             self.found[target] = replace(best, bound=bound)
+
+    def raise_to(self, claims: Iterable[Claim], scale: float) -> None:
+        """Raise bounds to claims that hold after a correction, and take up targets that are no longer proven.
+
+        claims: in scaled λ. scale: λ in scene units of one scaled λ.
+        """
+        for claim in claims:
+            assert not isinstance(claim.count, Range)  # of the driver that minimises a count
+            best = self.found[claim.count]
+            if claim.threshold * scale > max(best.bound, 0.0):
+                self.found[claim.count] = best = replace(best, bound=claim.threshold * scale)
+            if not best.proven and claim.count not in self.left:
+                self.left.append(claim.count)
 
     def settle(self, target: int | None) -> None:
         """Remove a proven target from `left`; for a front the first one adds one target per count.
