@@ -201,9 +201,9 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
     assert scene.search.require is not None
     least, (name, sense) = scene.search.require.load_factor, scene.search.front.axes[0]
     driver = make_driver("exact", space, 0)
-    asked = explore(scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver).summary[
-        "require"
-    ]
+    asked = explore(
+        scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver
+    ).summary.facts["require"]
     if any(found.status in (Status.UNCERTIFIED, Status.FAILED) for _, found in known):
         return ""
     rows = [

@@ -166,4 +166,4 @@ def _difference(
     decade = max(math.ceil(math.log10(apart)), -15) if apart else -15
     tally.count(f"{kind}: to 1e{decade}")
     wrong = apart > (ALIKE if name in UNITS else tolerances.GAP)
-    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.route})" if wrong else ""
+    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.solve_log})" if wrong else ""

@@ -64,7 +64,6 @@ ORDER = [
         "jld_core.notebook_repr",
         "jld_core.arrays",
         "jld_core.deadline",
-        "jld_core.deprecation",
         "jld_core.errors",
         "jld_core.lazy_exports",
         "jld_core.memory",

@@ -1,7 +1,6 @@
 """Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
 - `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
-- `RENAMED_BENDING`: values of `inner_bending` of version 0.2, by their new names
 - `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
 - `Condense`: when blocks are modelled as rigid: auto, on or off
@@ -38,7 +37,7 @@ from jld_core.limit.brackets import exceeds, load_scale, relative_width
 from jld_core.limit.governing import CaseBounds, governing
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
-from jld_core.limit.options import FLOOR_SECONDS, RENAMED_BENDING, Condense, Contacts, Friction, SolveOptions
+from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult, number
 from jld_core.limit.result_building import governing_result, result_of
@@ -47,7 +46,6 @@ from jld_core.limit.status import Status
 
 __all__ = [
     "FLOOR_SECONDS",
-    "RENAMED_BENDING",
     "BatchAnalysis",
     "CaseBounds",
     "Condense",

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from jld_core import tolerances
-from jld_core.deprecation import warn_renamed
 from jld_core.errors import ParameterError
 from jld_core.mechanics import InnerBending
 from jld_core.solvers import Solver, require_solver
@@ -21,9 +20,6 @@ Condense = Literal["auto", "on", "off"]
 
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
-
-RENAMED_BENDING: Final[dict[str, InnerBending]] = {"paper": "uncoupled"}
-"""Values of `inner_bending` of version 0.2, by their new names; they are accepted until version 0.4."""
 
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
 """Allowed values of each option that takes one of several words."""
@@ -73,10 +69,6 @@ class SolveOptions:
     gap: float = tolerances.GAP
 
     def __post_init__(self) -> None:
-        if self.inner_bending in RENAMED_BENDING:
-            current = RENAMED_BENDING[self.inner_bending]
-            warn_renamed(f'inner_bending="{self.inner_bending}"', f'inner_bending="{current}"', stacklevel=4)
-            object.__setattr__(self, "inner_bending", current)
         for key, words in _WORDS.items():
             value, allowed = getattr(self, key), get_args(words)
             if value not in allowed:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, cast
+from typing import Annotated
 
 import typer
 
-from jld_core.limit import (
-    RENAMED_BENDING,
-    Condense,
-    Contacts,
-)
+from jld_core.limit import Condense, Contacts
 from jld_core.mechanics import InnerBending
 from jld_core.solvers import SOLVERS
-from jld_explore.cli.streams import warn
 
 EffectiveArea = Annotated[
     bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
@@ -24,10 +19,7 @@ Contact = Annotated[
 ]
 
 Bending = Annotated[
-    Literal["uncoupled", "kern", "paper"],
-    typer.Option(
-        help="Bending of spatial inner faces: uncoupled, or by elastic edge stress; paper is uncoupled by its old name."
-    ),
+    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
 ]
 
 Blocks = Annotated[
@@ -46,11 +38,3 @@ Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible bu
 Robust = Annotated[
     bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
 ]
-
-
-def current_bending(given: str) -> InnerBending:
-    """Return the present name of a value of --inner-bending; warn if it is one of version 0.2."""
-    if given not in RENAMED_BENDING:
-        return cast(InnerBending, given)
-    warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
-    return RENAMED_BENDING[given]

@@ -41,9 +41,6 @@ Jobs = Annotated[int | None, typer.Option(min=1, help="Worker processes; default
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the driver.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")]
 WriteCsv = Annotated[bool, typer.Option("--csv", help="Write results.csv also of more than 100 000 layouts.")]
-Certificates = Annotated[
-    bool, typer.Option("--certificates", hidden=True, help="No effect; accepted until version 0.4.")
-]
 Cluster = Annotated[
     str | None,
     typer.Option(help="Scheduler of dask, tcp://host:8786, whose workers evaluate."),

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
-from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
+from jld_core.limit import SolveOptions, Status
 from jld_core.scene import load_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.solvers import SOLVERS
@@ -187,8 +187,8 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
     known = dict(facts)
     if known.get("solver") not in SOLVERS:
         known["solver"] = "auto"
-    if "inner_bending" in known:
-        known["inner_bending"] = RENAMED_BENDING.get(known["inner_bending"], known["inner_bending"])
+    if known.get("inner_bending") == "paper":  # folders of version 0.2
+        known["inner_bending"] = "uncoupled"
     try:
         return SolveOptions(**known)
     except TypeError as error:

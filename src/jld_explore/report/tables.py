@@ -309,7 +309,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         "labellings": int(results["multiplicity"].sum()),
         "evaluated": len(results),
         "solved": solved,
-        "settled": 0,  # Former number settled by past solves; kept until version 0.4.
+        "settled": 0,  # An entry of the contract that no search counts any more.
         "pruned": pruned,
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,
