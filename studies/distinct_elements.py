@@ -309,7 +309,7 @@ def _report(
             f"Plastic with dilation ends more than 1 % below λ in "
             f"{int((ratio[('plastic', 'friction')] < 0.99).sum())} and more than 1 % above it in "
             f"{_share(ratio[('plastic', 'friction')], 1.01)} layouts. Below: gaps that close without resistance slide "
-            "without dilating (`benchmarks/results/experiment_convergence.md`). Above: five points a face bear more "
+            "without dilating (docs/notes/tried.md). Above: five points a face bear more "
             "bending than the kern of limit analysis. With its yield points and gaps the furthest above end at "
             + ", ".join(f"{after:.3f} instead of {before:.3f}" for before, after in again)
             + " of λ. λ therefore bounds a default run only where inner faces do not bend.",

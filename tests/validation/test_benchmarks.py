@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 from benchmarks import (
-    exchange,
     field,
     hard_cases,
-    reductions,
     speed_error,
     speed_routes,
     throughput,
@@ -19,7 +16,6 @@ from benchmarks.hard_scenes import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 
 from jld_core import Assembly, Scene, build_assembly
-from jld_core.exchange import FORMATS
 
 
 def test_field() -> None:
@@ -37,35 +33,12 @@ def test_field_names_its_missing_library(monkeypatch: pytest.MonkeyPatch, capsys
     assert capsys.readouterr().out == field.MISSING + "\n"
 
 
-@pytest.mark.long
-def test_exchange(tmp_path: Path) -> None:
-    """The area of a face that is not convex is what decides between libraries."""
-    pytest.importorskip("trimesh")
-    ell, boxes = tmp_path / "ell.obj", tmp_path / "boxes.obj"
-    exchange.ell_obj(ell)
-    exchange.boxes_obj(boxes, 3)
-    rows = [reader(ell, boxes) for reader in (exchange.of_meshio, exchange.of_trimesh, exchange.of_jld)]
-    assert [row[1] for row in rows] == ["14", "15", "14"]
-    assert [row[2].split()[0] for row in rows] == ["3", "3", "3"]
-    formats = [row[4] for row in exchange.round_trips(tmp_path, (2, 6))]
-    assert formats == [*FORMATS, *(kind for kind in FORMATS if kind != "svg")]
-
-
 def test_hard_cases() -> None:
     cases = [case for case in all_hard_cases() if case.name in ("N, mm", "inside the cone", "-1e-06")]
     verdicts = [hard_cases.judge(case) for case in cases]
     assert [verdict.right for verdict in verdicts] == [True] * 3
     assert [hard_cases.row_of(verdict)[2] for verdict in verdicts] == ["collapse", "locked", "unstable"]
     assert len(hard_cases.draw(verdicts).axes) == 2
-
-
-def test_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reductions, "ENOUGH", 0.0)
-    found = reductions.measured(small=True)
-    for one in found:
-        assert one.sizes[1] < one.sizes[0] or one.name == "zero dilation skipped"
-        assert one.changed < 1e-6 or "λ changes" in one.why
-    assert len(reductions.draw(found).axes) == 1
 
 
 def test_throughput() -> None:
