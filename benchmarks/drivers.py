@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.common import RESULTS
-from benchmarks.search_scenes import ENUMERATED, built
+from benchmarks.scenes import ENUMERATED, built
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import Status

@@ -6,14 +6,17 @@ fronts, the best for every number of dry faces.
 Then how far drivers that prove nothing stay below the best known in equal time (`… 120 600 rivals`, or one of them
 anew, `… rivals anneal`).
 `python -m benchmarks.exact SECONDS LONG proofs` gives every wall and every other scene that long at the most, and
-measures that section alone; `… two` proves what a time was asked for by two jobs, by the clock, on a quiet machine.
+measures that section alone; `… two` proves what a time was asked for by two jobs, by the clock, on a quiet machine, and
+`… lasts` follows a proof of half an hour.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -24,14 +27,15 @@ from unittest.mock import patch
 import numpy as np
 from studies.scenes import corner
 
-from benchmarks.common import RESULTS, table, write
-from benchmarks.scenes import cubes, vault
-from jld_core import Scene, build_assembly, load_scene, parse_scene
+from benchmarks.common import RESULTS, about, table, write
+from benchmarks.scenes import ANGLE, ENUMERATED, STRENGTH, cubes, grid, strength, vault
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.relaxation import Relaxation
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
@@ -108,53 +112,21 @@ NOTE: Final = (
     "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "
     "labellings ruled out; relaxations: programs solved to find them; solves: labellings evaluated."
 )
-OPEN: Final = (
-    "Walls of blocks of two with a root gap beyond 20 % (8 × 10, 10 × 12) are proven by a tree of block choices (of "
-    "faces 37 thousand conflicts, in 110 s, did not bring that one's bound from 0.562 down to 0.541), all others by "
-    "conflicts of faces, shrunk many at a time in the kernel from the bound at the root down. Where time ran out the "
-    "bound is that of the last step that was refuted. What stands against the rest: on the 8 × 10 wall in blocks of up "
-    "to three the conflicts of a step grow from dozens to tens of thousands as λ comes down; in the crushable arch, "
-    "whose joints are taken as their hull (87.87 at the root in the kernel, 87.85 by two copies of each that share the "
-    "forces), they double with every 1.5 to 2 units of λ. Relaxing whole sections together in all ways to label them "
-    "(sections.md) is exact in some coarse beams; the four faces of each cell together bound the flagship by 25.2 "
-    "(face by face 121.8, whole blocks 16.3). The cubes and the corner have their optimum at the root: one mechanism "
-    "bounds all layouts. A proof that lasts asks the relaxation "
-    "by blocks for one bound, once it has taken about as long as that does: 0.2 s for the vault (341, face by face "
-    "519), 40 s for the arch (67.9, face by face 87.9), whose bound comes from there."
-)
 
 
-def wall(across: int, up: int, cells: int, strength: float) -> Scene:
+def wall(across: int, up: int, cells: int, strong: float) -> Scene:
     """A wall with a row of supports at its foot."""
-    document: dict[str, Any] = {
-        "name": f"wall {across} × {up}",
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a" * across] * (up - 1) + ["#" * across]},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": strength, "shear_strength": strength},
-        },
-        "loads": {"live": [{"body": [1, 0]}]},
-        "search": {"block_cells": [1, cells]},
-    }
-    return parse_scene(document)
+    rows = ["a" * across] * (up - 1) + ["#" * across]
+    dry, search = {"friction_coefficient": 0.75}, {"block_cells": [1, cells]}
+    return grid(rows, None, strength(strong), search, dry=dry, name=f"wall {across} × {up}")
 
 
 def arch() -> Scene:
     """A flat arch of 67 faces between abutments, all of it crushable, under a force on its middle."""
-    inner = {"tensile_strength": 2e6, "shear_strength": 2e5, "compressive_strength": 5e6}
-    document: dict[str, Any] = {
-        "name": "flat arch between abutments",
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["#aaaaaaaaa#"] * 4},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_angle": 30, "compressive_strength": 5e6},
-            "inner": inner,
-        },
-        "loads": {"live": [{"element": "c5r0", "force": [0, -1000]}]},
-        "search": {"block_cells": [2, 6]},
-    }
-    return parse_scene(document)
+    load = [{"element": "c5r0", "force": [0, -1000]}]
+    crush, search = {"compressive_strength": 5e6}, {"block_cells": [2, 6]}
+    rows = ["#aaaaaaaaa#"] * 4
+    return grid(rows, load, STRENGTH | crush, search, dry=ANGLE | crush, name="flat arch between abutments")
 
 
 def winds() -> Scene:
@@ -166,25 +138,23 @@ def winds() -> Scene:
 
 def in_space() -> dict[str, Scene]:
     """Spatial scenes by name."""
-    found = {}
-    for name, scene in (
-        ("3 × 3 × 3 cubes, blocks of 1–4, 20 kPa", cubes(3)),
-        ("corner of five courses, blocks of 1–4, 0.2 MPa", corner(5, math.radians(225.0), None)),
-    ):
-        document = scene.model_dump(mode="json", exclude_defaults=True)
-        found[name] = parse_scene(document | {"search": {"block_cells": [1, 4]}})
-    return {**found, "barrel vault, 21 voussoirs, blocks of 1–3, 20 kPa": vault()}
+    document = corner(5, math.radians(225.0), None).model_dump(mode="json", exclude_defaults=True)
+    limit = {"block_cells": [1, 4]}
+    return {
+        "3 × 3 × 3 cubes, blocks of 1–4, 20 kPa": cubes(search=limit),
+        "corner of five courses, blocks of 1–4, 0.2 MPa": parse_scene(document | {"search": limit}),
+        "barrel vault, 21 voussoirs, blocks of 1–3, 20 kPa": vault(),
+    }
 
 
 def scenes() -> dict[str, tuple[Scene, float, str]]:
     """Scenes by name, with the seconds each may take and the time asked for."""
-    flagship = Path(__file__).parent.parent / "scenes" / "flat_beam_arch.json"
     found: dict[str, tuple[Scene, float, str]] = {
         f"{across} × {up}, s = {cells}, {strength / 1e3:g} kPa": (wall(across, up, cells, strength), most, asked)
         for walls, most in ((WALLS, SECONDS), (LARGE, LONG))
         for across, up, cells, strength, asked in walls
     }
-    found["beam on bearings (flagship), blocks of 2–6"] = (load_scene(flagship), LONG, "600 s")
+    found["beam on bearings (flagship), blocks of 2–6"] = (ENUMERATED["flagship"](), LONG, "600 s")
     found["6 × 8, s = 3, 20 kPa, two cases"] = (winds(), SECONDS, "twice one")
     found["wall of 88 faces, 6 × 9, s = 4, 20 kPa"] = (wall(6, 9, 4, 2e4), LONG, "600 s")
     found["flat arch, 67 faces, σc = 5 MPa, blocks of 2–6"] = (arch(), LONG, "600 s, to 5 %")
@@ -335,6 +305,7 @@ HEADS: Final = {
     "starts": "Where proofs start",
     "fronts": "Whole fronts",
     "rivals": "How far below the best known the others end",
+    "lasts": "A proof that lasts",
 }
 """Sections behind the first, `proofs`, by the word that asks for them."""
 
@@ -349,19 +320,75 @@ def sections(text: str) -> dict[str, str]:
     return kept
 
 
+LASTING: Final = 1800.0
+"""Length of the run, s by the clock."""
+
+ROW_TIMES: Final = (30.0, 60.0, 120.0, 240.0, 480.0, 720.0, 960.0, 1200.0, 1500.0)
+"""Times of the rows, s by the clock; one more row is taken at the end."""
+
+COLUMNS: Final = ("s by the clock", "processor s", "load", "λ", "bound", "gap", "conflicts", "relaxations")
+
+
+def row_of_history(driver: Exact, begun: float) -> list[str]:
+    """What the proof has come to. begun: time of the clock at which it began, s."""
+    best = driver.found[None]
+    gap = (best.bound - best.load_factor) / best.bound if math.isfinite(best.bound) else math.nan
+    found = [
+        f"{time.perf_counter() - begun:.0f}",
+        f"{time.process_time():.0f}",
+        f"{os.getloadavg()[0]:.1f}",
+        f"{best.load_factor:.7g}",
+        f"{best.bound:.7g}",
+        f"{gap:.2%}",
+        str(driver.conflicts),
+        str(driver.relaxations),
+    ]
+    print(found, flush=True)
+    return found
+
+
+def history(seconds: float) -> list[list[str]]:
+    """Rows of how the gap of a proof narrows that lasts some seconds: 8 × 10 cells in blocks of three, two threads.
+
+    Rows are of one run, and each was taken when the clock had reached its time. Processor seconds are those of both
+    threads, and load is the mean number of processes that asked for the two cores in the minute before: other users
+    had the rest of them. Processor seconds therefore say more than the clock.
+    """
+    scene = wall(8, 10, 3, 2e4)
+    driver = Exact(search_space(scene, build_assembly(scene)))
+    begun, ended, rows = time.perf_counter(), threading.Event(), list[list[str]]()
+
+    def watch() -> None:
+        for at in ROW_TIMES:
+            if at >= seconds or ended.wait(max(0.0, begun + at - time.perf_counter())):
+                return
+            rows.append(row_of_history(driver, begun))
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            settings = ExploreSettings(jobs=2, pictures=False, seconds=seconds)
+            explore(scene, Path(folder) / "out", settings, driver=driver)
+    finally:
+        ended.set()
+        watcher.join()
+    return [*rows, row_of_history(driver, begun)]
+
+
 def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
     """Prove every scene, or report the gap it got to; then hold the other drivers against what is proven.
 
     wanted: sections to be measured anew, all without any; the others stay as they are in the file.
     """
-    wanted = wanted or ("proofs", *HEADS)
+    wanted = wanted or ("proofs", "starts", "fronts", "rivals", "two")
     path = RESULTS / "exact.md"
     parts = sections(path.read_text(encoding="utf-8").rpartition("\n\n")[0]) if path.exists() else {}
-    head = ["scene", "space", "λ", "bound", "gap", "stopped", "conflicts", "relaxations", "solves", "s", "asked"]
-    head.append("s to enumerate")
+    head = "scene | space | λ | bound | gap | stopped | conflicts | relaxations | solves | s | asked | s to enumerate"
     if "proofs" in wanted:
         rows = proofs(seconds, long)
-        parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
+        said = parts.get("", "").rpartition("\n\n")[2]  # what was found, by hand
+        parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), said))
     if "two" in wanted:
         found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
         parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
@@ -395,6 +422,8 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
         lines = [line.strip("| ").split(" | ") for line in parts.get(HEADS["rivals"], "").splitlines()]
         kept = {name: cells for name, *cells in lines if len(cells) == len(RIVALS)}
         parts[HEADS["rivals"]] = f"{words}\n\n{table(['scene', *names], distances(known, measured, kept))}"
+    if "lasts" in wanted:
+        parts[HEADS["lasts"]] = f"{about(history.__doc__)}\n\n{table(COLUMNS, history(LASTING))}"
     write("exact", "\n\n## ".join([parts.pop(""), *(f"{head}\n\n{body}" for head, body in parts.items())]))
 
 

@@ -124,7 +124,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         differs.append(
             f"{len(lower)} of {len(known)} of them lie lower than published; for the others we know of none. No floor "
             f"is sought for these walls here, of {walls['faces'].min()} to {walls['faces'].max()} faces: `python -m "
-            "benchmarks.zero_dilation_floor` bounds most of them from below."
+            "benchmarks.zero_dilation floor` bounds most of them from below."
         )
     arch = table[table["scene"] == "flat arch"].iloc[0]
     differs.append(
@@ -137,7 +137,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         differs.append(
             "No floor is sought here for "
             + ", ".join(unproven["scene"])
-            + ": `python -m benchmarks.zero_dilation_floor` does."
+            + ": `python -m benchmarks.zero_dilation floor` does."
         )
     report = Report(
         name=NAME,

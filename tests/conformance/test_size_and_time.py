@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import growth
+from benchmarks import large as growth
 from benchmarks.scenes import brick_wall, cubes, vault
 
 from cases import grid_document

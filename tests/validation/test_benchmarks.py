@@ -9,10 +9,9 @@ from benchmarks import (
     field,
     hard_cases,
     speed_error,
-    speed_routes,
     throughput,
 )
-from benchmarks.hard_scenes import hard_cases as all_hard_cases
+from benchmarks.hard_cases import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 
 from jld_core import Assembly, Scene, build_assembly
@@ -66,9 +65,9 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
     found = speed_error.measure_all(assembly, assembly, limit=20)
     reference = speed_error.reference_of(found)
     assert reference.half_width < 1e-8
-    assert {one.way.name for one in found} == {way.name for way in speed_routes.SOLVERS if way.takes(assembly)}
+    assert {one.way.name for one in found} == {way.name for way in speed_error.SOLVERS if way.takes(assembly)}
     for one in found:
-        if one.way.family in speed_routes.BRACKETED and math.isfinite(one.found.load):
+        if one.way.family in speed_error.BRACKETED and math.isfinite(one.found.load):
             assert speed_error.certain_error(one, reference)[0] < 1e-3
     assert speed_error.DEFAULT not in speed_error.better(found, reference, bracketed=True)
     assert len(speed_error.rows_of(found, reference)) == len(found)
@@ -78,11 +77,11 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_route_that_exceeds_the_time_limit_is_marked() -> None:
     assembly = build_assembly(brick_wall(2, 2))
 
-    def never(_: Assembly) -> speed_routes.Found:
+    def never(_: Assembly) -> speed_error.Found:
         while True:
             pass
 
-    slow = speed_routes.Way("slow", "CVXPY", speed_routes.any_scene, never)
-    slower = speed_routes.Way("slower", "CVXPY", speed_routes.any_scene, never, easier="slow")
+    slow = speed_error.Way("slow", "CVXPY", speed_error.any_scene, never)
+    slower = speed_error.Way("slower", "CVXPY", speed_error.any_scene, never, easier="slow")
     failures = [one.failure for one in speed_error.measure_all(assembly, assembly, (slow, slower), limit=0)]
     assert failures == ["not in 0 s", "not in 0 s (slow was not)"]
