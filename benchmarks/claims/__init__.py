@@ -22,6 +22,7 @@ FAMILIES: Final[dict[str, int]] = {
     "members": 200,
     "proofs": 3000,
     "time_limits": 200,
+    "trials": 2000,
     "units": 1000,
     "vertex_rates": 300,
 }

@@ -6,7 +6,6 @@ import math
 
 import pytest
 from benchmarks import (
-    field,
     hard_cases,
     speed_error,
     throughput,
@@ -15,21 +14,6 @@ from benchmarks.hard_cases import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 
 from jld_core import Assembly, Scene, build_assembly
-
-
-def test_field() -> None:
-    pytest.importorskip("compas_cra")
-    for elements, along in field.cases(large=False).values():
-        mine, *others = found = field.measure(elements, along)
-        assert "stands, proven" in mine.answer
-        assert len(field.rows_of("2 × 2", elements, found)) == len(field.draw({"2 × 2": found}).axes[0].get_xticks())
-        assert all(other.interfaces == mine.interfaces and other.answer.startswith("stands") for other in others)
-
-
-def test_field_names_its_missing_library(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(field, "find_spec", lambda _: None)
-    field.main()
-    assert capsys.readouterr().out == field.MISSING + "\n"
 
 
 def test_hard_cases() -> None:
