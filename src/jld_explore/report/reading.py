@@ -20,6 +20,7 @@ from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.result_files import read_results, results_path
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import is_labelling
 from jld_explore.study_state import StopReason
@@ -83,7 +84,8 @@ def read_folder(folder: Path) -> Exploration:
     InputError
         If a file is missing, damaged or of another scene.
     """
-    for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
+    table = results_path(folder)
+    for name in (RECORDS_FILE, "scene.json", table.name, "summary.json"):
         if not (folder / name).exists():
             if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():
                 again = f"jld explore {folder / 'scene.json'} --out {folder} --resume, with its first options, ends it"
@@ -100,7 +102,7 @@ def read_folder(folder: Path) -> Exploration:
         assembly = build_robust(scene)
     axes = scene.search.front.axes
     counts = [name for name, _ in axes]
-    results = _results(folder / "results.parquet", assembly, counts)
+    results = _results(table, assembly, counts)
     return Exploration(
         scene=scene,
         assembly=assembly,
@@ -156,14 +158,14 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
-    """Read and validate results.parquet; raise InputError if it is damaged.
+    """Read and validate the table of results; raise InputError if it is damaged.
 
     counts: names of the counts that it has to contain. A table of another scene is refused as well.
     """
     import pandas as pd
 
     try:
-        table = pd.read_parquet(path)
+        table = read_results(path)
     except (OSError, ValueError) as error:
         raise _damaged(path, str(error)) from None
     for name in ("rank", "labelling", "status", "settled", *_NUMBERS, *counts):
