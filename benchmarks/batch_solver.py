@@ -104,11 +104,7 @@ def prisms(sides: int, wide: int, high: int, strong: float = 2e4) -> Assembly:
     elements.append(box("slab", (-1.0, -1.0, -0.2), (2.0 * apothem * wide + 1.0, 1.0, 0.0), support=True))
     document = {
         "elements": elements,
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": strength(strong),
-        },
+        "materials": {"density": 2000, "dry": {"friction_coefficient": 0.6}, "inner": strength(strong)},
         "loads": {"live": [{"body": [1.0, 0.4, 0.0]}]},
     }
     return build_assembly(parse_scene(document))

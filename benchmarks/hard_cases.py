@@ -135,9 +135,7 @@ def weightless(force: list[float]) -> Assembly:
 
 def nearly_touching(gap: float) -> Assembly:
     """Two blocks a hair apart, or a hair into one another: in contact or not, λ is the same."""
-    return structure(
-        [block("a", 0, 0, 1, 1, weight=1.0), block("b", 1 + gap, 0, 2, 1, weight=1.0), ground()],
-    )
+    return structure([block("a", 0, 0, 1, 1, weight=1.0), block("b", 1 + gap, 0, 2, 1, weight=1.0), ground()])
 
 
 def many_supports() -> Assembly:

@@ -138,16 +138,15 @@ def main() -> None:
 
 def _text() -> str:
     return (
-        "# Scale\n\n"
-        "Walls in running bond (bricks 0.2 × 0.1 × 0.06 m, μ 0.65, every face dry; spatial ones of two wythes) under a "
-        "horizontal body load. Each wall and route in a process of its own, one BLAS thread; processor seconds, and "
-        "the highest resident memory after the phase. *schur* is our interior point on the Schur complement, which "
-        "large assemblies get by default; *clarabel* the same program by Clarabel. Scene: validation of the document. "
-        "Assembly: geometry and contacts. Prove: projection, bounds, and repairs where an answer does not prove itself "
-        "(for both routes, those are solved by *schur* where the program is large). λ = 0: is the wall standing "
-        "unpushed? It is not part of the time to the bracket. A second BLAS thread could help the dense kernels alone, "
-        "about half of the factorisation at 10 100 blocks and less below; it was not measured, since the machine was "
-        "shared.\n\n![time and memory over size](scale.png)"
+        "# Scale\n\nWalls in running bond (bricks 0.2 × 0.1 × 0.06 m, μ 0.65, every face dry; spatial ones of two "
+        "wythes) under a horizontal body load. Each wall and route in a process of its own, one BLAS thread; processor "
+        "seconds, and the highest resident memory after the phase. *schur* is our interior point on the Schur "
+        "complement, which large assemblies get by default; *clarabel* the same program by Clarabel. Scene: validation "
+        "of the document. Assembly: geometry and contacts. Prove: projection, bounds, and repairs where an answer does "
+        "not prove itself (for both routes, those are solved by *schur* where the program is large). λ = 0: is the "
+        "wall standing unpushed? It is not part of the time to the bracket. A second BLAS thread could help the dense "
+        "kernels alone, about half of the factorisation at 10 100 blocks and less below; it was not measured, since "
+        "the machine was shared.\n\n![time and memory over size](scale.png)"
     )
 
 

@@ -168,11 +168,7 @@ def vault(across: int = 9, deep: int = 3, inner: float = 2e4) -> Scene:
         {
             "name": f"barrel vault of {across} × {deep} voussoirs",
             "elements": elements,
-            "materials": {
-                "density": 1400,
-                "dry": {"friction_coefficient": 0.75},
-                "inner": strength(inner),
-            },
+            "materials": {"density": 1400, "dry": {"friction_coefficient": 0.75}, "inner": strength(inner)},
             "loads": {"live": [{"element": f"v{across // 4}y0", "force": [0, 0, -10]}]},
             "search": {"block_cells": [1, 3]},
         }

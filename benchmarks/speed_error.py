@@ -256,7 +256,7 @@ def scenes() -> dict[str, Callable[[], Assembly]]:
     section 3.1, and dry brick walls pushed out of plane."""
     push = [{"element": "c0r0", "force": [1, 0]}]
     made: dict[str, Callable[[], Assembly]] = {
-        "planar, 33 faces": lambda: build_assembly(grid(bonded(GRIDS[33]), push)),
+        "planar, 33 faces": lambda: build_assembly(grid(bonded(GRIDS[33]), push))
     }
     for faces in (88, 278, 2025):
         made[f"planar, {faces} faces"] = lambda faces=faces: build_assembly(grid(bonded(GRIDS[faces])))  # type: ignore[misc]

@@ -292,7 +292,7 @@ def beam_arch() -> list[str]:
     return [
         f"{solved} random labellings of the beam-arch that collapse or lock: above the gravity start {above}, lower "
         f"than it {lower}; uncertified {open_}, by the gravity start alone {open_before}; {spent:.0f} s for both and "
-        "the associative solves.",
+        "the associative solves."
     ]
 
 

@@ -96,10 +96,7 @@ def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
 def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Document:
     strength = float(rng.choice([0.0, 2e2, 5e3, 1e6], p=[0.1, 0.3, 0.4, 0.2]))
     dry: Document = {"friction_coefficient": friction}
-    inner: Document = {
-        "tensile_strength": strength,
-        "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0])),
-    }
+    inner: Document = {"tensile_strength": strength, "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0]))}
     if friction == 1.0 and rng.random() < 0.5:
         dry = {"friction_angle": 45}
     if rng.random() < crushing:
@@ -245,12 +242,7 @@ def _bonded(rng: np.random.Generator) -> Document:
     live = _live(rng, names)
     if rng.random() < 0.3 and "element" in live[0]:
         live[0]["at"] = [float(v) for v in rng.uniform([0.0, 0.0, 0.0], [across * length, wythes * depth, height])]
-    return {
-        "name": "bond",
-        "elements": elements,
-        "materials": _materials(rng, friction, 0.0),
-        "loads": {"live": live},
-    }
+    return {"name": "bond", "elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": live}}
 
 
 # --- weighed again ------------------------------------------------------------------------------------------

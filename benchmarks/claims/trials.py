@@ -216,11 +216,7 @@ def case(seed: int, tally: Tally) -> str:
     rng.random()  # Formerly the choice of an option; drawn so that a seed means the same scene as before.
     kinds += [
         name
-        for name, on in (
-            ("front", options["aim"] == "front"),
-            ("stopped", stopped is not None),
-            ("two jobs", jobs > 1),
-        )
+        for name, on in (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
         if on
     ]
     known = list(every(space))
@@ -318,10 +314,7 @@ def _required(
     if not len(loads):
         return None
     choices = [2.0 * loads[-1], *(0.5 * (loads[apart] + loads[apart + 1]))]
-    front = {
-        "count": str(rng.choice(["blocks", "dry_faces", "shapes"])),
-        "sense": str(rng.choice(["min", "max"])),
-    }
+    front = {"count": str(rng.choice(["blocks", "dry_faces", "shapes"])), "sense": str(rng.choice(["min", "max"]))}
     require = {"load_factor": float(rng.choice(choices))}
     return {**document, "search": {**document["search"], "front": front, "require": require}}
 
