@@ -208,11 +208,10 @@ def main() -> None:
         effort = [str(starts), str(steps), str(solves), f"{seconds:.1f}", done.end]
         rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *effort, stands])
         print(rows[-1], flush=True)
-    head = ["what", "start", "end", "to reach", "starts", "steps", "solves", "s", "ended", "dead load stands"]
+    head = "what | start | end | to reach | starts | steps | solves | s | ended | dead load stands"
     text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread, processor time.\n\n"
     text += table(head, rows) + "\n\n## Proofs over boxes\n\nFlat arch on piers at 15°, gap asked for 1e-3.\n\n"
-    proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "checked in [s]", "best position"]
-    text += table(proven, proofs())
+    text += table("parameters | λ found | bound | gap | boxes | s | checked in [s] | best position", proofs())
     text += "\n\n## Steps\n\nProcessor time of one step: a program over forces and positions, and a proven solve.\n\n"
     head = "scene | faces | cases | variables | median [s] | largest [s]"
     write("moving_joints", text + table(head, step_times()))
