@@ -29,9 +29,6 @@ def test_throughput() -> None:
     found = throughput.measure("33", scene, asked=12, sample=2, jobs=1)
     assert found.asked == 12
     assert found.apart < 1e-5
-    assert sum(found.shares.values()) == pytest.approx(1.0)
-    assert min(found.shares[part] for part in ("solver", "proof", "assembly", "driver", "store")) > 0.0
-    assert len(throughput.draw([found]).axes) == 2
 
 
 # in space more routes do the same
