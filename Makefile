@@ -71,7 +71,7 @@ browser:
 types:
 	npm exec --yes --package=typescript@5.9.3 -- tsc -p src/jld_explore/report/assets/tsconfig.json
 
-# without the programs to compare with, their benchmark says so and the others run
+# without ecos, which has no wheel for every machine, the other solvers are compared
 bench: setup
 	-JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev,field]'
 	$(PYTHON) src/jld_core/batch/build.py --in-place

@@ -37,17 +37,8 @@ Array = NDArray[np.float64]
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
     """Test the claim on random scenes.
 
-    Parameters
-    ----------
-    first_seed, cases : int
-        Seeds to test; three consecutive seeds belong to the three groups.
-    seconds : float
-        Time limit, s.
-
-    Returns
-    -------
-    Tally
-        Disagreements, and in `notes` the statuses of each group.
+    first_seed, cases: seeds to test; three consecutive seeds belong to the three groups. seconds: time limit, s.
+    Returns: disagreements, and in `notes` the statuses of each group.
     """
     return run_cases(CLAIM, case, first_seed, cases, seconds)
 
@@ -251,21 +242,8 @@ def _bonded(rng: np.random.Generator) -> Document:
 def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysisResult, effective: bool) -> str:
     """Weigh forces and mechanism of a result by the formulas of docs/method.md, stated here once more, scene units.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        What was solved.
-    labels : (m,) bool array
-        True = dry.
-    result : LimitAnalysisResult
-        The result of it.
-    effective : bool
-        Torsion about effective areas: what is weighed is then the forces' balance alone.
-
-    Returns
-    -------
-    str
-        What is wrong, "" if nothing is.
+    assembly: what was solved. labels: True = dry. result: the result of it. effective: torsion about effective areas:
+    what is weighed is then the forces' balance alone. Returns: what is wrong, "" if nothing is.
     """
     low, high = result.bracket
     if str(result.status) not in ("collapse", "uncertified"):
