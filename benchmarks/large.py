@@ -20,13 +20,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from benchmarks.common import RESULTS, ROOT, about, apart, load_of_machine, run_parts, table, write
+from benchmarks.common import ROOT, about, apart, load_of_machine, run_parts, table, write
 from benchmarks.scenes import box, strength
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.threads import one_thread
-from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
 from jld_explore.space import search_space
@@ -142,28 +140,6 @@ def exponent(series: list[Found], phase: str) -> str:
     return f"{np.polyfit(cells, seconds, 1)[0]:.2f}"
 
 
-def draw(results: dict[str, list[Found]]) -> Figure:
-    """Seconds of each phase over cells, planar and spatial side by side."""
-    figure = Figure(figsize=(11.0, 4.6), dpi=110, layout="constrained")
-    marks = dict(zip(PHASES, "osv^Dx", strict=True))
-    for axes, (kind, series) in zip(
-        figure.subplots(1, len(results), sharey=True, squeeze=False)[0], results.items(), strict=True
-    ):
-        for phase in PHASES:
-            points = [(f["cells"], f["seconds"].get(phase, 0.0)) for f in series]
-            points = [(cells, seconds) for cells, seconds in points if seconds > 1e-3]  # the clock's own steps
-            if points:
-                axes.loglog(*zip(*points, strict=True), marker=marks[phase], markersize=5, label=phase)
-        most = max(f["cells"] for f in series)
-        axes.loglog([most / 1e3, most], [1e-2, 10.0], color="0.6", linestyle=":", linewidth=1.0, label="linear")
-        axes.set(title=kind, xlabel="cells")
-        axes.grid(True, which="major", color="0.9")
-        axes.spines[["top", "right"]].set_visible(False)
-    figure.axes[0].set_ylabel("processor time, s")
-    figure.axes[0].legend(fontsize=8, frameon=False)
-    return figure
-
-
 def growth() -> None:
     """How reading and searching grow: phase by phase, planar and spatial, to 10⁵ cells.
 
@@ -173,7 +149,6 @@ def growth() -> None:
     labelling. λ: that labelling solved and proven.
     """
     results = {kind: [run(kind, edge) for edge in sizes] for kind, sizes in SIZES.items()}
-    save_figure(draw(results), RESULTS / "growth.png")
     head = ["kind", "cells", "faces", *(f"{phase}, s" for phase in PHASES), "MB before λ", "MB with λ"]
     rows = [row_of(found) for series in results.values() for found in series]
     powers = [[kind, *(exponent(series, phase) for phase in PHASES)] for kind, series in results.items()]
@@ -182,7 +157,6 @@ def growth() -> None:
         about(growth.__doc__),
         f"Limits of one size: {SECONDS} s and {BYTES / 2**30:g} GB, or what its row says. Memory is the highest so "
         "far, of which Python and its libraries are some 200 MB.",
-        "![seconds of each phase over cells](growth.png)",
         table(head, rows),
         "Exponents of the number of cells, from 1 000 cells up (1: linear):",
         table(["kind", *PHASES], powers),

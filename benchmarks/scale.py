@@ -9,16 +9,13 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from studies.families import planar_running_bond, running_bond
 
-from benchmarks.common import RESULTS, apart, table, write
+from benchmarks.common import apart, table, write
 from jld_core import LimitAnalysis, build_assembly
 from jld_core.program import ConicProgram, Template
 from jld_core.scene import Scene
 from jld_core.solvers import RawSolution, Solver
-from jld_core.views.figures import save_figure
 
 CASES: dict[str, Callable[[int], Scene]] = {
     "out of plane": lambda courses: running_bond(courses, direction=(0.0, 1.0, 0.0)),
@@ -132,7 +129,6 @@ def exponent(series: list[Found], value: Any) -> float:
 def main() -> None:
     """Measure all walls; write the tables and the picture."""
     results = {key: [run(key[0], courses, key[1]) for courses in sizes] for key, sizes in RUNS.items()}
-    save_figure(draw(results), RESULTS / "scale.png")
     write("scale", "\n\n".join([_text(), _walls(results), _exponents(results)]))
 
 
@@ -146,7 +142,7 @@ def _text() -> str:
         "not prove itself (for both routes, those are solved by *schur* where the program is large). λ = 0: is the "
         "wall standing unpushed? It is not part of the time to the bracket. A second BLAS thread could help the dense "
         "kernels alone, about half of the factorisation at 10 100 blocks and less below; it was not measured, since "
-        "the machine was shared.\n\n![time and memory over size](scale.png)"
+        "the machine was shared."
     )
 
 
@@ -190,37 +186,6 @@ def _exponents(results: dict[tuple[str, str], list[Found]]) -> str:
         for (case, solver), series in results.items()
     ]
     return "Exponents of blocks, fitted from 400 blocks up:\n\n" + table(head, rows)
-
-
-COLOURS: Final = {"out of plane": "#2166ac", "in plane": "#b2182b", "planar": "#1b7837"}
-
-
-def draw(results: dict[tuple[str, str], list[Found]]) -> Figure:
-    """Time to the bracket and memory over blocks, both routes."""
-    figure = Figure(figsize=(11.0, 4.6), dpi=110, layout="constrained")
-    time_axes, memory_axes = figure.subplots(1, 2)
-    for (case, solver), series in results.items():
-        line = "-" if solver == "schur" else ":"
-        blocks = [one["blocks"] for one in series]
-        style: dict[str, Any] = {"color": COLOURS[case], "linestyle": line, "marker": "o", "markersize": 4}
-        growth = exponent(series, proof_time)
-        label = f"{case}, {solver}: n^{growth:.2f}"
-        time_axes.loglog(blocks, [proof_time(one) for one in series], label=label, **style)
-        memory_axes.loglog(blocks, [one["memory"]["prove"] for one in series], **style)
-        if solver == "schur":
-            time_axes.loglog(blocks, [set_up(one) for one in series], color=COLOURS[case], linewidth=0.8, alpha=0.5)
-    _finish(time_axes, "processor time to the bracket, s")
-    time_axes.legend(fontsize=8, frameon=False, title="thin: set-up", title_fontsize=8)
-    _finish(memory_axes, "peak memory, MB")
-    return figure
-
-
-def _finish(ax: Axes, name: str) -> None:
-    ax.set_xlabel("blocks")
-    ax.set_ylabel(name)
-    ax.grid(True, which="major", color="0.9")
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
 
 
 if __name__ == "__main__":

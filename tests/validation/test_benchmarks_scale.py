@@ -11,5 +11,4 @@ def test_scale(case: str) -> None:
     found = [scale.measure(case, courses, "schur") for courses in (4, 6)]
     assert all(one["status"] == "collapse" and one["stands"] and one["gap"] < 1e-6 for one in found)
     assert set(found[0]["seconds"]) == set(scale.PHASES)
-    assert len(scale.draw({(case, "schur"): found}).axes) == 2
     assert f"| {case} | schur |" in scale._walls({(case, "schur"): found})
