@@ -29,10 +29,3 @@ FAMILIES: Final[dict[str, int]] = {
 """Module of this package → number of cases of a whole run."""
 
 __all__ = ["FAMILIES", "Family", "Tally", "run_cases"]
-
-
-def main() -> None:
-    """Test every claim on all its cases."""
-    from benchmarks.claims.__main__ import main as run_all
-
-    run_all([])
