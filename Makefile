@@ -24,7 +24,7 @@ SOURCES := pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/batch
 $(VENV)/.runs: $(SOURCES)
 	$(PYTHON) src/jld_core/batch/build.py --in-place --best & compiler=$$!; \
 	$(PYTHON) -m venv $(VENV) && \
-	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e . || { kill $$compiler; exit 1; }; \
+	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[parquet]' || { kill $$compiler; exit 1; }; \
 	wait $$compiler || echo "make: the batch solver was not compiled; without it searches take some 30 times as long"
 	touch $@
 
@@ -71,7 +71,7 @@ browser:
 types:
 	npm exec --yes --package=typescript@5.9.3 -- tsc -p src/jld_explore/report/assets/tsconfig.json
 
-# without the programs to compare with, their benchmark says so and the others run
+# without ecos, which has no wheel for every machine, the other solvers are compared
 bench: setup
 	-JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev,field]'
 	$(PYTHON) src/jld_core/batch/build.py --in-place

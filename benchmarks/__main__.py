@@ -2,57 +2,30 @@
 
 from __future__ import annotations
 
-import importlib
+import runpy
 import sys
 import time
 from typing import Final
 
 BENCHMARKS: Final = (
-    "corpus.__main__",
-    "flagship",
+    "corpus",
     "zero_dilation",
-    "zero_dilation_floor",
     "exact",
-    "long_proof",
-    "fields_search",
-    "relaxing",
-    "trust_trials",
+    "fields",
     "claims",
-    "reach",
     "drivers",
-    "convergence",
     "speed_error",
     "hard_cases",
-    "reductions",
     "throughput",
-    "field",
-    "crack_fields",
-    "crack_models",
     "scale",
-    "scale_pair",
-    "growth",
     "large",
-    "large_answers",
-    "large_search",
-    "lanes",
-    "lanes_hard",
-    "lanes_single",
-    "million",
-    "page_rows",
-    "start_up",
-    "two_jobs",
-    "local_change",
+    "batch_solver",
     "experiment",
-    "experiment_digits",
-    "studio",
-    "exchange",
     "moving_joints",
-    "moved_opening",
     "designs",
-    "joint_shapes",
     "reliability",
 )
-"""Modules of this package that hold a `main()`, in the order in which they run."""
+"""Modules of this package in the order in which they run."""
 
 
 def main() -> None:
@@ -62,7 +35,7 @@ def main() -> None:
     for name in wanted:
         start = time.perf_counter()
         print(f"== {name}", flush=True)
-        importlib.import_module(f"benchmarks.{name}").main()
+        runpy.run_module(f"benchmarks.{name}", run_name="__main__")
         print(f"== {name}: {time.perf_counter() - start:.0f} s\n", flush=True)
 
 

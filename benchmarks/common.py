@@ -1,36 +1,25 @@
-"""Scenes, random segmentations and tables that benchmarks share."""
+"""Random segmentations, tables, processes and parts that benchmarks share."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
-from collections.abc import Sequence
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, build_assembly, load_scene, parse_scene
+from jld_core import Assembly, build_assembly, load_scene
 from jld_core.arrays import Bits
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "benchmarks" / "results"
 CPUINFO: Final = Path("/proc/cpuinfo")
-
-
-def wall(rows: int, columns: int, tension: float = 2e6, shear: float = 2e5) -> Assembly:
-    """A wall of cells of 0.1 m on a row of supports under a horizontal body load; 6 × 8 cells have 90 faces."""
-    document: dict[str, Any] = {
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a" * columns] * rows + ["#" * columns]},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_angle": 30},
-            "inner": {"tensile_strength": tension, "shear_strength": shear},
-        },
-        "loads": {"live": [{"body": [1, 0]}]},
-    }
-    return build_assembly(parse_scene(document))
 
 
 def scene(name: str) -> Assembly:
@@ -53,8 +42,31 @@ def random_segmentations(assembly: Assembly, count: int, seed: int) -> Bits:
     return labellings
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
+def apart(name: str, *arguments: Any) -> Any:
+    """What a function returns, as JSON, from a process of its own, whose memory is its own; name: "large.solved"."""
+    module, _, function = name.rpartition(".")
+    code = f"import json; from benchmarks.{module} import {function} as f; print(json.dumps(f(*{arguments!r})))"
+    answer = subprocess.run([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(answer.stdout.splitlines()[-1])
+
+
+def run_parts(**parts: Callable[[], None]) -> None:
+    """Run the part of a benchmark that the command line names, with what stands behind the name, or all parts."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ""
+    if name in parts:
+        del sys.argv[1]
+    for part in [parts[name]] if name in parts else parts.values():
+        part()
+
+
+def load_of_machine() -> str:
+    """How many processes asked for the cores in the last minute, in a sentence."""
+    return f"Load of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+
+
+def table(head: Sequence[str] | str, rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown; head: names of columns, or one text with " | " between them."""
+    head = head.split(" | ") if isinstance(head, str) else head
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 

@@ -1,13 +1,11 @@
-"""How soon each driver finds the best labelling and the front: `python -m benchmarks.drivers [--full]`.
+"""How soon each driver finds the best labelling and the front, on scenes small enough to enumerate.
 
-On scenes small enough to enumerate, λ is read from the enumerated table, so that thousands of runs are cheap.
-Writes tables (CSV and Markdown) into `benchmarks/results/`: `drivers` with --full, else `drivers_quick`, of the
-smallest scene, fewer evaluations and three seeds.
+λ is read from the enumerated table, so that thousands of runs are cheap. `python -m benchmarks.drivers` writes tables
+(CSV and Markdown) into `benchmarks/results/`.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
@@ -20,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.common import RESULTS
-from benchmarks.search_scenes import ENUMERATED, built
+from benchmarks.scenes import ENUMERATED, built
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import Status
@@ -34,6 +32,7 @@ from jld_explore.space.count_values import counts
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)
 DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")
+SEEDS: Final = 10
 SAMPLERS: Final = {"Random": (3, 1_000), "NSGAII": (1, 1_000), "TPE": (1, 100), "GP": (1, 100)}
 """Seeds and evaluations that are affordable: a trial takes NSGA-II 20 ms, TPE half a second once it has seen many."""
 
@@ -170,34 +169,27 @@ def target(rows: pd.DataFrame, scene: Known, name: str) -> str:
     return f"{scene.name}: {name} at the best of {len(scene.table)} within {within} in {good} of {len(first)} seeds"
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run what was asked for and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--full", action="store_true", help="three scenes, 10 seeds, up to 10 000 evaluations")
-    asked = parser.parse_args(arguments)
-    RESULTS.mkdir(exist_ok=True)
-    seeds, budget = (10, CHECKPOINTS[-1]) if asked.full else (3, 1_000)
+def main() -> None:
+    """Run all drivers on all scenes, and write the tables."""
     rows: list[dict[str, Any]] = []
     lines: list[str] = []
     lacking: dict[str, None] = {}
-    for name in ENUMERATED if asked.full else list(ENUMERATED)[:1]:
+    for name in ENUMERATED:
         scene = known(name)
         for driver in DRIVERS:
-            rows += judge(scene, driver, seeds, budget)
-        for sampler, (most, evaluations) in SAMPLERS.items():
+            rows += judge(scene, driver, SEEDS, CHECKPOINTS[-1])
+        for sampler, (seeds, evaluations) in SAMPLERS.items():
             try:
-                rows += judge(scene, f"optuna:{sampler}", min(most, seeds), min(evaluations, budget))
+                rows += judge(scene, f"optuna:{sampler}", seeds, evaluations)
             except InputError as error:
                 lacking[f"Not measured: {error}."] = None
         lines += [target(pd.DataFrame(rows), scene, driver) for driver in DRIVERS if "genetic" in driver]
         sys.stderr.write("\n".join(lines[-2:]) + "\n")
     table = summarise(pd.DataFrame(rows))
-    stem = "drivers" if asked.full else "drivers_quick"
-    if asked.full:
-        pd.DataFrame(rows).to_csv(RESULTS / f"{stem}_runs.csv", index=False, float_format="%.6g")
-        table.to_csv(RESULTS / f"{stem}.csv", index=False, float_format="%.6g")
+    pd.DataFrame(rows).to_csv(RESULTS / "drivers_runs.csv", index=False, float_format="%.6g")
+    table.to_csv(RESULTS / "drivers.csv", index=False, float_format="%.6g")
     text = ["# What drivers find", *(f"- {line}" for line in lines), *lacking, markdown(table)]
-    (RESULTS / f"{stem}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
+    (RESULTS / "drivers.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
 
 
 def markdown(table: pd.DataFrame) -> str:

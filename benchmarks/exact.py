@@ -3,8 +3,6 @@
 Walls of nx × ny cells, the bottom row supports, under a horizontal body load, blocks of 1 to s cells; then a beam on
 two bearings, a flat arch between abutments, a larger wall. Times are of the whole command, pictures apart. Then whole
 fronts, the best for every number of dry faces.
-Then how far drivers that prove nothing stay below the best known in equal time (`… 120 600 rivals`, or one of them
-anew, `… rivals anneal`).
 `python -m benchmarks.exact SECONDS LONG proofs` gives every wall and every other scene that long at the most, and
 measures that section alone; `… two` proves what a time was asked for by two jobs, by the clock, on a quiet machine.
 """
@@ -15,24 +13,17 @@ import math
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
 
-import numpy as np
 from studies.scenes import corner
 
 from benchmarks.common import RESULTS, table, write
-from benchmarks.scenes import cubes, vault
-from jld_core import Scene, build_assembly, load_scene, parse_scene
-from jld_core.limit import LimitAnalysis
-from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
-from jld_core.limit.relaxation import Relaxation
+from benchmarks.scenes import ANGLE, ENUMERATED, STRENGTH, cubes, grid, strength, vault
+from jld_core import Scene, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import search_space
 
 WALLS: Final = (
@@ -60,29 +51,6 @@ _RATE: Final = 1000.0
 """Labellings a second that enumeration is taken to evaluate."""
 
 _COUNTED: Final = 300_000
-_LISTED: Final = 4000
-"""Possible blocks above which the relaxation by blocks is left out."""
-
-RIVALS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
-    ("anneal", {}),
-    ("genetic", {"aim": "best"}),
-    ("hillclimb", {}),
-    ("optuna", {"sampler": "TPE"}),
-)
-"""Drivers without proof, and their options."""
-
-SEEDS: Final = 3
-EQUAL: Final = 5.0
-"""Processor seconds that each of them gets."""
-
-COMPARED: Final = (
-    *(f"{across} × {up}, s = {cells}, {strength / 1e3:g} kPa" for across, up, cells, strength, _ in (*WALLS, *LARGE)),
-    "beam on bearings (flagship), blocks of 2–6",
-    "wall of 88 faces, 6 × 9, s = 4, 20 kPa",
-    "flat arch, 67 faces, σc = 5 MPa, blocks of 2–6",
-)
-"""Scenes on which they are compared."""
-
 FRONTS: Final = (
     "4 × 6, s = 2, 20 kPa",
     "4 × 6, s = 3, 20 kPa",
@@ -108,53 +76,21 @@ NOTE: Final = (
     "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "
     "labellings ruled out; relaxations: programs solved to find them; solves: labellings evaluated."
 )
-OPEN: Final = (
-    "Walls of blocks of two with a root gap beyond 20 % (8 × 10, 10 × 12) are proven by a tree of block choices (of "
-    "faces 37 thousand conflicts, in 110 s, did not bring that one's bound from 0.562 down to 0.541), all others by "
-    "conflicts of faces, shrunk many at a time in the kernel from the bound at the root down. Where time ran out the "
-    "bound is that of the last step that was refuted. What stands against the rest: on the 8 × 10 wall in blocks of up "
-    "to three the conflicts of a step grow from dozens to tens of thousands as λ comes down; in the crushable arch, "
-    "whose joints are taken as their hull (87.87 at the root in the kernel, 87.85 by two copies of each that share the "
-    "forces), they double with every 1.5 to 2 units of λ. Relaxing whole sections together in all ways to label them "
-    "(sections.md) is exact in some coarse beams; the four faces of each cell together bound the flagship by 25.2 "
-    "(face by face 121.8, whole blocks 16.3). The cubes and the corner have their optimum at the root: one mechanism "
-    "bounds all layouts. A proof that lasts asks the relaxation "
-    "by blocks for one bound, once it has taken about as long as that does: 0.2 s for the vault (341, face by face "
-    "519), 40 s for the arch (67.9, face by face 87.9), whose bound comes from there."
-)
 
 
-def wall(across: int, up: int, cells: int, strength: float) -> Scene:
+def wall(across: int, up: int, cells: int, strong: float) -> Scene:
     """A wall with a row of supports at its foot."""
-    document: dict[str, Any] = {
-        "name": f"wall {across} × {up}",
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a" * across] * (up - 1) + ["#" * across]},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": strength, "shear_strength": strength},
-        },
-        "loads": {"live": [{"body": [1, 0]}]},
-        "search": {"block_cells": [1, cells]},
-    }
-    return parse_scene(document)
+    rows = ["a" * across] * (up - 1) + ["#" * across]
+    dry, search = {"friction_coefficient": 0.75}, {"block_cells": [1, cells]}
+    return grid(rows, None, strength(strong), search, dry=dry, name=f"wall {across} × {up}")
 
 
 def arch() -> Scene:
     """A flat arch of 67 faces between abutments, all of it crushable, under a force on its middle."""
-    inner = {"tensile_strength": 2e6, "shear_strength": 2e5, "compressive_strength": 5e6}
-    document: dict[str, Any] = {
-        "name": "flat arch between abutments",
-        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["#aaaaaaaaa#"] * 4},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_angle": 30, "compressive_strength": 5e6},
-            "inner": inner,
-        },
-        "loads": {"live": [{"element": "c5r0", "force": [0, -1000]}]},
-        "search": {"block_cells": [2, 6]},
-    }
-    return parse_scene(document)
+    load = [{"element": "c5r0", "force": [0, -1000]}]
+    crush, search = {"compressive_strength": 5e6}, {"block_cells": [2, 6]}
+    rows = ["#aaaaaaaaa#"] * 4
+    return grid(rows, load, STRENGTH | crush, search, dry=ANGLE | crush, name="flat arch between abutments")
 
 
 def winds() -> Scene:
@@ -166,25 +102,23 @@ def winds() -> Scene:
 
 def in_space() -> dict[str, Scene]:
     """Spatial scenes by name."""
-    found = {}
-    for name, scene in (
-        ("3 × 3 × 3 cubes, blocks of 1–4, 20 kPa", cubes(3)),
-        ("corner of five courses, blocks of 1–4, 0.2 MPa", corner(5, math.radians(225.0), None)),
-    ):
-        document = scene.model_dump(mode="json", exclude_defaults=True)
-        found[name] = parse_scene(document | {"search": {"block_cells": [1, 4]}})
-    return {**found, "barrel vault, 21 voussoirs, blocks of 1–3, 20 kPa": vault()}
+    document = corner(5, math.radians(225.0), None).model_dump(mode="json", exclude_defaults=True)
+    limit = {"block_cells": [1, 4]}
+    return {
+        "3 × 3 × 3 cubes, blocks of 1–4, 20 kPa": cubes(search=limit),
+        "corner of five courses, blocks of 1–4, 0.2 MPa": parse_scene(document | {"search": limit}),
+        "barrel vault, 21 voussoirs, blocks of 1–3, 20 kPa": vault(),
+    }
 
 
 def scenes() -> dict[str, tuple[Scene, float, str]]:
     """Scenes by name, with the seconds each may take and the time asked for."""
-    flagship = Path(__file__).parent.parent / "scenes" / "flat_beam_arch.json"
     found: dict[str, tuple[Scene, float, str]] = {
         f"{across} × {up}, s = {cells}, {strength / 1e3:g} kPa": (wall(across, up, cells, strength), most, asked)
         for walls, most in ((WALLS, SECONDS), (LARGE, LONG))
         for across, up, cells, strength, asked in walls
     }
-    found["beam on bearings (flagship), blocks of 2–6"] = (load_scene(flagship), LONG, "600 s")
+    found["beam on bearings (flagship), blocks of 2–6"] = (ENUMERATED["flagship"](), LONG, "600 s")
     found["6 × 8, s = 3, 20 kPa, two cases"] = (winds(), SECONDS, "twice one")
     found["wall of 88 faces, 6 × 9, s = 4, 20 kPa"] = (wall(6, 9, 4, 2e4), LONG, "600 s")
     found["flat arch, 67 faces, σc = 5 MPa, blocks of 2–6"] = (arch(), LONG, "600 s, to 5 %")
@@ -253,27 +187,6 @@ def by_two() -> list[list[str]]:
     return rows
 
 
-def roots(best: dict[str, float]) -> list[list[str]]:
-    """Rows of the table of bounds that proofs of walls begin at, face by face and block by block. best: λ found."""
-    rows = []
-    for name, (scene, _, _) in scenes().items():
-        assembly = build_assembly(scene)
-        if assembly.cases:
-            continue
-        space, analysis = search_space(scene, assembly), LimitAnalysis(assembly)
-        blocks, scale = possible_blocks(space), analysis.template.scaling.load
-        if name not in best or blocks is None or not applies_to(analysis) or len(blocks) > _LISTED:
-            continue
-        faces = Relaxation(analysis).bound(space.fixed, space.candidates)
-        every = np.ones(len(blocks), dtype=bool)
-        choice = BlockRelaxation(analysis, blocks.members, blocks.inside).choose(every, best[name] / scale, faces)
-        found = [faces * scale, choice.bound * scale]
-        above = [f"{bound:.4f} ({bound / best[name] - 1.0:.1%})" for bound in found]
-        rows.append([name, str(len(blocks)), f"{best[name]:.4f}", *above])
-        print(rows[-1], flush=True)
-    return rows
-
-
 def fronts() -> list[list[str]]:
     """Rows of the table of whole fronts."""
     rows = []
@@ -297,45 +210,7 @@ def fronts() -> list[list[str]]:
     return rows
 
 
-def rival(name: str, which: int, seed: int) -> float:
-    """λ that a rival ends with, −inf where it found nothing."""
-    driver, options = RIVALS[which]
-    facts = summary_of(scenes()[name][0], driver=driver, options=options, seconds=EQUAL, seed=seed)
-    return -math.inf if facts["best"] is None else float(facts["best"])
-
-
-def distances(known: dict[str, float], measured: list[int], kept: dict[str, list[str]]) -> list[list[str]]:
-    """How far below the best λ known each rival ends, percent, median and worst over seeds; two processes at work.
-
-    measured: which of RIVALS, the others have their cells of rows that are kept.
-    """
-    rows = []
-    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        asked = {
-            (name, which): [pool.submit(rival, name, which, seed) for seed in range(SEEDS)]
-            for name in known
-            for which in measured
-        }
-        for name, best in known.items():
-            row = [name]
-            for which in range(len(RIVALS)):
-                if which not in measured:
-                    row.append(kept[name][which] if name in kept else "–")
-                    continue
-                # −0 is 0
-                gaps = sorted(round(100.0 * (1.0 - one.result() / best), 4) + 0.0 for one in asked[name, which])
-                row.append(f"{gaps[SEEDS // 2]:.2g} / {gaps[-1]:.2g}")
-            rows.append(row)
-            print(row, flush=True)
-    return rows
-
-
-HEADS: Final = {
-    "two": "Two jobs",
-    "starts": "Where proofs start",
-    "fronts": "Whole fronts",
-    "rivals": "How far below the best known the others end",
-}
+HEADS: Final = {"two": "Two jobs", "fronts": "Whole fronts"}
 """Sections behind the first, `proofs`, by the word that asks for them."""
 
 
@@ -350,31 +225,21 @@ def sections(text: str) -> dict[str, str]:
 
 
 def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
-    """Prove every scene, or report the gap it got to; then hold the other drivers against what is proven.
+    """Prove every scene, or report the gap it got to.
 
     wanted: sections to be measured anew, all without any; the others stay as they are in the file.
     """
     wanted = wanted or ("proofs", *HEADS)
     path = RESULTS / "exact.md"
     parts = sections(path.read_text(encoding="utf-8").rpartition("\n\n")[0]) if path.exists() else {}
-    head = ["scene", "space", "λ", "bound", "gap", "stopped", "conflicts", "relaxations", "solves", "s", "asked"]
-    head.append("s to enumerate")
+    head = "scene | space | λ | bound | gap | stopped | conflicts | relaxations | solves | s | asked | s to enumerate"
     if "proofs" in wanted:
         rows = proofs(seconds, long)
-        parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
+        said = parts.get("", "").rpartition("\n\n")[2]  # what was found, by hand
+        parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), said))
     if "two" in wanted:
         found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
         parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
-    best: dict[str, float] = {}
-    for head_of, column in (("", 2), (HEADS["two"], 1)):
-        rows = [line.strip("| ").split(" | ") for line in parts.get(head_of, "").splitlines() if line.startswith("| ")]
-        for row in rows[2:]:
-            if row[column] != "none":
-                best[row[0]] = max(float(row[column]), best.get(row[0], 0.0))
-    if "starts" in wanted:
-        found = table(["scene", "possible blocks", "best λ", "relaxed face by face", "block by block"], roots(best))
-        words = "Bounds on all labellings at once, and how far above the best λ known."
-        parts[HEADS["starts"]] = f"{words}\n\n{found}"
     if "fronts" in wanted:
         columns = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
         found = table(columns, fronts())
@@ -384,17 +249,6 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
             "one formula with all that the solver learns."
         )
         parts[HEADS["fronts"]] = f"{words}\n\n{found}"
-    if "rivals" in wanted:
-        known = {row: best[row] for row in COMPARED if row in best}
-        names = [" ".join((driver, *options.values())) for driver, options in RIVALS]
-        measured = [k for k, (driver, _) in enumerate(RIVALS) if driver in wanted] or list(range(len(RIVALS)))
-        words = (
-            f"Percent of the best λ known, median / worst of {SEEDS} seeds, after {EQUAL:g} s of one processor each: "
-            f"{len(known) * len(RIVALS) * SEEDS * EQUAL / 120:.0f} minutes in two processes. Below 0: stronger than it."
-        )
-        lines = [line.strip("| ").split(" | ") for line in parts.get(HEADS["rivals"], "").splitlines()]
-        kept = {name: cells for name, *cells in lines if len(cells) == len(RIVALS)}
-        parts[HEADS["rivals"]] = f"{words}\n\n{table(['scene', *names], distances(known, measured, kept))}"
     write("exact", "\n\n## ".join([parts.pop(""), *(f"{head}\n\n{body}" for head, body in parts.items())]))
 
 

@@ -1,102 +1,379 @@
-"""Large scenes before and after: contacts, first layout, and λ of one layout, by processor time and memory.
+"""Large scenes: how reading and searching grow with the number of cells, every kind of answer, and a search.
 
-The scenes of benchmarks/growth.py: square walls on a row of supports and cubes of cubes on a slab, blocks of up to four
-cells that may crack, under a horizontal body load. Each size is a process of its own with one thread. λ runs from the
-assembly to a bracket that the prover has checked. Before: version 0.2, as benchmarks/results/growth.md recorded it.
+`python -m benchmarks.large [growth|answers|search]` writes a table for each part. Square walls of cells on a row of
+supports, and cubes of cubes on a slab, under a horizontal body load, with blocks of up to four cells.
 """
 
 from __future__ import annotations
 
+import itertools
+import json
+import math
+import resource
+import signal
+import subprocess
 import sys
-from collections.abc import Sequence
-from typing import Final
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
 
-from benchmarks.common import about, table, write
-from benchmarks.growth import Found, run
+import numpy as np
 
-SIZES: Final = (
-    ("planar", 32),
-    ("planar", 100),
-    ("planar", 178),
-    ("spatial", 5),
-    ("spatial", 10),
-    ("spatial", 16),
-    ("spatial", 22),
-)
-"""Kind and cells along an edge, up to 31 684 planar cells and 10 648 cubes."""
+from benchmarks.common import ROOT, about, apart, load_of_machine, run_parts, table, write
+from benchmarks.scenes import box, strength
+from jld_core import build_assembly, load_scene, parse_scene, solve
+from jld_core.threads import one_thread
+from jld_explore.drivers import make_driver
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
+from jld_explore.space import search_space
+from jld_explore.space.symmetry import symmetry_group
 
-BEFORE: Final = {
-    ("planar", 32): ("0.06", "0.08", "2.79", "272"),
-    ("planar", 100): ("0.75", "2.52", "188.32, uncertified", "637"),
-    ("planar", 178): ("3.04", "23.35", "over 120", "–"),
-    ("spatial", 5): ("0.10", "0.01", "2.49", "250"),
-    ("spatial", 10): ("1.00", "0.07", "85.86", "3177"),
-    ("spatial", 16): ("4.90", "0.58", "over 150", "–"),
-    ("spatial", 22): ("15.87", "3.40", "over 150", "–"),
-}
-"""Contacts, first layout and λ in seconds, and the highest memory in MB, of version 0.2."""
+SIZES: Final = {"planar": (10, 32, 100, 178, 317), "spatial": (5, 10, 16, 22, 47)}
+"""Cells along an edge: up to 100 489 and 103 823 cells."""
 
-NUMBERS: Final = (
-    ("1", "10 000 planar cells, one layout, s", "15", "188, uncertified", "12.7", "large"),
-    ("1", "31 684 planar cells, s", "80", "over 120", "33.9", "large"),
-    ("1", "1 000 cubes, s and MB", "6, 400", "85.9, 3 177", "3.6, 323", "large"),
-    ("1", "4 096 cubes, s and MB", "60, 1 500", "over 150", "56.8, 941", "large"),
-    ("1", "10 648 cubes, s and MB", "400, 4 000", "over 150", "325.8, 3 190", "large"),
-    ("1", "walls of scale.md, time after for time before", "1.03", "1", "0.74 to 0.91", "scale_pair CHECKOUT"),
-    (
-        "1",
-        "3 025 cells: crushing, load cases, locked, unstable, λ = 0, s",
-        "–",
-        "–",
-        "13, 7, 9, 1, 10",
-        "large_answers",
-    ),
-    ("1", "3 025 cells between supports, s", "–", "over 110", "3 to 11", "large_answers"),
-    ("2", "2 500 cells, s of the processor a layout", "1.2", "1.45 to 1.9", "1.01", "large_search"),
-    ("2", "the same, two load cases; supported beside", "1.2", "–", "1.89, not reached; 0.95", "large_search"),
-    ("2", "10 000 cells, first layout, s", "1", "2.5", "0.18", "large"),
-    ("2", "contacts of 103 823 cubes, s", "60", "103", "40", "growth"),
-    ("2", "solved again after a local change", "measured", "–", "in its table", "local_change"),
-    ("3", "946 faces, ms a layout by the batch solver", "half of before", "37.7", "7.4", "lanes"),
-    ("3", "2 016 faces, ms a layout by the batch solver", "fifth of before", "130.1", "13.4", "lanes"),
-    ("4", "genetic, 88 faces, two jobs, times by the clock", "1.5", "1.2", "1.62", "two_jobs"),
-    ("4", "random, 88 faces, two jobs, times by the clock", "as before", "1.83", "1.81", "two_jobs"),
-    ("5", "jld solve on a small scene, s", "0.8", "1.27", "0.60", "start_up"),
-    ("5", "jld --help, s", "0.3", "0.03", "0.03", "start_up"),
-    ("5", "make demo in a fresh clone, s", "60", "–", "43 (setup and search by the clock, once)", "start_up --demo"),
-    ("6", "gap of the 8 × 10 wall, blocks of three, after 240 s, %", "2", "3.4", "in its table", "exact"),
-    ("6", "flagship by fields, in place of halved cells", "replaced", "halved", "in its table", "fields_search"),
-    ("7", "a million rows, GB", "1.2", "1.50", "0.95", "million"),
-    ("7", "their tables, s", "12", "25.5", "9.5", "million"),
-    ("7", "page of 20 000 rows opens, s", "2", "–", "1.15", "page_rows"),
-)
-"""Numbers asked for: part, what, asked, before and now as last measured, and the module that measures the last."""
+PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
+
+SECONDS: Final = 300
+"""Processor time of one size."""
+
+BYTES: Final = 12 << 30
+"""Address space of one size."""
+
+Found = dict[str, Any]
 
 
-def others() -> str:
-    """Return the table of `NUMBERS`."""
-    head = ["part", "number", "asked", "before", "now", "`python -m benchmarks.NAME`"]
-    return "## All numbers, each by one command\n\n" + table(head, NUMBERS)
+def document(kind: str, edge: int) -> dict[str, Any]:
+    """The scene of a kind with so many cells along an edge, supports beside them."""
+    common = {
+        "materials": {"density": 1400, "dry": {"friction_coefficient": 0.75}, "inner": strength(2e6)},
+        "loads": {"live": [{"body": [1, 0] if kind == "planar" else [1, 0, 0]}]},
+        "search": {"block_cells": [1, 4]},
+    }
+    if kind == "planar":
+        rows = ["a" * edge] * edge + ["#" * edge]
+        return {"name": f"{edge} × {edge}", "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows}, **common}
+    cells = [_cube(at, np.add(at, 1)) for at in itertools.product(range(edge), repeat=3)]
+    slab = _cube((0, 0, -1), (edge, edge, 0)) | {"support": True}
+    return {"name": f"{edge} × {edge} × {edge}", "elements": [slab, *cells], **common}
 
 
-def row(kind: str, edge: int, found: Found) -> list[str]:
-    """Return the row of one size: each number of version 0.2 and of now."""
+def _cube(low: Any, high: Any) -> dict[str, Any]:
+    ends = (tuple(0.1 * float(v) for v in end) for end in (low, high))
+    return box("-".join(str(v) for v in low), *ends)
+
+
+def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
+    """What each phase takes, as it ends. evaluate: solve the first labelling too."""
+    spent = time.process_time()
+
+    def ended(name: str, **more: Any) -> Found:
+        nonlocal spent
+        now = time.process_time()
+        seconds, spent = now - spent, now
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+        return {"phase": name, "seconds": seconds, "memory": memory, **more}
+
+    scene = load_scene(file)
+    yield ended("scene")
+    assembly = build_assembly(scene)
+    yield ended("contacts", cells=len(assembly.elements.free), faces=len(assembly.interfaces))
+    space = search_space(scene, assembly)
+    both = ended("space")
+    group = symmetry_group(assembly, scene.search, space.candidates, space.fixed)
+    alone = ended("symmetry", group=len(group))
+    yield alone
+    yield {**both, "seconds": max(both["seconds"] - alone["seconds"], 0.0)}
+    labelling = make_driver("random", space, 0).ask(1)
+    yield ended("driver")
+    if evaluate:
+        with one_thread():
+            found = evaluator_of(assembly, EvaluatorSettings()).evaluate_all(labelling)[0]
+        width = (found.high - found.low) / abs(found.high) if found.high else math.nan
+        yield ended("λ", load_factor=found.load_factor, status=str(found.status), width=width)
+
+
+def run(kind: str, edge: int, seconds: int = SECONDS, most: int = BYTES) -> Found:
+    """One size in a process of its own: seconds and memory by phase, as far as it came."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.json"
+        file.write_text(json.dumps(document(kind, edge)))
+        command = [sys.executable, "-m", "benchmarks.large", "one", str(file), str(seconds), str(most)]
+        answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    found: Found = {"kind": kind, "edge": edge, "seconds": {}, "memory": {}}
+    for line in answer.stdout.splitlines():
+        told = json.loads(line)
+        phase = told.pop("phase")
+        found["seconds"][phase], found["memory"][phase] = told.pop("seconds"), told.pop("memory")
+        found |= told
+    if answer.returncode:
+        said = answer.stderr.strip().splitlines()
+        # native code that is given no memory ends by a signal
+        native = answer.returncode in (-signal.SIGSEGV, -signal.SIGABRT)
+        memory = native or "memory" in (said[-1].lower() if said else "")
+        found["ended"] = f"{most / 2**30:g} GB" if memory else f"{seconds} s"
+    print(row_of(found), flush=True)
+    return found
+
+
+def row_of(found: Found) -> list[str]:
+    """A row of the table."""
     seconds, memory = found["seconds"], found["memory"]
-    now = [f"{seconds[phase]:.2f}" if phase in seconds else "–" for phase in ("contacts", "driver", "λ")]
-    now.append(f"{memory['λ']:.0f}" if "λ" in memory else "–")
-    cells = f"{edge ** (2 if kind == 'planar' else 3):,}".replace(",", " ")
-    pairs = [f"{old} → {new}" for old, new in zip(BEFORE[kind, edge], now, strict=True)]
-    return [kind, cells, *pairs, f"{found['width']:.0e}" if "width" in found else "–", found.get("status", "–")]
+    return [
+        found["kind"],
+        f"{found.get('cells', found['edge'] ** (2 if found['kind'] == 'planar' else 3)):,}".replace(",", " "),
+        f"{found['faces']:,}".replace(",", " ") if "faces" in found else "–",
+        *(f"{seconds[phase]:.2f}" if phase in seconds else "–" for phase in PHASES),
+        f"{memory['driver']:.0f}" if "driver" in memory else "–",
+        f"{memory['λ']:.0f}" if "λ" in memory else f"over {found.get('ended', 'the limit')}",
+    ]
 
 
-def main(wanted: Sequence[str] = ()) -> None:
-    """Measure sizes and write the table. wanted: names such as planar-100; empty for all."""
-    chosen = [(kind, edge) for kind, edge in SIZES if not wanted or f"{kind}-{edge}" in wanted]
-    rows = [row(kind, edge, run(kind, edge, seconds=900)) for kind, edge in chosen]
-    head = ["kind", "cells", "contacts, s", "first layout, s", "λ, s", "MB", "relative width", "status"]
-    text = "Times before and after were measured on machines of one type; it was idle after."
-    write("large", "\n\n".join(["# Large scenes", about(__doc__), text, table(head, rows), others()]))
+def exponent(series: list[Found], phase: str) -> str:
+    """Exponent of cells by least squares on logarithms, of sizes above 900 cells and a hundredth of a second."""
+    points = [(f["cells"], f["seconds"][phase]) for f in series if phase in f["seconds"] and f["cells"] > 900]
+    points = [(cells, seconds) for cells, seconds in points if seconds > 0.01]
+    if len(points) < 2:
+        return "–"
+    cells, seconds = np.log(np.array(points)).T
+    return f"{np.polyfit(cells, seconds, 1)[0]:.2f}"
+
+
+def growth() -> None:
+    """How reading and searching grow: phase by phase, planar and spatial, to 10⁵ cells.
+
+    Each size is a process of its own with its own limit of processor time and of memory; what it had not reached by
+    then is a dash. Scene: the file read and validated. Contacts: from it to the assembly. Symmetry: the isometries
+    looked for. Space: limits and connectivity, what may be labelled. Driver: the random driver up to its first
+    labelling. λ: that labelling solved and proven.
+    """
+    results = {kind: [run(kind, edge) for edge in sizes] for kind, sizes in SIZES.items()}
+    head = ["kind", "cells", "faces", *(f"{phase}, s" for phase in PHASES), "MB before λ", "MB with λ"]
+    rows = [row_of(found) for series in results.values() for found in series]
+    powers = [[kind, *(exponent(series, phase) for phase in PHASES)] for kind, series in results.items()]
+    parts = [
+        "# Growth with the number of cells",
+        about(growth.__doc__),
+        f"Limits of one size: {SECONDS} s and {BYTES / 2**30:g} GB, or what its row says. Memory is the highest so "
+        "far, of which Python and its libraries are some 200 MB.",
+        table(head, rows),
+        "Exponents of the number of cells, from 1 000 cells up (1: linear):",
+        table(["kind", *PHASES], powers),
+    ]
+    write("growth", "\n\n".join(parts))
+
+
+def _one(file: str, seconds: str, most: str) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+    resource.setrlimit(resource.RLIMIT_AS, (int(most), int(most)))
+    for phase in phases(Path(file)):
+        print(json.dumps(phase), flush=True)
+
+
+ANSWER_EDGE: Final = 55
+"""Cells along an edge of the wall."""
+
+Content = dict[str, Any]
+
+
+def crushing(content: Content) -> None:
+    """Stone and joints crush at 2 MPa."""
+    content["materials"]["dry"]["compressive_strength"] = 2e6
+    content["materials"]["inner"]["compressive_strength"] = 2e6
+
+
+def two_cases(content: Content) -> None:
+    """A push to each side."""
+    sides = {"right": [1, 0], "left": [-1, 0]}
+    content["loads"] = {"cases": [{"name": name, "live": [{"body": way}]} for name, way in sides.items()]}
+
+
+def locked(content: Content) -> None:
+    """A load straight down: no collapse at any λ."""
+    content["loads"] = {"live": [{"body": [0, -1]}]}
+
+
+def unstable(content: Content) -> None:
+    """A dead load that pushes sideways by three times the weight: no λ ≥ 0 is admissible."""
+    content["materials"]["gravity"] = [30, -9.81]
+
+
+def frictionless(content: Content) -> None:
+    """No friction in dry joints: λ = 0."""
+    content["materials"]["dry"]["friction_coefficient"] = 0.0
+
+
+def _held(content: Content, below: bool, live: list[int]) -> None:
+    """Hold a wall along both sides, and below or not; live: body load."""
+    rows = ["#" + row + "#" for row in content["grid"]["rows"]]
+    content["grid"]["rows"] = rows if below else rows[:-1]
+    content["loads"] = {"live": [{"body": live}]}
+
+
+def lifted(content: Content) -> None:
+    """Supported on both sides and below, lifted: stones break."""
+    _held(content, True, [0, 1])
+
+
+def lifted_aslant(content: Content) -> None:
+    """The same, lifted at 45°."""
+    _held(content, True, [1, 1])
+
+
+def hung_lifted(content: Content) -> None:
+    """Supported on both sides alone, lifted."""
+    _held(content, False, [0, 1])
+
+
+def hung_pressed(content: Content) -> None:
+    """Supported on both sides alone, pressed down."""
+    _held(content, False, [0, -1])
+
+
+def hung_weightless(content: Content) -> None:
+    """Supported on both sides alone, without weight, lifted."""
+    _held(content, False, [0, 1])
+    content["loads"]["dead"] = [{"body": [0, 1]}]
+
+
+def surrounded(content: Content) -> None:
+    """Supported all around, lifted: no collapse at any λ."""
+    _held(content, True, [0, 1])
+    rows = content["grid"]["rows"]
+    content["grid"]["rows"] = [rows[-1], *rows]
+
+
+def weighed(content: Content) -> None:
+    """Supported on the left side alone, lifted by its own weight: λ = 1."""
+    content["grid"]["rows"] = ["#" + row for row in content["grid"]["rows"][:-1]]
+    content["loads"] = {"live": [{"body": [0, 1]}]}
+
+
+KINDS: Final[dict[str, Callable[[Content], None]]] = {
+    function.__name__: function
+    for function in (
+        *(crushing, two_cases, locked, unstable, frictionless),
+        *(lifted, lifted_aslant, hung_lifted, hung_pressed, hung_weightless, surrounded, weighed),
+    )
+}
+"""Changes of the scene by name."""
+
+EXPECTED: Final = {"locked": "locked", "surrounded": "locked", "unstable": "unstable"}
+"""Status of each kind where it is not collapse."""
+
+
+def solve_kind(kind: str) -> dict[str, Any]:
+    """Solve one kind in this process; return seconds, MB, status and bracket."""
+    content = document("planar", ANSWER_EDGE)
+    KINDS[kind](content)
+    scene = parse_scene(content)
+    assembly = build_assembly(scene)
+    labels = make_driver("random", search_space(scene, assembly), 0).ask(1)[0]
+    start = time.process_time()
+    with one_thread():
+        found = solve(assembly, labels)
+    seconds = time.process_time() - start
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    return {"seconds": seconds, "memory": memory, "status": str(found.status), "bracket": found.bracket}
+
+
+def answers() -> None:
+    """One layout of 3 025 cells in blocks of up to four, for each kind of answer: from crushing to λ = 0.
+
+    The square wall with 55 cells along an edge, and one change each. Each case is a process of its own with one
+    thread: processor time from the assembly to a checked answer, and the highest memory.
+    """
+    rows = []
+    for kind, change in KINDS.items():
+        one = apart("large.solve_kind", kind)
+        if one["status"] != EXPECTED.get(kind, "collapse"):
+            raise SystemExit(f"{kind}: {one['status']}, expected {EXPECTED.get(kind, 'collapse')}")
+        ends = ["–" if end is None or end != end else f"{end:.9g}" for end in one["bracket"]]
+        rows.append([_words(change), one["status"], *ends, f"{one['seconds']:.1f}", f"{one['memory']:.0f}"])
+        print(rows[-1], flush=True)
+    found = table("scene | status | lower bound | upper bound | s | MB", rows)
+    write("large_answers", "\n\n".join(["# Answers of large scenes", about(answers.__doc__), found]))
+
+
+def _words(change: Callable[[Content], None]) -> str:
+    """What a change does, by its own first line."""
+    return (change.__doc__ or "").rstrip(".")
+
+
+SEARCH_EDGE: Final = 50
+"""Cells along an edge of the wall."""
+
+LAYOUTS: Final = 20
+"""Layouts that are counted of each wall."""
+
+
+def plain(content: Content) -> None:
+    """As it is."""
+
+
+def symmetric(content: Content) -> None:
+    """Pushed to each side, mirror images merged: two load cases a layout."""
+    two_cases(content)
+    content["search"]["symmetry"] = "mirror-x"
+
+
+def supported(content: Content) -> None:
+    """Supported along its left side as well."""
+    content["grid"]["rows"] = ["#" + row for row in content["grid"]["rows"]]
+
+
+WALLS: Final[dict[str, Callable[[Content], None]]] = {one.__name__: one for one in (plain, symmetric, supported)}
+"""Changes of the scene by name."""
+
+
+def solve_layouts(name: str, layouts: int) -> dict[str, Any]:
+    """Solve layouts of one wall; return their mean processor time, and how many have a bracket or a proof."""
+    content = document("planar", SEARCH_EDGE)
+    WALLS[name](content)
+    scene = parse_scene(content)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    driver, spent = make_driver("random", space, 0), 0.0
+    found: list[Evaluation] = []
+    evaluator = evaluator_of(assembly, EvaluatorSettings())
+    while len(found) <= layouts:
+        asked = driver.ask(layouts + 1 - len(found))
+        if not len(asked):
+            break
+        with one_thread():
+            for labels in asked:
+                start = time.process_time()
+                found += evaluator.evaluate_all(labels[None])
+                spent += (time.process_time() - start) * (len(found) > 1)
+    widths = [(one.high - one.low) / abs(one.high) for one in found if str(one.status) == "collapse"]
+    proven = sum(str(one.status) != "uncertified" for one in found)
+    return {"seconds": spent / (len(found) - 1), "layouts": len(found) - 1, "open": len(found) - proven,
+            "width": max(widths, default=math.nan)}  # fmt: skip
+
+
+def search() -> None:
+    """A search at 2 500 cells: processor time of a layout, proven to 1e-6, and layouts a minute on two free cores.
+
+    The square wall with 50 cells along an edge, blocks of up to four cells: as it is, under a push to each side with
+    mirror images merged, and with supports along one side as well. Layouts are those that the random driver asks for
+    first. Each wall is a process of its own with one thread, and layouts are solved one after another as a worker does;
+    the first one, which prepares what all share, is not counted. Layouts a minute: two workers at this rate.
+    `python -m benchmarks.large search LAYOUTS` takes another number.
+    """
+    layouts = int(sys.argv[1]) if len(sys.argv) > 1 else LAYOUTS
+    rows = []
+    for name, change in WALLS.items():
+        one = apart("large.solve_layouts", name, layouts)
+        numbers = [f"{one['seconds']:.2f}", f"{120.0 / one['seconds']:.0f}", f"{one['width']:.0e}", str(one["open"])]
+        rows.append([_words(change), str(one["layouts"]), *numbers])
+        print(rows[-1], flush=True)
+    found = table("wall | layouts | s of a layout | layouts a minute | widest bracket | uncertified", rows)
+    write("large_search", "\n\n".join(["# A search at 2 500 cells", about(search.__doc__), found, load_of_machine()]))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    if sys.argv[1:2] == ["one"]:
+        _one(*sys.argv[2:])
+    else:
+        run_parts(growth=growth, answers=answers, search=search)

@@ -8,13 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
-import subprocess
-import sys
-import tempfile
 import time
-import urllib.request
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -37,9 +31,6 @@ SECONDS: Final = 60.0
 
 TRIED: Final = 8
 """Number of steps of which times are taken."""
-
-TRIES: Final = 30
-"""Number of places to which a vertex is dragged."""
 
 
 def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: Any) -> Document:
@@ -205,139 +196,6 @@ def step_times() -> list[list[str]]:
     return rows
 
 
-def closed_form() -> list[list[str]]:
-    """Return the rows of the flat arch with moved joints: at 10° against (11.8), at 5° what it gains."""
-    limits: Document = {"vertices": "along", "box": 0.15, "angle": [20, 160]}
-    hinged = flat_arch(1, 10.0)
-    hinged["move"] |= limits
-    done, seconds = search(hinged, 1)
-    start = done.places - done.moved
-    top = float(done.places[np.argmin(np.linalg.norm(start - [1.2, HEIGHT], axis=1)), 0])
-    formula = flat_arch_load(top, 0.2, 0.1)
-    numbers = [f"{value:.10g}" for value in (done.start, done.value, formula)]
-    rows = [["10°", "1", *numbers, f"{abs(done.value / formula - 1.0):.1e}", f"{seconds:.1f}"]]
-    for document, name in ((flat_arch(3, 5.0), "3"), (seven_wedges(), "4, seven wedges")):
-        document["move"] |= {"vertices": "along", "edge": 0.05, "angle": [20, 160]}
-        done, seconds = search(document, 3)
-        before = "does not stand" if np.isnan(done.start) else f"{done.start:.10g}"
-        rows.append(["5°", name, before, f"{done.value:.10g}", "joints slide", "–", f"{seconds:.1f}"])
-    return rows
-
-
-def seven_wedges() -> Document:
-    """Return a flat arch of seven wedges under 1 kN, on piers of 0.9 × 1.2 m, friction 5°, 1 kN/m² of elevation.
-
-    Span 2 m and height 0.4 m. The trial does not state its geometry. These piers, weights and loads give both of its
-    proven values by (11.8), 1.6467 and 4.6367 with tops of the key's joints at 0.45 and 0.6, of springings at 1.6.
-    The wedges are chosen: a key of 0.6 m, equal ones beside it, joints through one point 2 m below.
-    """
-    bottoms = np.linspace(0.3, 1.0, 4)
-    tops = 1.2 * bottoms
-    elements: list[Document] = [
-        {"id": "key", "polygon": [[-0.3, 0.0], [0.3, 0.0], [float(tops[0]), 0.4], [-float(tops[0]), 0.4]]}
-    ]
-    outlines = {
-        f"wedge {k}": [[a, 0.0], [b, 0.0], [d, 0.4], [c, 0.4]]
-        for k, (a, b, c, d) in enumerate(zip(bottoms, bottoms[1:], tops, tops[1:], strict=False))
-    }
-    outlines["pier"] = [[1.0, -1.2], [1.9, -1.2], [1.9, 0.4], [tops[-1], 0.4], [1.0, 0.0]]
-    for name, points in outlines.items():
-        polygon = [[float(x), float(y)] for x, y in points]
-        elements += [{"id": f"{name} right", "polygon": polygon}]
-        elements += [{"id": f"{name} left", "polygon": [[-x, y] for x, y in polygon[::-1]]}]
-    elements.append(
-        {"id": "ground", "polygon": [[-3.0, -1.7], [3.0, -1.7], [3.0, -1.2], [-3.0, -1.2]], "support": True}
-    )
-    rough = [{"between": [f"pier {side}", "ground"], "dry": {"friction_angle": 60.0}} for side in ("right", "left")]
-    return {
-        "units": {"length": "m", "force": "kN"},
-        "thickness": 1.0,
-        "elements": elements,
-        "materials": {"density": 1.0 / 9.81, "dry": {"friction_angle": 5.0}, "faces": rough},
-        "loads": {"live": [{"element": "key", "force": [0.0, -1.0], "at": [0.0, 0.4]}]},
-        "move": {
-            "along": [{"at": [s * float(x), 0.4], "direction": [s, 0.0]} for x in tops for s in (1, -1)],
-            "ties": "mirror-x",
-        },
-    }
-
-
-def flat_arch_load(top: float, key: float, root: float) -> float:
-    """Return λ of the flat arch by (11.8): hinges at the key's top, the springings' bottom and the piers' toes."""
-    weight, half = 1000.0 * 9.81, 0.5 * SPAN
-    pieces = []
-    for outline in (
-        [(root, 0.0), (half, 0.0), (top, HEIGHT), (key, HEIGHT)],
-        [(0.0, 0.0), (root, 0.0), (key, HEIGHT), (0.0, HEIGHT)],
-        [(half, -DEEP), (half + WIDE, -DEEP), (half + WIDE, HEIGHT), (top, HEIGHT), (half, 0.0)],
-    ):
-        pairs = list(zip(outline, outline[1:] + outline[:1], strict=True))
-        turns = [a[0] * b[1] - b[0] * a[1] for a, b in pairs]
-        first = sum((a[0] + b[0]) * turn for (a, b), turn in zip(pairs, turns, strict=True))
-        pieces.append((0.5 * weight * sum(turns), weight * first / 6.0))
-    (wedge, about), (middle, _), (pier, pier_about) = pieces
-    constant = (middle * (half - key) + wedge * half - about) / HEIGHT
-    held = (middle + wedge) * WIDE + pier * (half + WIDE) - pier_about
-    return 2.0 * (held - constant * DEEP) / ((half - key) / HEIGHT * DEEP - WIDE)
-
-
-def drags() -> list[list[str]]:
-    """Return the rows of the table of vertices dragged in the studio, measured at its HTTP requests."""
-    cells = {"grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a" * 8] * 6 + ["#" * 8]}}
-    inner = {"tensile_strength": 2e6, "shear_strength": 2e5}
-    cells |= {"materials": {"density": 1400, "dry": {"friction_angle": 30}, "inner": inner}}
-    cells |= {"loads": {"live": [{"body": [1, 0]}]}, "labels": {"default": "dry"}}
-    push = {**wall(0.8), "loads": {"live": [{"body": [1.0, 0.0]}]}}
-    named = [("wall of 27 bricks", push), ("the same, two cases", wall(0.8)), ("wall of 6 × 8 cells", cells)]
-    named += [("semicircle of 89 voussoirs", arch(89, 0.18, 0.7, "quarter"))]
-    rows = []
-    for name, document in named:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "scene.json"
-            file.write_text(json.dumps(document), encoding="utf-8")
-            command = [sys.executable, "-m", "jld_explore", "studio", str(file), "--no-browser"]
-            server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-            assert server.stdout is not None
-            rows.append([name, *_dragged(server.stdout.readline().strip(), server.pid)])
-            server.terminate()
-            server.wait(timeout=20.0)
-            server.stdout.close()
-    return rows
-
-
-def _dragged(address: str, process: int) -> list[str]:
-    """Return the number of faces and the times of drags at a studio's address: clock and processor, ms."""
-
-    def ask(name: str, body: Document | None = None) -> Document:
-        """Return the answer to a request."""
-        content = None if body is None else json.dumps(body).encode()
-        asked = urllib.request.Request(f"{address}api/{name}", content, {"content-type": "application/json"})
-        with urllib.request.urlopen(asked, timeout=30.0) as answer:
-            found: Document = json.loads(answer.read())
-            return found
-
-    def spent() -> float:
-        """Return the processor time of the server so far, s."""
-        fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    data = ask("data")
-    joints, faces = data["studio"]["joints"], len(data["structure"]["faces"])
-    vertex = next(name for name in joints["paths"] if not joints["ties"].get(name))
-    place, path = joints["places"][int(vertex)], joints["paths"][vertex]
-    way = path.get("direction") or ([1.0, 0.5] if "circle" not in path else [-place[1], place[0]])
-    clock: list[float] = []
-    first = spent()
-    for k in range(1, TRIES + 1):
-        moved = [place[axis] + 1e-4 * k * way[axis] for axis in (0, 1)]
-        state = {"page": "a", "revision": k, "labelling": "d" * faces, "changes": {"vertices": {vertex: moved}}}
-        start = time.perf_counter()
-        ask("solve", state)
-        clock.append(1e3 * (time.perf_counter() - start))
-    each = 1e3 * (spent() - first) / TRIES
-    return [str(faces), f"{np.median(clock):.0f} / {np.quantile(clock, 0.95):.0f}", f"{each:.0f}"]
-
-
 def main() -> None:
     """Run all searches and proofs and write both tables."""
     rows = []
@@ -350,22 +208,13 @@ def main() -> None:
         effort = [str(starts), str(steps), str(solves), f"{seconds:.1f}", done.end]
         rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *effort, stands])
         print(rows[-1], flush=True)
-    head = ["what", "start", "end", "to reach", "starts", "steps", "solves", "s", "ended", "dead load stands"]
+    head = "what | start | end | to reach | starts | steps | solves | s | ended | dead load stands"
     text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread, processor time.\n\n"
     text += table(head, rows) + "\n\n## Proofs over boxes\n\nFlat arch on piers at 15°, gap asked for 1e-3.\n\n"
-    proven = ["parameters", "λ found", "bound", "gap", "boxes", "s", "checked in [s]", "best position"]
-    text += table(proven, proofs())
-    text += "\n\n## Closed form\n\nThe flat arch with moved ends of its joints, λ in N, against (11.8) of "
-    text += "docs/method.md. The last row is in kN: the trial's flat arch, from 0.180 to 1.274 there; its geometry is "
-    text += "not stated, and this one is reconstructed (see `seven_wedges`).\n\n"
-    head = ["friction", "parameters", "λ before", "λ moved", "(11.8)", "difference", "s"]
-    text += table(head, closed_form())
+    text += table("parameters | λ found | bound | gap | boxes | s | checked in [s] | best position", proofs())
     text += "\n\n## Steps\n\nProcessor time of one step: a program over forces and positions, and a proven solve.\n\n"
-    text += table(["scene", "faces", "cases", "variables", "median [s]", "largest [s]"], step_times())
-    text += "\n\n## Dragging in the studio\n\nFrom an HTTP request with a moved vertex to its answer with proven λ, "
-    text += f"{TRIES} places; goal 50 ms up to 90 faces. Load average of the machine: {os.getloadavg()[0]:.1f}.\n\n"
-    head = ["scene", "faces", "median / 95 % [ms]", "processor of the server [ms]"]
-    write("moving_joints", text + table(head, drags()))
+    head = "scene | faces | cases | variables | median [s] | largest [s]"
+    write("moving_joints", text + table(head, step_times()))
 
 
 if __name__ == "__main__":

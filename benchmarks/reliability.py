@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.common import about, table, write
-from benchmarks.search_scenes import LARGE
+from benchmarks.scenes import LARGE
 from jld_core import build_assembly, parse_scene
 from jld_core.batch.library import described
 from jld_core.limit import LimitAnalysis

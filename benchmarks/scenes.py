@@ -1,14 +1,17 @@
-"""Scenes of given size that several benchmarks measure on: grids of cells, brick walls, cubes."""
+"""Scenes that several benchmarks measure on: grids of cells, brick walls, cubes, and those of searches."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Scene, parse_scene
+from benchmarks.common import ROOT
+from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene
+from jld_explore.space import SearchSpace, search_space
 
 LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 GRIDS: Final = {
@@ -20,6 +23,8 @@ GRIDS: Final = {
 """Rows of cells by the number of faces they make."""
 
 STRENGTH: Final = {"tensile_strength": 2e6, "shear_strength": 2e5}
+ANGLE: Final[dict[str, float]] = {"friction_angle": 30}
+"""Inner and dry faces of the paper's stone."""
 
 
 def bonded(rows: list[str], length: int = 2) -> list[str]:
@@ -38,17 +43,34 @@ def grid(
     live: list[dict[str, Any]] | None = None,
     inner: dict[str, float] = STRENGTH,
     search: dict[str, Any] | None = None,
+    *,
+    cell: tuple[float, float] = (0.1, 0.1),
+    thickness: float = 0.1,
+    density: float = 1400,
+    dry: dict[str, float] = ANGLE,
+    name: str = "",
 ) -> Scene:
-    """Cells of 0.1 m of the paper's stone: 1400 kg/m³, dry 30°. live: default a horizontal body load."""
+    """Cells of the paper's stone unless other values are given. live: default a horizontal body load."""
     return parse_scene(
         {
-            "name": f"grid of {len(rows) - 1} rows",
-            "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
-            "materials": {"density": 1400, "dry": {"friction_angle": 30}, "inner": inner},
+            "name": name or f"grid of {len(rows) - 1} rows",
+            "grid": {"cell": list(cell), "thickness": thickness, "rows": rows},
+            "materials": {"density": density, "dry": dry, "inner": inner},
             "loads": {"live": live or [{"body": [1, 0]}]},
             "search": search or {},
         }
     )
+
+
+def strength(value: float) -> dict[str, float]:
+    """Equal tensile and shear strength of inner faces, Pa."""
+    return {"tensile_strength": value, "shear_strength": value}
+
+
+def wall(rows: int, columns: int, tension: float = 2e6, shear: float = 2e5) -> Assembly:
+    """A wall of cells of 0.1 m on a row of supports under a horizontal body load; 6 × 8 cells have 90 faces."""
+    inner = {"tensile_strength": tension, "shear_strength": shear}
+    return build_assembly(grid(["a" * columns] * rows + ["#" * columns], inner=inner))
 
 
 def box(name: str, low: tuple[float, ...], high: tuple[float, ...], **keys: Any) -> dict[str, Any]:
@@ -106,7 +128,12 @@ def brick_wall(
     )
 
 
-def cubes(side: int = 3, inner: float = 2e4) -> Scene:
+def cubes(
+    side: int = 3,
+    inner: float = 2e4,
+    load: tuple[float, float, float] = (1.0, 0.3, 0.0),
+    search: dict[str, Any] | None = None,
+) -> Scene:
     """side³ cubes of 0.1 m on a slab, pushed at an upper corner; inner: σt = τ, Pa."""
     elements = [
         box(f"c{x}{y}{z}", (0.1 * x, 0.1 * y, 0.1 * z), (0.1 * (x + 1), 0.1 * (y + 1), 0.1 * (z + 1)))
@@ -119,12 +146,9 @@ def cubes(side: int = 3, inner: float = 2e4) -> Scene:
         {
             "name": f"cubes {side}×{side}×{side}",
             "elements": elements,
-            "materials": {
-                "density": 1400,
-                "dry": {"friction_angle": 30},
-                "inner": {"tensile_strength": inner, "shear_strength": inner},
-            },
-            "loads": {"live": [{"element": f"c00{side - 1}", "force": [1, 0.3, 0]}]},
+            "materials": {"density": 1400, "dry": ANGLE, "inner": strength(inner)},
+            "loads": {"live": [{"element": f"c00{side - 1}", "force": list(load)}]},
+            "search": search or {},
         }
     )
 
@@ -144,12 +168,40 @@ def vault(across: int = 9, deep: int = 3, inner: float = 2e4) -> Scene:
         {
             "name": f"barrel vault of {across} × {deep} voussoirs",
             "elements": elements,
-            "materials": {
-                "density": 1400,
-                "dry": {"friction_coefficient": 0.75},
-                "inner": {"tensile_strength": inner, "shear_strength": inner},
-            },
+            "materials": {"density": 1400, "dry": {"friction_coefficient": 0.75}, "inner": strength(inner)},
             "loads": {"live": [{"element": f"v{across // 4}y0", "force": [0, 0, -10]}]},
             "search": {"block_cells": [1, 3]},
         }
     )
+
+
+def middle(*columns: int) -> list[dict[str, Any]]:
+    """Equal loads on the top of some columns."""
+    return [{"element": f"c{column}r0", "force": [0, -1]} for column in columns]
+
+
+def searched(rows: list[str], cells: list[int], live: list[dict[str, Any]]) -> Callable[[], Scene]:
+    """A grid whose blocks have so many cells."""
+    return lambda: grid(rows, live, search={"block_cells": cells})
+
+
+ENUMERATED: Final[dict[str, Callable[[], Scene]]] = {
+    "flagship": lambda: load_scene(ROOT / "scenes" / "flat_beam_arch.json"),
+    "bridge 7x3": searched(["a" * 7] * 3 + ["##...##"], [3, 6], middle(2, 3, 4)),
+    # pushed at its top left corner: no symmetry, and a best that is no sliding of the whole
+    "wall 6x4": searched(["a" * 6] * 4 + ["##..##"], [2, 3], [{"element": "c1r0", "force": [1, -2]}]),
+}
+"""Scenes that searches are measured on, small enough to enumerate: 6 382, 42 764 and 115 958 classes."""
+
+LARGE: Final[dict[str, Callable[[], Scene]]] = {
+    "planar 88 faces": searched(["a" * 8] * 6 + ["###..###"], [2, 6], middle(3, 4)),
+    "planar 278 faces": searched(["a" * 15] * 10 + ["#......#......#"], [2, 6], middle(3, 4, 10, 11)),
+    "spatial 3x3x3": lambda: cubes(search={"block_cells": [2, 6]}),
+}
+"""Scenes beyond that."""
+
+
+def built(scene: Scene) -> tuple[Assembly, SearchSpace]:
+    """Assembly and search space of a scene."""
+    assembly = build_assembly(scene)
+    return assembly, search_space(scene, assembly)

@@ -11,8 +11,6 @@ from jld_core import Assembly
 from jld_core.arrays import Bits
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 
-cp: Any = importlib.import_module("cvxpy")  # half of it is typed, and a strict check trips over the other
-
 CLARABEL_DEFAULT: Final = {"tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8, "tol_feas": 1e-8}
 
 
@@ -22,19 +20,20 @@ def stated(assembly: Assembly, labels: Bits, solver: str = "CLARABEL", **options
     labels: (m,) True dry. solver: a name CVXPY knows. options: of that solver; default its own tolerances.
     Source: Iannuzzo et al. 2024, eq. (2)–(7), as docs/method.md (2.1) to (2.7).
     """
+    cp: Any = importlib.import_module("cvxpy")  # half of it is typed, and a strict check trips over the other
     unit = assembly.total_dead
     forces, load = cp.Variable((len(assembly.interfaces), assembly.freedoms)), cp.Variable()
     dead, live = load_vectors(assembly)
     balance = equilibrium_matrix(assembly) @ cp.vec(forces, order="C") + dead / unit + load * live / unit == 0
     admissible = _planar if assembly.dimension == 2 else _spatial
-    problem = cp.Problem(cp.Maximize(load), [balance, *admissible(assembly, labels, forces)])
+    problem = cp.Problem(cp.Maximize(load), [balance, *admissible(cp, assembly, labels, forces)])
     if solver == "CLARABEL":
         options = {**CLARABEL_DEFAULT, **options}
     problem.solve(solver=solver, **options)
     return float("nan") if load.value is None else float(load.value)
 
 
-def _planar(assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
+def _planar(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
     faces, strengths, unit = assembly.interfaces, assembly.strengths, assembly.total_dead
     n, v, m = forces[:, 0], forces[:, 1], forces[:, 2]
     half, dry, inner = 0.5 * faces.l1, np.flatnonzero(labels), np.flatnonzero(~labels)
@@ -54,7 +53,7 @@ def _planar(assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
     return constraints
 
 
-def _spatial(assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
+def _spatial(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
     faces, strengths, unit = assembly.interfaces, assembly.strengths, assembly.total_dead
     constraints = []
     for kind, share in ((np.flatnonzero(labels), 0.5), (np.flatnonzero(~labels), 1.0 / 6.0)):

@@ -34,7 +34,6 @@ STUDIES: Final = (
     "two_loads",
     "strong_enough",
     "laid",
-    "drivers",
     "joints_that_move",
     "published_wall",
 )

@@ -27,6 +27,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -180,7 +181,6 @@ def _courses(ax: Axes, table: pd.DataFrame) -> None:
             ax.plot(own["courses"], own["load_factor"], marker, color=colour, lw=1.2, ms=6, label=name, **style)
     ax.set_ylim(0.0, 0.68)
     ax.locator_params(axis="x", integer=True)
-    ax.set_xlabel("courses [–]", fontsize=9)
-    ax.set_ylabel("λ, pushed outward [–]", fontsize=9)
+    name_axes(ax, "courses [–]", "λ, pushed outward [–]")
     ax.set_title("By number of courses and model of contact", fontsize=10)
     ax.legend(frameon=False, fontsize=7.5, loc="lower left")

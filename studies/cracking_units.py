@@ -26,6 +26,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     without_legend,
     write,
 )
@@ -108,11 +109,7 @@ def run(out: Path, quick: bool) -> pd.DataFrame:
         assembly = wall(strength, **size)
         for joints in (Joints(residual_friction=FRICTION), Joints(inner="plastic")):
             curve = run_experiment(assembly, joints=joints, settings=Settings(periods=40.0, length=12.0, segments=2))
-            row = {
-                "part": f"experiment, {joints.inner}",
-                "strength": strength,
-                "status": str(curve.standing),
-            }
+            row = {"part": f"experiment, {joints.inner}", "strength": strength, "status": str(curve.standing)}
             row |= {"load_factor": curve.collapse_load if curve.stands else 0.0, "rate_error": curve.rate_error}
             row["ratio"] = row["load_factor"] / rigid.load_factor
             rows.append(row)
@@ -135,7 +132,7 @@ def _frictional(table: pd.DataFrame) -> list[str]:
     return [
         f"With friction μ = {FRICTION:g} in cracks besides, they reach it from "
         f"{weakest(table, 'frictional', 0.99):.2g} on, "
-        f"and half of it from {weakest(table, 'frictional', 0.5):.2g} on: friction matters where bricks are weak.",
+        f"and half of it from {weakest(table, 'frictional', 0.5):.2g} on: friction matters where bricks are weak."
     ]
 
 
@@ -149,25 +146,21 @@ def _report(table: pd.DataFrame, rigid: LimitAnalysisResult) -> Report:
         name=NAME,
         title="Cracking units",
         question="How strong must a brick be for a wall in running bond to be a wall of rigid bricks?",
-        source="After Portioli et al., Engineering Structures 57 (2013) 232–247: bricks with potential cracks "
-        "along both "
-        "axes and both diagonals. Their walls are not at hand; nothing is reproduced.",
-        model=f"{COURSES} courses of {LENGTH} bricks of {BRICK[0]:g} × {BRICK[1]:g} m, eight triangles a brick, "
-        "dry joints "
-        f"μ = {FRICTION:g}, horizontal body load, associative. Strength: σt = τ of a brick over ρgH. Cracks "
+        source="After Portioli et al., Engineering Structures 57 (2013) 232–247: bricks with potential cracks along "
+        "both axes and both diagonals. Their walls are not at hand; nothing is reproduced.",
+        model=f"{COURSES} courses of {LENGTH} bricks of {BRICK[0]:g} × {BRICK[1]:g} m, eight triangles a brick, dry "
+        f"joints μ = {FRICTION:g}, horizontal body load, associative. Strength: σt = τ of a brick over ρgH. Cracks "
         "carry τ whatever the pressure. Experiments: no dilation, three points a face, brittle cracks keep friction "
         f"{FRICTION:g}; two rates.",
         agrees=(
             f"Rigid bricks: λ = {rigid.load_factor:.4f}, which no strength of the brick betters, and which bricks "
-            "reach to "
-            f"1 % from σt = τ = {weakest(table, 'cohesive', 0.99):.2g} ρgH on; half of it is left from "
+            f"reach to 1 % from σt = τ = {weakest(table, 'cohesive', 0.99):.2g} ρgH on; half of it is left from "
             f"{weakest(table, 'cohesive', 0.5):.2g} ρgH on.",
             *_frictional(table),
         ),
         differs=(
-            f"{len(lost)} of {int(table['part'].isin(['cohesive', 'frictional']).sum())} walls do not stand at "
-            "all: cracks "
-            "that carry too little shear slide under the weight above.",
+            f"{len(lost)} of {int(table['part'].isin(['cohesive', 'frictional']).sum())} walls do not stand at all: "
+            "cracks that carry too little shear slide under the weight above.",
             f"Experiments over rigid bricks: {said}. Brittle bricks need more strength than limit analysis says.",
             "Where cracks may run is given by eight triangles; another pattern gives another λ for weak bricks.",
         ),
@@ -191,8 +184,7 @@ def _picture(table: pd.DataFrame, rigid: LimitAnalysisResult, drawn: list[LimitA
         ax.plot(rows["strength"], rows["ratio"], marker, color=colour, ls=line, ms=5, lw=1.3, label=name)
     ax.axhline(1.0, color=GREY, lw=0.9, ls=(0, (4, 2)), label=f"rigid bricks, λ = {rigid.load_factor:.4f}")
     ax.set_xscale("log")
-    ax.set_xlabel("strength of the brick σt / ρgH = τ / ρgH [–]", fontsize=9)
-    ax.set_ylabel("λ / λ of rigid bricks [–]", fontsize=9)
+    name_axes(ax, "strength of the brick σt / ρgH = τ / ρgH [–]", "λ / λ of rigid bricks [–]")
     ax.set_ylim(0.0, 1.12)
     ax.legend(frameon=False, fontsize=8, loc="lower right")
     for k, (result, strength) in enumerate(zip(drawn, SHOWN, strict=True)):
@@ -208,5 +200,4 @@ def _mechanism(ax: Axes, result: LimitAnalysisResult, strength: float) -> None:
     draw_mechanism(ax, result)
     value = f"λ = {result.load_factor:.3f}" if result.status is Status.COLLAPSE else str(result.status)
     without_legend(ax, f"σt = {strength:g} ρgH, cohesive: {value}")
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
+    name_axes(ax, "x [m]", "y [m]", size=8)

@@ -22,6 +22,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -92,8 +93,7 @@ def _picture(table: pd.DataFrame, scene: Scene) -> Figure:
             ms=7,
             label=label,
         )
-    ax.set_xlabel("sawn length [m]", fontsize=9)
-    ax.set_ylabel("largest λ [–], proven", fontsize=9)
+    name_axes(ax, "sawn length [m]", "largest λ [–], proven")
     ax.yaxis.set_major_locator(MaxNLocator(nbins=7))
     ax.legend(frameon=False, fontsize=9)
     single = table[table["moulds"] == table["moulds"].min()]

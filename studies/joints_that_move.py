@@ -19,7 +19,18 @@ from jld_core.geometry_optimisation.optimise import move_joints
 from jld_core.geometry_optimisation.search import TrustRegion
 from jld_core.models import solve_by_fields
 from jld_core.views.figures import draw_mechanism
-from studies.report import GREY, PAIRED, Report, axes_at, drawing_handles, figure_of, legend_at, without_legend, write
+from studies.report import (
+    GREY,
+    PAIRED,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    legend_at,
+    name_axes,
+    without_legend,
+    write,
+)
 
 NAME: Final = "joints_that_move"
 LENGTH, PRESS, FRICTION = 0.4, 4000.0, 0.4
@@ -163,8 +174,7 @@ def _picture(table: pd.DataFrame, straight: LimitAnalysisResult, best: float, fl
                 label=f"flank {own:g}, between bounds by fields",
             )
     ax.axhline(straight.load_factor, color=GREY, lw=1.0, ls=(0, (4, 2)), label="straight joint")
-    ax.set_xlabel("depth of the key, share of the joint [–]", fontsize=9)
-    ax.set_ylabel("load factor λ, push over weight [–]", fontsize=9)
+    name_axes(ax, "depth of the key, share of the joint [–]", "load factor λ, push over weight [–]")
     ax.set_ylim(bottom=0.0)
     ax.legend(frameon=False, fontsize=8.5, loc="center right", bbox_to_anchor=(1.0, 0.68))
     for k, depth in enumerate((DEPTHS[0], best, DEPTHS[-1])):

@@ -21,6 +21,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -109,8 +110,7 @@ def _picture(table: pd.DataFrame, assembly: Assembly, best: dict[str, str]) -> F
     for (name, text), (colour, _, marker) in zip(best.items(), PAIRED, strict=False):
         row = table[table["labelling"] == text].iloc[0]
         ax.plot([row.props], [row.load_factor], marker, color=colour, ms=10, ls="none", label=name)
-    ax.set_xlabel("most that props carry while it is laid [N]", fontsize=9)
-    ax.set_ylabel("λ, N on each of two cells", fontsize=9)
+    name_axes(ax, "most that props carry while it is laid [N]", "λ, N on each of two cells")
     ax.legend(frameon=False, fontsize=8.5, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     for place, (name, text) in enumerate(best.items()):
         result = solve(assembly, from_string(text))

@@ -29,6 +29,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -227,8 +228,7 @@ def _draw(ax: Axes, draw: Any, result: LimitAnalysisResult, title: str) -> None:
     else:
         draw(ax, result)
     without_legend(ax, title)
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
+    name_axes(ax, "x [m]", "y [m]", size=8)
 
 
 def _sensitivity(ax: Axes, name: str, moved: pd.DataFrame) -> None:
@@ -267,8 +267,7 @@ def _search(ax: Axes, results: pd.DataFrame, own: float) -> None:
     ax.plot(
         ranked["blocks"].iloc[0], ranked["load_factor"].iloc[0] / 1e3, "D", color="#1B1B1B", ms=6, label="strongest"
     )
-    ax.set_xlabel("blocks [–]", fontsize=9)
-    ax.set_ylabel("λ per force with dilation [kN]", fontsize=9)
+    name_axes(ax, "blocks [–]", "λ per force with dilation [kN]")
     ax.locator_params(axis="x", integer=True)
     ax.set_ylim(0.0, 1.25e-3 * float(ranked["load_factor"].max()))
     ax.set_title(f"{len(ranked)} classes of segmentations that stand", fontsize=9)

@@ -29,6 +29,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     without_legend,
     write,
 )
@@ -136,47 +137,36 @@ def _report(table: pd.DataFrame) -> Report:
         name=NAME,
         title="Section 3.3 of the source, honestly",
         question="Is there a layout that gives the four published load factors?",
-        source="Iannuzzo et al. 2024, section 3.3: 2153 N and 1312 N by JLD, with and without dilation, 1911.13 "
-        "N and 2187 N "
-        "by 3DEC, in the order of the text; Table 2: kn = ks = 1e9 Pa/m, cracks without friction.",
-        model="Cells of 0.1 m, 1400 kg/m³, dry 30°, σt = 2 MPa, τ = 0.2 MPa; λ N on each of three cells of the "
-        "T. Ours: nine "
-        f"by two cells on bearings of three. Found: {' / '.join(FOUND[:3])} on bearings of two cells, the "
-        "simplest of the "
-        "symmetric layouts searched that gives 2153 N. Experiments: five points a face, geometry at rest, from "
-        "gravity.",
+        source="Iannuzzo et al. 2024, section 3.3: 2153 N and 1312 N by JLD, with and without dilation, 1911.13 N and "
+        "2187 N by 3DEC, in the order of the text; Table 2: kn = ks = 1e9 Pa/m, cracks without friction.",
+        model="Cells of 0.1 m, 1400 kg/m³, dry 30°, σt = 2 MPa, τ = 0.2 MPa; λ N on each of three cells of the T. "
+        f"Ours: nine by two cells on bearings of three. Found: {' / '.join(FOUND[:3])} on bearings of two cells, the "
+        "simplest of the symmetric layouts searched that gives 2153 N. Experiments: five points a face, geometry at "
+        "rest, from gravity.",
         agrees=(
             f"The layout found gives λ = {value(table, 'found', 'λ, with'):.2f} N with dilation, beside 2153 N.",
-            f"Without dilation its solutions reach from {low:.1f} to {high:.1f} N, and 1312 N lies among them. So "
-            "it does "
-            f"among those of our own layout, {value(table, 'ours', 'λ, without: lowest'):.1f} to "
+            f"Without dilation its solutions reach from {low:.1f} to {high:.1f} N, and 1312 N lies among them. So it "
+            f"does among those of our own layout, {value(table, 'ours', 'λ, without: lowest'):.1f} to "
             f"{value(table, 'ours', 'λ, without: highest'):.1f} N: 1312 N identifies no layout.",
-            f"An experiment on it with dilation, lasting strength and gaps that close without resistance, as in a "
-            f"distinct-element program, ends at {free:.1f} N, beside 1911.13 N by 3DEC; with gaps that are "
-            "plastic, as the "
-            "theorems of limit analysis ask, at "
-            f"{value(table, 'found', 'experiment, plastic, with dilation, plastic'):.1f} N. "
-            "One agreement to 0.2 % may be chance.",
+            "An experiment on it with dilation, lasting strength and gaps that close without resistance, as in a "
+            f"distinct-element program, ends at {free:.1f} N, beside 1911.13 N by 3DEC; with gaps that are plastic, as "
+            "the theorems of limit analysis ask, at "
+            f"{value(table, 'found', 'experiment, plastic, with dilation, plastic'):.1f} N. One agreement to 0.2 % may "
+            "be chance.",
         ),
         differs=(
-            "464 000 symmetric layouts were searched for one that gives 2153 N and 1312 N by one procedure: none "
-            "does. That "
-            "this one is the source's is not known.",
+            "464 000 symmetric layouts were searched for one that gives 2153 N and 1312 N by one procedure: none does. "
+            "That this one is the source's is not known.",
             "2187 N by 3DEC without dilation is above λ with dilation, which bounds every state at rest of that "
-            "layout: no "
-            f"experiment here comes near it ({value(table, 'found', 'experiment, plastic, without'):.0f} N with "
-            "lasting "
-            f"strength, {brittle[1]:.0f} N brittle). Either it is of another layout, of another load, or not at "
-            "rest.",
+            f"layout: no experiment here comes near it ({value(table, 'found', 'experiment, plastic, without'):.0f} N "
+            f"with lasting strength, {brittle[1]:.0f} N brittle). Either it is of another layout, of another load, or "
+            "not at rest.",
             f"With Table 2's brittle cracks the experiment carries {brittle[0]:.0f} N with and {brittle[1]:.0f} N "
-            "without "
-            f"dilation on the layout found, {value(table, 'ours', 'experiment, brittle, with dilation'):.0f} and "
-            f"{value(table, 'ours', 'experiment, brittle, without'):.0f} N on ours: less with brittle cracks, and "
-            "more with "
-            "dilation than without.",
-            f"The strongest segmentation of the same cells carries {value(table, 'found', 'λ, strongest'):.0f} N "
-            "(five blocks "
-            f"of six or seven cells, genetic search), of ours {value(table, 'ours', 'λ, strongest'):.0f} N.",
+            f"without dilation on the layout found, {value(table, 'ours', 'experiment, brittle, with dilation'):.0f} "
+            f"and {value(table, 'ours', 'experiment, brittle, without'):.0f} N on ours: less with brittle cracks, and "
+            "more with dilation than without.",
+            f"The strongest segmentation of the same cells carries {value(table, 'found', 'λ, strongest'):.0f} N (five "
+            f"blocks of six or seven cells, genetic search), of ours {value(table, 'ours', 'λ, strongest'):.0f} N.",
         ),
         pictures={"": "Left: both layouts, their mechanisms. Right: experiments, published values, strongest cuts."},
     )  # fmt: skip
@@ -210,8 +200,7 @@ def _drawing(ax: Axes, draw: Any, result: LimitAnalysisResult, title: str) -> No
     else:
         draw(ax, result)
     without_legend(ax, title)
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
+    name_axes(ax, "x [m]", "y [m]", size=8)
 
 
 def _curves(ax: Axes, table: pd.DataFrame, name: str, curves: dict[str, Curve]) -> None:
@@ -225,7 +214,6 @@ def _curves(ax: Axes, table: pd.DataFrame, name: str, curves: dict[str, Curve]) 
         ax.text(9.9 if what.startswith("3DEC") else 7.2, newton + 15.0, what, fontsize=6.5, color=GREY, ha="right")
     ax.set_xlim(0.0, 10.0)
     ax.set_ylim(0.0, 3300.0)
-    ax.set_xlabel("movement of the live loads / elastic one at λ [–]", fontsize=9)
-    ax.set_ylabel("λ per force [N]", fontsize=9)
+    name_axes(ax, "movement of the live loads / elastic one at λ [–]", "λ per force [N]")
     ax.legend(frameon=False, fontsize=7.5, loc="upper left", ncols=2)
     ax.set_title("experiments", fontsize=9)

@@ -29,6 +29,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     without_legend,
     write,
 )
@@ -236,40 +237,30 @@ def _report(table: pd.DataFrame) -> Report:
     return Report(
         name=NAME,
         title="Blocks with non-planar faces",
-        question="What do crackable blocks change in assemblies that hold by the shape of their faces, and how "
-        "many facets "
-        "does a curved face need?",
-        source="Abeille's flat vault (patent of 1699); osteomorphic blocks (Dyskin, Estrin, Pasternak et al.), "
-        "faces convex "
-        "along one direction and concave along the other. Measures and loads are ours; nothing is reproduced.",
-        model=f"Vault: truncated tetrahedra of {CELL:g} m, {DEPTH:g} m high, faces leaning {LEAN:g}°, in a frame "
-        "that does "
-        "not give, a force down on the block in the middle; each block four quarters where it may crack. "
-        "Osteomorphic: two "
-        f"unit blocks 0.4 high on a base, beds with an amplitude of {0.5 * WAVE:g} each way, pushed along x by "
-        "their weight, "
-        f"quarters with σt = τ = {WEAK:g} weights over area. μ = {FRICTION:g}, associative.",
+        question="What do crackable blocks change in assemblies that hold by the shape of their faces, and how many "
+        "facets does a curved face need?",
+        source="Abeille's flat vault (patent of 1699); osteomorphic blocks (Dyskin, Estrin, Pasternak et al.), faces "
+        "convex along one direction and concave along the other. Measures and loads are ours; nothing is reproduced.",
+        model=f"Vault: truncated tetrahedra of {CELL:g} m, {DEPTH:g} m high, faces leaning {LEAN:g}°, in a frame that "
+        "does not give, a force down on the block in the middle; each block four quarters where it may crack. "
+        f"Osteomorphic: two unit blocks 0.4 high on a base, beds with an amplitude of {0.5 * WAVE:g} each way, pushed "
+        f"along x by their weight, quarters with σt = τ = {WEAK:g} weights over area. μ = {FRICTION:g}, associative.",
         agrees=(
             f"Rigid blocks in a fixed frame lock ({', '.join(rigid['status'])}): no load brings the vault down. "
-            "Crackable ones "
-            f"carry {per_area:.3f} m² times their shear strength: the middle block punches out along the middle "
-            "planes of its "
-            f"neighbours, {8 * CELL * DEPTH:.2f} m² of crack.",
-            "Waves along x alone stay below straight sliding up their steepest facet, tan(φ + slope), an upper "
-            "bound: by "
-            f"{100 * below.min():.0f} to {100 * below.max():.0f} %, since blocks turn about a crest as they slide.",
+            f"Crackable ones carry {per_area:.3f} m² times their shear strength: the middle block punches out along "
+            f"the middle planes of its neighbours, {8 * CELL * DEPTH:.2f} m² of crack.",
+            "Waves along x alone stay below straight sliding up their steepest facet, tan(φ + slope), an upper bound: "
+            f"by {100 * below.min():.0f} to {100 * below.max():.0f} %, since blocks turn about a crest as they slide.",
         ),
         differs=(
             f"Osteomorphic beds: from {int(wide.index[-2])} to {int(wide.index[-1])} facets a half λ still moves by "
             f"{100 * float((last / before - 1.0).abs().max()):.1f} %; cracks cost "
             f"{100 * (1 - float(last[('convex', 'cracks')]) / float(last[('convex', 'rigid')])):.0f} % of λ here.",
-            "Contact at points of every facet (concave) against contact spread over it (convex): the vault "
-            "differs by "
+            "Contact at points of every facet (concave) against contact spread over it (convex): the vault differs by "
             f"{100 * float((concave / convex - 1.0).abs().max()):.2g} %, the osteomorphic blocks by "
             f"{100 * float((wide['concave'] / wide['convex'] - 1.0).abs().to_numpy().max()):.2g} %.",
-            f"Experiments without dilation on the vault at {STRENGTHS[2] / 1e6:g} MPa, over λ: {said}. The geometry "
-            "of these "
-            "experiments stays at rest, and there is no row here that was held against a published number.",
+            f"Experiments without dilation on the vault at {STRENGTHS[2] / 1e6:g} MPa, over λ: {said}. The geometry of "
+            "these experiments stays at rest, and there is no row here that was held against a published number.",
         ),
         pictures={"": "Top: Abeille's vault, its mechanism, λ by strength. Bottom: osteomorphic blocks, λ by facets."},
     )  # fmt: skip
@@ -302,9 +293,9 @@ def _strengths(ax: Axes, table: pd.DataFrame) -> None:
                 mfc="none", label=f"experiment, {'brittle' if brittle else 'plastic'}")  # fmt: skip
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_xlabel("strength of the blocks σt = τ [MPa]", fontsize=9)
-    ax.set_ylabel("λ, force on the middle [kN]", fontsize=9)
-    ax.set_title("crackable; rigid ones are locked", fontsize=9)
+    name_axes(
+        ax, "strength of the blocks σt = τ [MPa]", "λ, force on the middle [kN]", "crackable; rigid ones are locked"
+    )
     ax.legend(frameon=False, fontsize=8)
 
 
@@ -321,8 +312,7 @@ def _facets(ax: Axes, table: pd.DataFrame) -> None:
     ax.plot(
         ridge["facets"], ridge["closed_form"], color=GREY, lw=0.9, label="straight sliding, tan(φ + steepest chord)"
     )
-    ax.set_xlabel("facets along half a side [–]", fontsize=9)
-    ax.set_ylabel("λ, horizontal load / weight [–]", fontsize=9)
+    name_axes(ax, "facets along half a side [–]", "λ, horizontal load / weight [–]")
     ax.set_ylim(0.48, 0.74)
     ax.legend(frameon=False, fontsize=8, ncols=2)
     ax.set_title("two osteomorphic blocks on a base", fontsize=9)

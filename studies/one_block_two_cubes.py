@@ -20,7 +20,7 @@ from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Floats
 from jld_core.limit.mechanism import Movement, face_motions
 from jld_core.views.figures import draw_mechanism
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, without_legend, write
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, name_axes, without_legend, write
 from studies.scenes import stacked_cubes
 
 NAME: Final = "one_block_two_cubes"
@@ -204,8 +204,7 @@ def _picture(directions: pd.DataFrame, maps: dict[float, pd.DataFrame]) -> Figur
         found = two_cubes(friction, tension, shear)
         draw_mechanism(ax, found)
         without_legend(ax, f"{name}, λ = {found.load_factor:.4f}\nμ {friction}, σtA/W {tension:g}, τA/W {shear}")
-        ax.set_xlabel("x [cube side]" if k == 0 else "", fontsize=9)
-        ax.set_ylabel("y [cube side]" if k == 0 else "", fontsize=9)
+        name_axes(ax, "x [cube side]" if k == 0 else "", "y [cube side]" if k == 0 else "")
     figure.suptitle("Section 3.2: one block and two cubes under a horizontal body load", fontsize=12, y=0.993)
     return figure
 
@@ -252,8 +251,7 @@ def _map(ax: Axes, tension: float, table: pd.DataFrame) -> None:
     ax.plot([], [], color="#1B1B1B", linewidth=1.6, label="border in closed form")
     ax.set_xlim(0.0, end)
     ax.set_ylim(0.0, end)
-    ax.set_xlabel("friction μ of the base [–]", fontsize=9)
-    ax.set_ylabel("shear strength τA/W [–]", fontsize=9)
+    name_axes(ax, "friction μ of the base [–]", "shear strength τA/W [–]")
     ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.13), frameon=False, fontsize=8)
     ax.set_title(f"Two cubes, σtA/W = {tension:g}", fontsize=10)
     ax.text(

@@ -26,6 +26,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -199,8 +200,7 @@ def _picture(found: pd.DataFrame, table: pd.DataFrame) -> Figure:
     ax.plot(table["dry_faces"], table["load_factor"], "o", mfc="none", ms=8, color=PAIRED[0][0], label="published")
     for row in table.itertuples():
         ax.annotate(str(row.layout), (row.dry_faces, row.load_factor), (6, 4), textcoords="offset points", fontsize=8)
-    ax.set_xlabel("dry faces between cells", fontsize=9)
-    ax.set_ylabel("λ [–]", fontsize=9)
+    name_axes(ax, "dry faces between cells", "λ [–]")
     ax.legend(frameon=False, fontsize=9, loc="lower left")
     for column, name in enumerate((str(table["layout"].iloc[0]), str(table["layout"].iloc[-1]))):
         drawing = axes_at(figure, 6.6 + 3.1 * column, 1.4, 2.8, 3.8)

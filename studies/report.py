@@ -69,11 +69,7 @@ class Report:
 
 
 def write(
-    out: Path,
-    report: Report,
-    table: pd.DataFrame,
-    figures: dict[str, Figure],
-    shown: pd.DataFrame | None = None,
+    out: Path, report: Report, table: pd.DataFrame, figures: dict[str, Figure], shown: pd.DataFrame | None = None
 ) -> None:
     """Write NAME.csv, NAME.md, and NAME.png and NAME.svg for every figure.
 
@@ -145,6 +141,14 @@ def axes_at(figure: Figure, left: float, bottom: float, width: float, height: fl
         for side in ("top", "right"):
             ax.spines[side].set_visible(False)
     return ax
+
+
+def name_axes(ax: Axes, x: str, y: str, title: str | None = None, size: float = 9.0) -> None:
+    """Write what stands along both axes, and a title where there is one."""
+    ax.set_xlabel(x, fontsize=size)
+    ax.set_ylabel(y, fontsize=size)
+    if title is not None:
+        ax.set_title(title, fontsize=size)
 
 
 def fill_region(ax: Axes, x: Floats, y: Floats, mask: Bools, fill: str, hatch: str) -> None:

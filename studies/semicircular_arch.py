@@ -31,6 +31,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -239,8 +240,7 @@ def _picture(friction: pd.DataFrame, numbers: pd.DataFrame, freed: list[Freed]) 
         ax = axes_at(figure, 0.7 + 4.05 * k, top - 7.55, 3.5, 2.5)
         draw_mechanism(ax, _crown_loaded(mu, thickness))
         without_legend(ax, f"{name}: μ = {mu}, t/R = {thickness}")
-        ax.set_xlabel("x/R [–]", fontsize=9)
-        ax.set_ylabel("y/R [–]" if k == 0 else "", fontsize=9)
+        name_axes(ax, "x/R [–]", "y/R [–]" if k == 0 else "")
     text = "mechanisms under a crown load on arches slightly thicker than the least"
     figure.text(0.5, (top - 4.6) / top, text, ha="center", va="top", fontsize=8.5, color=GREY)
     legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "at rest"), 3.0, top - 8.35)
@@ -254,8 +254,7 @@ def _picture(friction: pd.DataFrame, numbers: pd.DataFrame, freed: list[Freed]) 
             draw_assembly(ax, one.assembly, labels)
             kind = "strongest radial" if radial else "strongest of all"
             without_legend(ax, f"{kind}, {one.load} load: λ = {value:.4g} {one.unit}")
-            ax.set_xlabel("x [m]", fontsize=9)
-            ax.set_ylabel("y [m]" if k == 0 else "", fontsize=9)
+            name_axes(ax, "x [m]", "y [m]" if k == 0 else "")
             ax.tick_params(labelleft=k == 0)
     figure.suptitle("Semicircular arch", fontsize=12, y=1.0 - 0.1 / top)
     return figure
@@ -280,8 +279,7 @@ def _friction(ax: Axes, table: pd.DataFrame) -> None:
     for x, words in ((0.302, "none stands"), (0.366, "hinges\nand sliding"), (0.46, "hinges only")):
         turn = 90 if x < 0.31 else 0
         ax.text(x, 0.15 if turn else 0.178, words, rotation=turn, ha="center", va="center", fontsize=9)
-    ax.set_xlabel("friction coefficient μ [–]", fontsize=9)
-    ax.set_ylabel("least thickness t/R [–]", fontsize=9)
+    name_axes(ax, "friction coefficient μ [–]", "least thickness t/R [–]")
     ax.set_title("Least thickness: three regimes", fontsize=10)
     ax.legend(frameon=True, edgecolor="none", fontsize=8, loc="upper right", bbox_to_anchor=(1.0, 0.6))
 
@@ -296,8 +294,7 @@ def _errors(ax: Axes, table: pd.DataFrame, column: str, label: str, slope: float
     name = "n⁻² envelope" if slope < 0.0 else "offset²"
     ends = np.array([x.min(), x.max()])
     ax.loglog(ends, through * ends**slope, color=GREY, lw=1.0, ls=(0, (4, 2)), label=name)
-    ax.set_xlabel(label, fontsize=9)
-    ax.set_ylabel("error of t/R [–]" if slope < 0.0 else "", fontsize=9)
+    name_axes(ax, label, "error of t/R [–]" if slope < 0.0 else "")
     ax.set_title("Error, μ = 0.7", fontsize=10)
     ax.legend(frameon=False, fontsize=8, loc="lower left" if slope < 0.0 else "upper left")
 

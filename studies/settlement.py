@@ -22,7 +22,7 @@ from jld_core.limit.settlement import settle
 from jld_core.views.figures import draw_forces, draw_mechanism
 from jld_core.views.settled import without_live_load
 from studies.families import semicircular_arch
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, without_legend, write
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, name_axes, without_legend, write
 
 NAME: Final = "settlement"
 LEAST_THICKNESS: Final = 0.107426
@@ -128,8 +128,7 @@ def _picture(table: pd.DataFrame, shown: Settled, half: float) -> Figure:
     draw_mechanism(ax, shown.least.state)
     without_legend(ax, "abutments spread: the crown sinks between hinges")
     for axis in figure.axes[1:]:
-        axis.set_xlabel("x/R [–]", fontsize=9)
-        axis.set_ylabel("" if axis is figure.axes[2] else "y/R [–]", fontsize=9)
+        name_axes(axis, "x/R [–]", "" if axis is figure.axes[2] else "y/R [–]")
     figure.suptitle("Semicircular arch on abutments that give way", fontsize=12, y=0.985)
     return figure
 
@@ -153,6 +152,5 @@ def _range(ax: Axes, table: pd.DataFrame) -> None:
     ax.axvline(
         LEAST_THICKNESS, color=GREY, lw=1.0, ls=(0, (4, 2)), label=f"{LEAST_THICKNESS}: least thickness, published"
     )
-    ax.set_xlabel("thickness t/R [–]", fontsize=9)
-    ax.set_ylabel("thrust over weight of half the ring, H/W [–]", fontsize=9)
+    name_axes(ax, "thickness t/R [–]", "thrust over weight of half the ring, H/W [–]")
     ax.legend(frameon=False, fontsize=8, loc="upper left")

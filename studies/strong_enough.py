@@ -25,6 +25,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -113,8 +114,7 @@ def _picture(table: pd.DataFrame, assembly: Assembly, shares: dict[str, float]) 
     for values, (colour, dash, marker) in zip(("nominal", "low"), PAIRED, strict=False):
         own = table[table["values"] == values]
         ax.plot(own["required"], own["dry_faces"], marker, ls=dash, color=colour, ms=7, label=f"{values} values")
-    ax.set_xlabel("λ required [–]", fontsize=9)
-    ax.set_ylabel("most dry faces, proven", fontsize=9)
+    name_axes(ax, "λ required [–]", "most dry faces, proven")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.legend(frameon=False, fontsize=9)
     bars = axes_at(figure, 2.2, 1.1, 3.5, 1.8)

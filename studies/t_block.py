@@ -26,6 +26,7 @@ from studies.report import (
     figure_of,
     fill_region,
     legend_at,
+    name_axes,
     without_legend,
     write,
 )
@@ -243,8 +244,7 @@ def _map(ax: Axes, load: str, table: pd.DataFrame, whole: float) -> None:
     share = table["load_factor_N"].to_numpy(dtype=float).reshape(len(x), len(y)).T / whole
     lines = ax.contour(x, y, share, levels=[0.25, 0.5, 0.75, 0.999], colors="#1B1B1B", linewidths=0.8)
     ax.clabel(lines, fmt={0.25: "1/4", 0.5: "1/2", 0.75: "3/4", 0.999: "1"}, fontsize=7.5)
-    ax.set_xlabel("tensile strength σt [kPa]", fontsize=9)
-    ax.set_ylabel("shear strength τ [kPa]", fontsize=9)
+    name_axes(ax, "tensile strength σt [kPa]", "shear strength τ [kPa]")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(FixedLocator([1, 2, 5, 10, 20, 50]))
         axis.set_minor_locator(NullLocator())

@@ -21,7 +21,7 @@ from jld_core.views.figures import draw_assembly
 from jld_experiment import Curve, Joints, Settings, run_experiment
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space import search_space
-from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, without_legend, write
+from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, name_axes, without_legend, write
 from studies.scenes import leonardo_flat_arch
 
 NAME: Final = "virtual_experiment"
@@ -170,49 +170,40 @@ def _report(table: pd.DataFrame, layouts: pd.DataFrame, stands: pd.DataFrame, ga
         name=NAME,
         title="The virtual experiment beside limit analysis",
         question="Does an experiment that shares nothing with limit analysis come down where λ says, and what do "
-        "brittle "
-        "faces and joints without dilation do to it?",
+        "brittle faces and joints without dilation do to it?",
         source="Walls of Ferris & Tin-Loi 2001; materials and Table 2 of Iannuzzo et al. 2024. The paper's distinct "
         "elements carried more without dilation than with on its section 3.3, 2187 against 1911 N, which it "
         "leaves open.",
-        model="Rigid elements on springs, five sub-contacts a face, geometry at rest, equal stiffness of all "
-        "faces, no "
+        model="Rigid elements on springs, five sub-contacts a face, geometry at rest, equal stiffness of all faces, no "
         "friction in cracks; settled under dead loads, then pushed at two rates. Layouts: every fifth class of the "
         "beam-arch's segmentations with λ > 0.2.",
         agrees=(
             f"Without dilation, from gravity: {said}. The experiment ends inside the range that limit analysis finds"
             f"{_floors(known)}.",
-            f"No brittle experiment carries more than λ, as the static theorem demands: over {len(stands)} "
-            "layouts that "
-            f"stand, brittle over λ is {ratio.min():.2f} to {ratio.max():.2f}, median {ratio.median():.2f} (with "
+            f"No brittle experiment carries more than λ, as the static theorem demands: over {len(stands)} layouts "
+            f"that stand, brittle over λ is {ratio.min():.2f} to {ratio.max():.2f}, median {ratio.median():.2f} (with "
             "dilation).",
             f"With plastic faces and no dilation {int(layouts['plastic_without'].notna().sum())} of them carry "
-            f"{plastic.min():.2f} to {plastic.max():.2f} of λ, median {plastic.median():.2f}; with dilation they "
-            "carry λ "
-            "(70 of 70 within 1e-3, see the benchmark).",
+            f"{plastic.min():.2f} to {plastic.max():.2f} of λ, median {plastic.median():.2f}; with dilation they carry "
+            "λ (70 of 70 within 1e-3, see the benchmark).",
             f"Rank order survives over all (Spearman {overall:.2f}) and not among the {len(best)} best by λ "
             f"({among:.2f}): λ says which layouts are weak, not which is strongest once cracks are brittle.",
         ),
         differs=(
-            f"{int((gain > 1.01).sum())} of {len(stands)} layouts carry over 1 % more without dilation than with, "
-            "the most "
-            f"{100 * (gain.max() - 1.0):.0f} %: the paper's surprise, in kind. Reading, not isolated: dilating "
-            "joints "
-            "wedge the blocks, inner faces are loaded earlier, and a brittle face does not wait. With plastic "
-            "faces it "
-            "cannot be.",
+            f"{int((gain > 1.01).sum())} of {len(stands)} layouts carry over 1 % more without dilation than with, the "
+            f"most {100 * (gain.max() - 1.0):.0f} %: the paper's surprise, in kind. Reading, not isolated: dilating "
+            "joints wedge the blocks, inner faces are loaded earlier, and a brittle face does not wait. With plastic "
+            "faces it cannot be.",
             f"On the strongest case it is {_gains(turned)}. Gone it is with "
             f"{', '.join(lost) if len(lost) else 'nothing tried'}. The stiffness of inner faces over that of joints is "
             "seldom reported.",
             f"{fallen} of {len(layouts)} layouts with λ > 0.2 do not stand under their own weight when cracks are "
-            "brittle "
-            "and joints do not dilate.",
+            "brittle and joints do not dilate.",
             f"{uncertain} of {len(stands)} layouts differ by more than 0.5 % between two rates in one of both "
             "experiments.",
         ),
         pictures={
-            "": "Left: brittle collapse over λ, with and without dilation, and the line of equality. Right: the "
-            "layout "
+            "": "Left: brittle collapse over λ, with and without dilation, and the line of equality. Right: the layout "
             "that gains most without dilation, its curves, and collapse by stiffness of inner faces over that of "
             "joints."
         },
@@ -232,16 +223,18 @@ def _picture(
         ax.plot(layouts["associative"], layouts[key], marker, color=colour, ms=3.5, mfc="none", mew=0.8, label=name)
     top = float(layouts["associative"].max())
     ax.plot([0, top], [0, top], color=GREY, lw=0.9, ls=(0, (4, 2)), label="equal")
-    ax.set_xlabel("λ of limit analysis, associative [–]", fontsize=9)
-    ax.set_ylabel("collapse in the experiment [–]", fontsize=9)
-    ax.set_title(f"{len(layouts)} layouts of the beam-arch", fontsize=9)
+    name_axes(
+        ax,
+        "λ of limit analysis, associative [–]",
+        "collapse in the experiment [–]",
+        f"{len(layouts)} layouts of the beam-arch",
+    )
     ax.legend(frameon=False, fontsize=8, loc="upper left")
     _walls(axes_at(figure, 0.7, 0.6, 5.3, 2.9), table[table["part"] == "known"])
     ax = axes_at(figure, 6.9, 4.9, 2.2, 2.6)
     draw_assembly(ax, assembly, labels)
     without_legend(ax, "gains most without dilation")
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
+    name_axes(ax, "x [m]", "y [m]", size=8)
     _curves(axes_at(figure, 9.85, 4.6, 2.8, 3.1), assembly, labels)
     _sweep(axes_at(figure, 7.0, 0.6, 5.6, 2.9), turned)
     figure.suptitle("Virtual experiment: brittle faces, with and without dilation", fontsize=12, y=0.985)
@@ -279,8 +272,7 @@ def _curves(ax: Axes, assembly: Assembly, labels: Bits) -> None:
     for joints, (colour, dash, _), name in ((WITH, PAIRED[1], "with dilation"), (WITHOUT, PAIRED[0], "without")):
         curve = run_experiment(assembly, labels, joints=joints)
         ax.plot(curve.distance / curve.reach, curve.load_factor, color=colour, ls=dash, lw=1.2, label=name)
-    ax.set_xlabel("movement of the live loads /\nelastic one at λ = 1 [–]", fontsize=9)
-    ax.set_ylabel("λ [–]", fontsize=9)
+    name_axes(ax, "movement of the live loads /\nelastic one at λ = 1 [–]", "λ [–]")
     ax.set_ylim(0.0, 1.3 * ax.get_ylim()[1])
     ax.legend(frameon=False, fontsize=8, loc="upper right")
     ax.set_title("its two experiments", fontsize=9)
@@ -294,8 +286,7 @@ def _sweep(ax: Axes, turned: pd.DataFrame) -> None:
     ):
         ax.plot(part["inner_ratio"], part[key], marker, color=colour, ls=dash, ms=5, lw=1.2, label=name)
     ax.set_xscale("log")
-    ax.set_xlabel("stiffness of inner faces / that of joints [–]", fontsize=9)
-    ax.set_ylabel("collapse with brittle faces [–]", fontsize=9)
+    name_axes(ax, "stiffness of inner faces / that of joints [–]", "collapse with brittle faces [–]")
     ax.set_ylim(0.0, 1.25 * float(part[["brittle_with", "brittle_without"]].to_numpy().max()))
     ax.legend(frameon=False, fontsize=8, loc="lower left")
     ax.set_title("the same layout by the stiffness of its inner faces", fontsize=9)

@@ -25,6 +25,7 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
+    name_axes,
     searched,
     without_legend,
     write,
@@ -131,8 +132,7 @@ def _picture(done: Exploration, front: pd.DataFrame, bond: LimitAnalysisResult, 
             else:
                 draw_mechanism(ax, result)
                 without_legend(ax, f"{name}: mechanism")
-            ax.set_xlabel("x [m]", fontsize=8)
-            ax.set_ylabel("y [m]" if k == 0 else "", fontsize=8)
+            name_axes(ax, "x [m]", "y [m]" if k == 0 else "", size=8)
     names = ("dry face", "inner face", "hinge", "slide", "open", "crack", "at rest")
     legend_at(figure, drawing_handles(*names), 2.6, 0.0, 7)
     figure.suptitle("Wall with an opening under horizontal load", fontsize=12, y=0.99)
@@ -154,6 +154,5 @@ def _front(
         ax.annotate(str(number), at, xytext=(5, 7), textcoords="offset points", fontsize=10, fontweight="bold")
     ax.set_ylim(0.0, 1.12 * FRICTION)
     ax.locator_params(axis="x", integer=True)
-    ax.set_xlabel("dry faces between blocks [–]", fontsize=9)
-    ax.set_ylabel("load factor λ, horizontal over weight [–]", fontsize=9)
+    name_axes(ax, "dry faces between blocks [–]", "load factor λ, horizontal over weight [–]")
     ax.legend(frameon=False, fontsize=8.5, loc="lower left")

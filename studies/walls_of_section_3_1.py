@@ -29,6 +29,7 @@ from studies.report import (
     axes_at,
     drawing_handles,
     figure_of,
+    name_axes,
     without_legend,
     write,
 )
@@ -159,8 +160,7 @@ def _picture(
             draw_mechanism(ax, result)
             known = "" if k else f", published {PUBLISHED[wall][0]:.4f}"
             without_legend(ax, f"wall {wall} · {kind} · λ = {result.load_factor:.4f}{known}")
-            ax.set_xlabel("length [1/4 block length]" if wall == 4 else "", fontsize=9)
-            ax.set_ylabel("" if k else "height [1/4 block length]", fontsize=9)
+            name_axes(ax, "length [1/4 block length]" if wall == 4 else "", "" if k else "height [1/4 block length]")
         top -= 0.55
     for k, wall in enumerate(PUBLISHED):
         ax = axes_at(figure, 0.95 + 4.0 * k, 1.15, 3.15, 1.35)

@@ -25,16 +25,10 @@ FAMILIES: Final[dict[str, int]] = {
     "refined": 1000,
     "symmetry": 300,
     "time_limits": 200,
+    "trials": 2000,
     "units": 1000,
     "vertex_rates": 300,
 }
 """Module of this package → number of cases of a whole run."""
 
 __all__ = ["FAMILIES", "Family", "Tally", "run_cases"]
-
-
-def main() -> None:
-    """Test every claim on all its cases."""
-    from benchmarks.claims.__main__ import main as run_all
-
-    run_all([])

@@ -14,9 +14,10 @@ from typing import Final
 
 from benchmarks.claims import FAMILIES, Tally
 from benchmarks.common import RESULTS, table, write
+from jld_core import __version__
 
-VERSION: Final = "0.3"
-"""Version under development, which the rows of the table name; the package is renamed when it is released."""
+VERSION: Final = __version__.rpartition(".")[0]
+"""Version under development, which the rows of the table name."""
 
 CSV: Final = RESULTS / "claims.csv"
 FIELDS: Final = ("family", "version", "claim", "first_seed", "cases", "disagreements", "seconds", "notes")

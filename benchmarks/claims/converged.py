@@ -37,17 +37,8 @@ Array = NDArray[np.float64]
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
     """Test the claim on random scenes.
 
-    Parameters
-    ----------
-    first_seed, cases : int
-        Seeds to test; three consecutive seeds belong to the three groups.
-    seconds : float
-        Time limit, s.
-
-    Returns
-    -------
-    Tally
-        Disagreements, and in `notes` the statuses of each group.
+    first_seed, cases: seeds to test; three consecutive seeds belong to the three groups. seconds: time limit, s.
+    Returns: disagreements, and in `notes` the statuses of each group.
     """
     return run_cases(CLAIM, case, first_seed, cases, seconds)
 
@@ -96,10 +87,7 @@ def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
 def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Document:
     strength = float(rng.choice([0.0, 2e2, 5e3, 1e6], p=[0.1, 0.3, 0.4, 0.2]))
     dry: Document = {"friction_coefficient": friction}
-    inner: Document = {
-        "tensile_strength": strength,
-        "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0])),
-    }
+    inner: Document = {"tensile_strength": strength, "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0]))}
     if friction == 1.0 and rng.random() < 0.5:
         dry = {"friction_angle": 45}
     if rng.random() < crushing:
@@ -245,12 +233,7 @@ def _bonded(rng: np.random.Generator) -> Document:
     live = _live(rng, names)
     if rng.random() < 0.3 and "element" in live[0]:
         live[0]["at"] = [float(v) for v in rng.uniform([0.0, 0.0, 0.0], [across * length, wythes * depth, height])]
-    return {
-        "name": "bond",
-        "elements": elements,
-        "materials": _materials(rng, friction, 0.0),
-        "loads": {"live": live},
-    }
+    return {"name": "bond", "elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": live}}
 
 
 # --- weighed again ------------------------------------------------------------------------------------------
@@ -259,21 +242,8 @@ def _bonded(rng: np.random.Generator) -> Document:
 def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysisResult, effective: bool) -> str:
     """Weigh forces and mechanism of a result by the formulas of docs/method.md, stated here once more, scene units.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        What was solved.
-    labels : (m,) bool array
-        True = dry.
-    result : LimitAnalysisResult
-        The result of it.
-    effective : bool
-        Torsion about effective areas: what is weighed is then the forces' balance alone.
-
-    Returns
-    -------
-    str
-        What is wrong, "" if nothing is.
+    assembly: what was solved. labels: True = dry. result: the result of it. effective: torsion about effective areas:
+    what is weighed is then the forces' balance alone. Returns: what is wrong, "" if nothing is.
     """
     low, high = result.bracket
     if str(result.status) not in ("collapse", "uncertified"):

@@ -38,17 +38,8 @@ Document = dict[str, Any]
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
     """Test the claim on random walls.
 
-    Parameters
-    ----------
-    first_seed, cases : int
-        Seeds ``first_seed`` to ``first_seed + cases - 1`` are tested.
-    seconds : float
-        Time after which no further case begins, s.
-
-    Returns
-    -------
-    Tally
-        Number of cases and disagreements.
+    first_seed, cases: seeds ``first_seed`` to ``first_seed + cases - 1`` are tested. seconds: time after which no
+    further case begins, s. Returns: number of cases and disagreements.
     """
     return run_cases(CLAIM, case, first_seed, cases, seconds)
 

@@ -27,7 +27,7 @@ import numpy as np
 import psutil
 
 from benchmarks.claims.tally import Tally, run_cases
-from benchmarks.trust_scenes import _loads as random_loads
+from benchmarks.claims.trials import random_loads
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore

@@ -12,7 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from benchmarks.common import random_segmentations, wall
+from benchmarks.common import random_segmentations
+from benchmarks.scenes import wall
 from jld_core.arrays import Floats
 from jld_core.batch import ConflictRequest
 from jld_core.limit import LimitAnalysis

@@ -38,17 +38,8 @@ Document = dict[str, Any]
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
     """Test the claim on random scenes.
 
-    Parameters
-    ----------
-    first_seed, cases : int
-        Seeds to test; three consecutive seeds belong to the three groups of `converged`.
-    seconds : float
-        Time limit, s.
-
-    Returns
-    -------
-    Tally
-        Disagreements, and in `notes` the number of pairs by kind of change and decade of the difference.
+    first_seed, cases: seeds to test; three consecutive seeds belong to the three groups of `converged`. seconds: time
+    limit, s. Returns: disagreements, and in `notes` the number of pairs by kind of change and decade of the difference.
     """
     return run_cases(CLAIM, case, first_seed, cases, seconds)
 
@@ -166,4 +157,4 @@ def _difference(
     decade = max(math.ceil(math.log10(apart)), -15) if apart else -15
     tally.count(f"{kind}: to 1e{decade}")
     wrong = apart > (ALIKE if name in UNITS else tolerances.GAP)
-    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.route})" if wrong else ""
+    return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.solve_log})" if wrong else ""

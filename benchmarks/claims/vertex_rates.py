@@ -35,17 +35,8 @@ Document = dict[str, Any]
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
     """Test the claim on random scenes.
 
-    Parameters
-    ----------
-    first_seed, cases : int
-        Seeds to test.
-    seconds : float
-        Time limit, s.
-
-    Returns
-    -------
-    Tally
-        Disagreements, and in `notes` the number of smooth scenes, of kinks and of scenes without collapse.
+    first_seed, cases: seeds to test. seconds: time limit, s. Returns: disagreements, and in `notes` the number of
+    smooth scenes, of kinks and of scenes without collapse.
     """
     return run_cases(CLAIM, case, first_seed, cases, seconds)
 

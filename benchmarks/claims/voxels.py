@@ -18,14 +18,8 @@ Cell = tuple[int, ...]
 class Known:
     """Contact of two elements as the grid has it.
 
-    Parameters
-    ----------
-    a, b : int
-        Labels of the elements; the normal points from a to b.
-    normal : (3,) array
-        Unit normal.
-    rectangles : (k, 4, 3) array
-        Corners in order of the squares that make up the contact.
+    a, b: labels of the elements; the normal points from a to b. normal: unit normal. rectangles: corners in order of
+    the squares that make up the contact.
     """
 
     a: int

@@ -29,16 +29,8 @@ CLASSES: Final = ("bond", "strength of fill", "deformation", "printed value")
 class Source:
     """One publication, program or test series.
 
-    Attributes
-    ----------
-    key : str
-        Name of its file.
-    citation : str
-        Authors, title, place and year.
-    link : str
-        DOI, or repository with path; empty where there is none.
-    tier : str
-        One of `TIERS`.
+    key: name of its file. citation: authors, title, place and year. link: DOI, or repository with path; empty where
+    there is none. tier: one of `TIERS`.
     """
 
     key: str
@@ -51,36 +43,12 @@ class Source:
 class Value:
     """One published value.
 
-    Attributes
-    ----------
-    source : Source
-        Where it stands.
-    place : str
-        Page, table, equation or file.
-    what : str
-        Quantity, in words.
-    published : float
-        The value; 0 where the relation is "falls".
-    unit : str
-        Its unit; empty for a pure number.
-    relation : str
-        One of `RELATIONS`.
-    tolerance : float
-        Relative difference that digits of the source, or its discretisation, leave.
-    find : str
-        Name of a function of `quantities`.
-    arguments : dict
-        Its arguments.
-    spatial : bool
-        True for structures in space.
-    slow : bool
-        True if ours takes more than a few seconds; left out of the tests.
-    why : str
-        Remark in the page; why it differs, where it does.
-    kind : str
-        One of `CLASSES` where it differs, else empty.
-    derived : bool
-        True if the closed form was derived here: it counts as no value of others.
+    source: where it stands. place: page, table, equation or file. what: quantity, in words. published: the value; 0
+    where the relation is "falls". unit: its unit; empty for a pure number. relation: one of `RELATIONS`. tolerance:
+    relative difference that digits of the source, or its discretisation, leave. find: name of a function of
+    `quantities`. arguments: its arguments. spatial: True for structures in space. slow: True if ours takes more than a
+    few seconds; left out of the tests. why: remark in the page; why it differs, where it does. kind: one of `CLASSES`
+    where it differs, else empty. derived: True if the closed form was derived here: it counts as no value of others.
     """
 
     source: Source

@@ -129,9 +129,8 @@ def page(pairs: list[Pair]) -> str:
     parts = [
         HEAD,
         f"{len(pairs)} values: " + ", ".join(f"{count[tier]} {tier}" for tier in TIERS if count[tier])
-        + f".\n{of_others([value for value, _ in pairs])}\n\n"
-        "![Published values over ours: on the diagonal, or inside the proven interval drawn as a bar; "
-        "tests lie above or below, those with bond furthest](images/corpus.png)\n",
+        + f".\n{of_others([value for value, _ in pairs])}\n\n![Published values over ours: on the diagonal, or inside "
+        "the proven interval drawn as a bar; tests lie above or below, those with bond furthest](images/corpus.png)\n",
     ]  # fmt: skip
     head = ["quantity", "place", "published", "ours", "difference", "allowed"]
     sources = {(value.source.key, value.source.tier): value.source for value, _ in pairs}

@@ -15,7 +15,7 @@ GAP: Final = 1e-6
 
 ALONE: Final = 1e-7
 """Largest width of a bracket, relative to λ, at which a batch-solver result for one labelling alone is accepted. In
-space other solvers reach 1e-8 and the batch solver 3e-8 (benchmarks/results/lanes_single.md).
+space other solvers reach 1e-8 and the batch solver 3e-8 (benchmarks/results/batch_solver_single.md).
 """
 
 

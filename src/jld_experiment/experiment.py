@@ -122,11 +122,6 @@ class Curve:
         return self.stands and not self.rising and self.rate_error <= RATE_ERROR
 
     @property
-    def certified(self) -> bool:
-        """Former name of `rates_agree`, kept for one version; an experiment proves nothing."""
-        return self.rates_agree
-
-    @property
     def accuracy(self) -> float:
         """Relative accuracy of the collapse load: the rate error, at least `ACCURACY`."""
         return max(self.rate_error, ACCURACY)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Final
@@ -23,9 +22,6 @@ Objective = str | OwnObjective
 
 SMALL: Final = 20_000
 """Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
-
-NO_CERTIFICATES: Final = "certificates has no effect and will be refused in version 0.4; leave it out"
-"""Warning about the former setting `certificates`, by which past solves settled further labellings."""
 
 _RELIABLE: Final = 10
 """Layouts ranked by reliability where this is the objective and no number is given."""
@@ -169,20 +165,15 @@ class SearchMethod:
     small : int
         Number of classes up to which a space is counted beforehand, and enumerated if no driver is named.
         0 omits the count.
-    certificates : bool
-        No effect; accepted with a warning until version 0.4.
     """
 
     driver: str | Driver | None = None
     options: dict[str, Any] = field(default_factory=dict)
     seed: int = 0
     small: int = SMALL
-    certificates: bool = False
 
     def __post_init__(self) -> None:
         require_field_types(self)
-        if self.certificates:
-            warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -229,7 +220,7 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
         See `BudgetSettings`.
     jobs, cluster
         See `ParallelSettings`.
-    driver, options, seed, small, certificates
+    driver, options, seed, small
         See `SearchMethod`.
     resume, pictures, certificate, strict, csv
         See `OutputSettings`.
@@ -238,7 +229,6 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
     def __post_init__(self) -> None:
         BudgetSettings.__post_init__(self)
         ParallelSettings.__post_init__(self)
-        SearchMethod.__post_init__(self)
 
     @classmethod
     def of(cls, *parts: Part) -> ExploreSettings:

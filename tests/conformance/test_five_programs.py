@@ -106,8 +106,6 @@ def test_the_program_of_the_design() -> None:
     assert many.load_factor == pytest.approx(many.load_factor[0])
     assert s.summary.best is not None
     assert s.summary.proven
-    with pytest.warns(FutureWarning, match=r'summary\["best"\] is now summary.best'):
-        assert s.summary["best"] == s.summary.best
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ import pytest
 import jld_core as jc
 from cases import CASES, grid_assembly, grid_document
 from cases_spatial import SPATIAL
-from jld_core.limit import SolveOptions
 from paths import ROOT
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
@@ -183,23 +182,3 @@ def test_evidence_has_named_fields() -> None:
     assert span.zero_dilation.associative_load_factor is not None
     assert span.zero_dilation.lowest_found <= span.zero_dilation.associative_load_factor * (1.0 + 1e-9)
     assert span.zero_dilation.lowest_found == span.to_json()["lowest_found"]
-
-
-def test_names_of_version_0_2_warn_and_work(arch: jc.Assembly) -> None:
-    result = jc.solve(arch, friction="zero-dilation")
-    for old, new in (("route", "solve_log"), ("extra", "facts"), ("growing", "unbounded_forces")):
-        with pytest.warns(FutureWarning, match=f"result.{old} is now .*{new}"):
-            assert getattr(result, old) is getattr(result, new)
-    with pytest.warns(FutureWarning, match=r"result.falling is now result.instability_mechanism"):
-        assert result.falling is None
-    with pytest.warns(FutureWarning, match='inner_bending="paper" is now inner_bending="uncoupled"'):
-        assert SolveOptions(inner_bending="paper") == SolveOptions()  # type: ignore[arg-type]
-    assembly = SPATIAL["kern bond"]()
-    labels = np.zeros(len(assembly.interfaces), dtype=bool)
-    with pytest.warns(FutureWarning, match="uncoupled"):
-        old = jc.LimitAnalysis(assembly, inner_bending="paper").solve(labels)  # type: ignore[arg-type]
-    assert old.load_factor == pytest.approx(jc.LimitAnalysis(assembly).solve(labels).load_factor, rel=1e-9)
-    assert old.load_factor > 1.01 * jc.LimitAnalysis(assembly, inner_bending="kern").solve(labels).load_factor
-    printed = result.to_json()
-    assert printed["route"] == printed["solve_log"] == list(result.solve_log)
-    assert printed["falling"] is printed["instability_mechanism"] is None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import growth
+from benchmarks import large as growth
 from benchmarks.scenes import brick_wall, cubes, vault
 
 from cases import grid_document
@@ -131,5 +131,4 @@ def test_growth_is_measured_phase_by_phase(kind: str, tmp_path: Path) -> None:
     assert sorted(one["phase"] for one in told) == sorted(growth.PHASES)
     found = {"kind": kind, "edge": 3, "seconds": {one["phase"]: one["seconds"] for one in told}}
     found |= {"memory": {one["phase"]: one["memory"] for one in told}, "cells": 9 if kind == "planar" else 27}
-    assert len(growth.draw({kind: [found]}).axes) == 1
     assert "over 90 s" in growth.row_of({**found, "memory": {}, "ended": "90 s"})

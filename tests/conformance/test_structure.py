@@ -62,12 +62,12 @@ ORDER = [
     ["jld_core.sub_assembly"],
     ["jld_core.assembly"],
     ["jld_core.scene"],
-    ["jld_core.linalg", "jld_core.plugins", "jld_core.files", "jld_core.parameters", "jld_core.loads", "jld_core.members"],
+    ["jld_core.linalg", "jld_core.plugins", "jld_core.files", "jld_core.parameters"],
+    ["jld_core.loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",
         "jld_core.deadline",
-        "jld_core.deprecation",
         "jld_core.errors",
         "jld_core.lazy_exports",
         "jld_core.memory",
@@ -285,8 +285,8 @@ def test_public_names() -> None:
     import jld_core
     import jld_explore
 
-    core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many BatchResult
-    geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples views
+    core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many
+    BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples views
     solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress

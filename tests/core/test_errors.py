@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import pickle
 import re
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 from typer import Context
 from typer.main import get_command
 
-from command import Command, call
+from command import Command
 from jld_core import InputError, SolveOptions
 from jld_core.errors import ParameterError
 from jld_explore.cli.ending import in_flags
@@ -67,18 +66,6 @@ def test_no_error_of_a_library_names_a_flag() -> None:
         if re.search(r"[\s\"'(]--[a-z]", call)
     ]
     assert found == []
-
-
-def test_an_old_value_of_a_flag_warns_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scene = str(ROOT / "scenes" / "flat_beam_arch.json")
-    outcome = call(monkeypatch, capsys, "solve", scene, "--inner-bending", "paper", "--json")
-    assert outcome.code == 0
-    assert outcome.err == (
-        "jld: warning: --inner-bending paper is now uncoupled; the old name works until version 0.4\n"
-    )
-    assert json.loads(outcome.out)["status"] == "collapse"
 
 
 @pytest.mark.parametrize(

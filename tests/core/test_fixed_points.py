@@ -186,7 +186,7 @@ def test_forces_are_an_optimum_under_their_own_areas(
     assembly, labels, result = solved
     assert result.status is Status.COLLAPSE
     assert result.forces is not None
-    assert result.extra["effective_area"]["fixed_point"] == 0.0
+    assert result.facts["effective_area"]["fixed_point"] == 0.0
     F, friction = result.forces, assembly.strengths.friction
     largest = float(abs(F[:, 0]).max())
     for k in np.flatnonzero(labels & (F[:, 0] > 1e-3 * largest)):

@@ -97,7 +97,7 @@ def test_forces_that_grow_with_the_square_of_the_load_factor_lock(turn: str) -> 
     """Along the wall λ grows without end, though no direction of forces carries it: more of it needs a wedge as λ²."""
     result = solve(corner([0, 1, 0], turn))
     assert result.status is Status.LOCKED
-    assert "ray beside self-stress" in result.route
+    assert "ray beside self-stress" in result.solve_log
     assert any("square of the load factor" in note for note in result.notes)
 
 

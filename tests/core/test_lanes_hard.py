@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from benchmarks.hard_scenes import UNITS, HardCase, bricks, hard_cases, is_near
-from benchmarks.lanes_hard import HARD, SEGMENTED, SPATIAL, labellings_of
+from benchmarks.batch_solver import HARD, SEGMENTED, SPATIAL, labellings_of
+from benchmarks.hard_cases import UNITS, HardCase, bricks, hard_cases, is_near
 
 from jld_core import LimitAnalysis, Status
 from jld_core.batch import chosen

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from benchmarks.growth import document
+from benchmarks.large import document
 
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.limit import SolveOptions, repair
@@ -18,7 +18,7 @@ from jld_explore.space import search_space
 
 
 def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:
-    """A square wall of benchmarks/growth.py in blocks of 2 × 2 cells, and its labels."""
+    """A square wall of benchmarks/large.py in blocks of 2 × 2 cells, and its labels."""
     content = document("planar", edge)
     content["materials"]["dry"]["friction_coefficient"] = friction
     built = build_assembly(parse_scene(content))

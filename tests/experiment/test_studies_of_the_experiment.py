@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from studies import brittle_front, cracking_units, distinct_runs, leonardo_section_3_3, non_planar_faces
+from studies import brittle_front, cracking_units, distinct_elements, leonardo_section_3_3, non_planar_faces
 from studies.report import SCENES
 from studies.scenes import stacked_cubes
 
@@ -71,20 +71,20 @@ def test_layouts_below_what_was_carried_are_left_out() -> None:
 
 def test_runs_of_the_study_go_on_where_they_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows are written one by one; a second call makes the missing ones alone, in the same order."""
-    monkeypatch.setattr(distinct_runs, "NUMERICS", {distinct_runs.DEFAULT: {"periods": 20.0}})
-    monkeypatch.setattr(distinct_runs, "FIELD_SECONDS", 0.1)
+    monkeypatch.setattr(distinct_elements, "NUMERICS", {distinct_elements.DEFAULT: {"periods": 20.0}})
+    monkeypatch.setattr(distinct_elements, "FIELD_SECONDS", 0.1)
     scene = stacked_cubes(2, friction=0.9, tension=0.2, shear=9.0)
     assembly = build_assembly(scene)
-    case = distinct_runs.Case("cubes", scene, assembly, (tuple(assembly.labels.tolist()),))
-    monkeypatch.setattr(distinct_runs, "limit_analysis", lambda case, layout, kind: replace(_row(case), kind=kind))
+    case = distinct_elements.Case("cubes", scene, assembly, (tuple(assembly.labels.tolist()),))
+    monkeypatch.setattr(distinct_elements, "limit_analysis", lambda case, layout, kind: replace(_row(case), kind=kind))
     path = tmp_path / "runs.csv"
-    assert distinct_runs.run_all(path, [case]) == 6
+    assert distinct_elements.run_all(path, [case]) == 6
     whole = pd.read_csv(path, dtype=str)
     path.write_text("\n".join(path.read_text("utf-8").splitlines()[:4]) + "\n", "utf-8")
-    assert distinct_runs.run_all(path, [case]) == 3
+    assert distinct_elements.run_all(path, [case]) == 3
     again = pd.read_csv(path, dtype=str)
     assert again.drop(columns="seconds").equals(whole.drop(columns="seconds"))
-    assert distinct_runs.run_all(path, [case]) == 0
+    assert distinct_elements.run_all(path, [case]) == 0
     brittle = whole[whole["inner"] == "brittle"]
     # Five points have I/l² = 3/32: the face cracks at λ = (1 + σt) 3/8, and both cubes rock on at the base at 1/2.
     assert brittle["first_crack"].astype(float).to_numpy() == pytest.approx(0.45, rel=0.03)
@@ -92,5 +92,5 @@ def test_runs_of_the_study_go_on_where_they_stopped(tmp_path: Path, monkeypatch:
     assert (whole[whole["kind"] == "experiment"]["energy_error"].astype(float) < 1e-2).all()
 
 
-def _row(case: distinct_runs.Case) -> distinct_runs.Row:
-    return distinct_runs.started(case, 0, "cells", "", "plastic", "friction")
+def _row(case: distinct_elements.Case) -> distinct_elements.Row:
+    return distinct_elements.started(case, 0, "cells", "", "plastic", "friction")

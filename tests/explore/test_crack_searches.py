@@ -50,7 +50,7 @@ def raced(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
 
 def test_the_race_is_right(raced: Exploration) -> None:
     """Every bracket of the table agrees with the bounds of the layout alone, and none is stronger than said."""
-    table, summary = raced.results, raced.summary
+    table, summary = raced.results, raced.summary.facts
     assert summary["cracks"] == FIELDS
     assert summary["race"]["decided"]
     assert summary["gap"] <= 0.25
@@ -82,7 +82,7 @@ def test_summary_text_of_a_race(raced: Exploration) -> None:
     facts = words.facts_of_exploration(read_folder(raced.folder))
     assert "by fields" in facts["cracks"]
     assert "proven to within" in facts["best λ"]
-    assert "discretisation" in facts["next"] or raced.summary["proven"]
+    assert "discretisation" in facts["next"] or raced.summary.proven
 
 
 def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,10 +102,10 @@ def test_data_for_processes_can_be_pickled(raced: Exploration) -> None:
 
 def test_no_time_leaves_one_layout(tmp_path: Path) -> None:
     done = searched(tmp_path / "out", FIELDS, seconds=0.0, driver="enumeration")
-    assert done.summary["stop_reason"] == "time"
-    assert done.summary["best"] is not None
-    assert not done.summary["proven"]
-    assert "of the search" in done.summary["next"]
+    assert done.summary.stop_reason == "time"
+    assert done.summary.best is not None
+    assert not done.summary.proven
+    assert "of the search" in done.summary.next
 
 
 def test_no_mesh_is_begun_that_would_be_late(raced: Exploration) -> None:
@@ -154,8 +154,8 @@ def test_other_drivers_race_the_best_of_what_they_found(tmp_path: Path) -> None:
         assert row.load_factor == row.bracket_lo
     best, rivals = ranked["bracket_lo"].max(), ranked["bracket_hi"].max()
     assert (rivals - best) / rivals <= FIELDS["gap"]
-    assert done.summary["bound"] is None
-    assert "exact" in done.summary["next"]
+    assert done.summary.bound is None
+    assert "exact" in done.summary.next
 
 
 @pytest.mark.parametrize("driver", ["enumeration", "genetic"])
@@ -167,7 +167,7 @@ def test_searches_by_cells(driver: str, tmp_path: Path) -> None:
     for row in done.results.head(5).itertuples():
         alone = solve(cells.fine, cells.labels(from_string(str(row.labelling))))
         assert row.load_factor == pytest.approx(alone.load_factor, rel=1e-6)
-    assert done.summary["cracks"] == cracks
+    assert done.summary.facts["cracks"] == cracks
     assert done.result(1).load_factor == pytest.approx(done.results["load_factor"][0], rel=1e-6)
 
 

@@ -41,9 +41,9 @@ def test_the_best_are_bounded_by_fields(tmp_path: Path) -> None:
         assert table["fields_hi"][row] == pytest.approx(alone.upper, rel=1e-9)
     space = search_space(done.scene, done.assembly)
     whole = bounds_by_fields(done.assembly, space.fixed & ~space.candidates, gap=1e-9, most_triangles=1)
-    assert done.summary["fields"]["uncut"] == pytest.approx([whole.lower, whole.upper], rel=1e-9)
+    assert done.summary.facts["fields"]["uncut"] == pytest.approx([whole.lower, whole.upper], rel=1e-9)
     facts = words.facts_of_exploration(read_folder(tmp_path / "a"))
-    assert done.summary["fields"]["findings"]
+    assert done.summary.facts["fields"]["findings"]
     assert facts["by fields"].endswith("--cracks fields --out DIR searches by fields")
     assert json.loads((tmp_path / "a" / "columns.json").read_text("utf-8"))["results.csv"]["fields_hi"]
 
@@ -51,12 +51,12 @@ def test_the_best_are_bounded_by_fields(tmp_path: Path) -> None:
 def test_without_a_check_there_are_no_columns(tmp_path: Path) -> None:
     done = searched(tmp_path / "a", check_fields=0)
     assert "fields_lo" not in done.results
-    assert "fields" not in done.summary
+    assert "fields" not in done.summary.facts
 
 
 def test_a_time_limit_skips_the_check_by_fields_with_a_sentence(tmp_path: Path) -> None:
     done = searched(tmp_path / "a", seconds=0.0)
-    assert done.summary["fields"]["skipped"]
+    assert done.summary.facts["fields"]["skipped"]
     assert done.results["fields_lo"].isna().all()
     assert "not checked" in words.facts_of_exploration(done)["by fields"]
 

@@ -54,11 +54,11 @@ def test_the_proof_agrees_with_the_race_of_all(proven: Exploration, tmp_path: Pa
         assert one.summary.best is not None
         assert other.summary.bound is not None
         assert one.summary.best <= other.summary.bound * (1 + 1e-9)
-    assert proven.summary["stop_reason"] == "proven"
-    assert proven.summary["proof_check"]["passed"]
-    assert proven.summary["proof_check"]["conflicts"] == proven.summary["proof_check"]["weighed"] > 0
-    assert proven.summary["race"]["decided"]
-    assert proven.summary["gap"] <= FIELDS["gap"]
+    assert proven.summary.stop_reason == "proven"
+    assert proven.summary.facts["proof_check"]["passed"]
+    assert proven.summary.facts["proof_check"]["conflicts"] == proven.summary.facts["proof_check"]["weighed"] > 0
+    assert proven.summary.facts["race"]["decided"]
+    assert proven.summary.gap <= FIELDS["gap"]
     both = raced.results.merge(proven.results, on="labelling", suffixes=("", "_exact"))
     assert len(both) > 5
     assert (both["bracket_lo"] <= both["bracket_hi_exact"] * (1 + 1e-9)).all()
@@ -99,13 +99,13 @@ def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) ->
         explore(scene, tmp_path / "out", settings, stop)
     assert (tmp_path / "out" / CONFLICTS_FILE).exists()
     done = searched(tmp_path / "out", driver="exact", resume=True)
-    assert done.summary["race"]["decided"]
+    assert done.summary.facts["race"]["decided"]
     assert done.summary.best is not None
     assert proven.summary.bound is not None
     assert done.summary.best <= proven.summary.bound * (1 + 1e-9)
-    assert done.summary["proof_check"]["passed"]
+    assert done.summary.facts["proof_check"]["passed"]
     again = searched(tmp_path / "out", driver="exact", resume=True)
-    assert again.summary["bound"] <= done.summary["bound"] * (1 + 1e-9)
+    assert again.summary.bound <= done.summary.bound * (1 + 1e-9)
 
 
 def test_a_damaged_file_of_conflicts_is_named(proven: Exploration, tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_conflicts_on_disk_are_weighed_and_not_believed(proven: Exploration, tmp
     content["velocity"][::7] *= 0.5
     np.savez(path, **content)
     done = searched(tmp_path / "out", driver="exact", resume=True)
-    assert done.summary["proof_check"]["passed"]
+    assert done.summary.facts["proof_check"]["passed"]
     assert done.summary.bound >= proven.summary.best * (1 - 1e-9)
 
 
@@ -135,7 +135,7 @@ def test_a_race_is_resumed(tmp_path: Path) -> None:
     done = searched(tmp_path / "out", WIDE, resume=True, driver="enumeration")
     whole = searched(tmp_path / "whole", WIDE, driver="enumeration")
     assert (tmp_path / "out" / REFINED_FILE).exists()
-    assert done.summary["race"]["decided"]
+    assert done.summary.facts["race"]["decided"]
     assert done.summary.best is not None
     assert whole.summary.bound is not None
     assert done.summary.best <= whole.summary.bound * (1 + 1e-9)
@@ -150,7 +150,7 @@ def test_load_cases_are_proven_by_the_governing_factor(tmp_path: Path) -> None:
     single = searched(tmp_path / "single", WIDE, driver="exact")
     for one, other in ((raced, done), (done, raced)):
         assert one.summary.best <= other.summary.bound * (1 + 1e-9)
-    assert done.summary["proof_check"]["passed"]
+    assert done.summary.facts["proof_check"]["passed"]
     # the wall is symmetric, so that the case that is asked for twice governs
     assert 2.0 * done.summary.best <= single.summary.bound * (1 + 1e-9)
     assert single.summary.best <= 2.0 * done.summary.bound * (1 + 1e-9)
@@ -164,7 +164,7 @@ def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
     required = document(search={"block_cells": [1, 3], "require": {"load_factor": middle}})
     for driver in ("enumeration", "genetic", "exact"):
         done = searched(tmp_path / driver, WIDE, scene=required, driver=driver, budget=None)
-        table, facts = done.results, done.summary["require"]
+        table, facts = done.results, done.summary.facts["require"]
         assert (table["meets"] == (table["bracket_lo"] >= middle * (1 - 1e-6))).all()
         assert facts["met"] == int(table["meets"].sum()) > 0
         counts = table[table["meets"]][facts["count"]]
@@ -172,18 +172,18 @@ def test_a_required_factor_counts_by_the_lower_bound(tmp_path: Path) -> None:
         assert facts["proven"]
         found.append(facts["best"])
     assert len(set(found)) == 1
-    assert done.summary["proof_check"]["passed"]
-    assert done.summary["count_bound"] == found[0]
+    assert done.summary.facts["proof_check"]["passed"]
+    assert done.summary.facts["count_bound"] == found[0]
 
 
 def test_no_layout_carries_more_than_all_are_bounded_by(tmp_path: Path) -> None:
     """A required factor beyond the bound on all layouts: proven at once that none carries it, by its conflicts."""
     required = document(search={"block_cells": [1, 3], "require": {"load_factor": 50.0}})
     done = searched(tmp_path / "out", WIDE, scene=required, driver="exact")
-    assert done.summary["require"]["proven"]
-    assert done.summary["require"]["best"] is None
-    assert done.summary["count_bound"] is None
-    assert done.summary["proof_check"]["passed"]
+    assert done.summary.facts["require"]["proven"]
+    assert done.summary.facts["require"]["best"] is None
+    assert done.summary.facts["count_bound"] is None
+    assert done.summary.facts["proof_check"]["passed"]
 
 
 def test_the_proven_front_agrees_with_the_race_of_all(tmp_path: Path) -> None:
@@ -192,9 +192,9 @@ def test_the_proven_front_agrees_with_the_race_of_all(tmp_path: Path) -> None:
         scene = document(search={"block_cells": [1, 3], "front": {"count": "dry_faces", "sense": sense}})
         raced = searched(tmp_path / f"all-{sense}", WIDE, scene=scene, driver="enumeration")
         done = searched(tmp_path / sense, WIDE, scene=scene, driver="exact", options={"aim": "front"})
-        assert done.summary["stop_reason"] == "proven"
-        assert done.summary["proof_check"]["passed"]
-        rows = {row["count"]: row for row in done.summary["best_by_count"]}
+        assert done.summary.stop_reason == "proven"
+        assert done.summary.facts["proof_check"]["passed"]
+        rows = {row["count"]: row for row in done.summary.facts["best_by_count"]}
         assert set(rows) == set(raced.results["dry_faces"])
         best = -np.inf
         for count in sorted(rows, reverse=sense == "max"):
@@ -244,7 +244,7 @@ def test_low_values_are_searched(tmp_path: Path) -> None:
     done = searched(tmp_path / "low", WIDE, scene=scene, robust=True, driver="enumeration")
     plain = searched(tmp_path / "plain", WIDE, driver="enumeration")
     assert done.summary.best == pytest.approx(plain.summary.best, rel=1e-9)
-    assert done.summary["best_nominal"] >= done.summary.best * (1 - 1e-9)
+    assert done.summary.facts["best_nominal"] >= done.summary.best * (1 - 1e-9)
 
 
 def test_partial_bounds_enclose_those_of_every_labelling() -> None:

@@ -177,8 +177,8 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
         assert asked.locks == [] or decided
         done = explore(bridge, tmp_path / f"some {limit}", settings)
         assert len(done.results) == 20
-        assert done.summary["proven"] is decided
-        assert any("stopped at its limit" in text for text in done.summary["warnings"]) is not decided
+        assert done.summary.proven is decided
+        assert any("stopped at its limit" in text for text in done.summary.warnings) is not decided
         # the check of a proof by conflicts: all that is known to stand is evaluated, and no conflict refutes the rest
         space = search_space(bridge, assembly)
         state = ProofState(space)

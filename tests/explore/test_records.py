@@ -310,7 +310,7 @@ def test_counts_agree_with_the_blocks() -> None:
 
 @pytest.mark.long
 def test_many_rows(tmp_path: Path) -> None:
-    """Opened, and its table and front made, in seconds: a fifth of a million here, a million in benchmarks/million."""
+    """Opened, and its table and front made, in seconds: a fifth of a million (a million: docs/notes/tried.md)."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
     space, faces, count = search_space(scene, assembly), len(assembly.interfaces), 200_000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -178,23 +177,6 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     assert shown.endswith("%")
     assert ", gap " in shown
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
-
-
-@pytest.mark.long
-def test_past_solves_settle_nothing_any_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The former option warns in one line, in Python and on the command line, and changes nothing."""
-    with pytest.warns(FutureWarning, match="certificates has no effect"):
-        settings = ExploreSettings(budget=2, pictures=False, driver="random", certificates=True)
-    assert replace(settings, certificates=False) == ExploreSettings(budget=2, pictures=False, driver="random")
-    options = ("--budget", 2, "--driver", "random", "--jobs", 1, "--json")
-    folder = tmp_path / "out"
-    done = call(monkeypatch, capsys, "explore", SCENE, "--out", folder, *options, "--certificates")
-    assert done.code == 0
-    assert done.err == "jld: --certificates has no effect and will be refused in version 0.4; leave it out\n"
-    results = read_folder(folder).results
-    assert set(results["settled"]) == {"solve"}
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe no text", b"axes.facecolor: red\n", b"figure.dpi: none\nbogus line\n"])

@@ -97,7 +97,7 @@ def test_a_labelling_is_taken(address: str) -> None:
 
 
 def test_changed_geometry_is_answered_while_it_is_dragged(address: str) -> None:
-    """24 faces, another radius each time. benchmarks/results/exchange.md has times; here is room for a busy machine."""
+    """24 faces, another radius each time. The times are in docs/notes/tried.md; here is room for a busy machine."""
     times = []
     for k in range(6):
         document = arch(1.5 + 0.01 * k)

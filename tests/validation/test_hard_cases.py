@@ -1,6 +1,6 @@
 """Hard cases: each ends with a bracket no wider than 1e-6 or an honest status, none with a wrong number.
 
-The cases themselves stand in benchmarks/hard_scenes.py, which draws up a table of them too. Expected values are closed
+The cases themselves stand in benchmarks/hard_cases.py, which draws up a table of them too. Expected values are closed
 forms (`test_closed_forms`) or the independent CVXPY statement.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.hard_scenes import (
+from benchmarks.hard_cases import (
     UNITS,
     Entry,
     HardCase,

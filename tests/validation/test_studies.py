@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from studies import (
     corner,
-    drivers,
     few_cuts,
     few_shapes,
     how_low_can_it_go,
@@ -32,7 +31,7 @@ from studies.report import RESULTS
 
 from cases import grid_document
 from jld_core import parse_scene, solve
-from jld_explore import ExploreSettings, explore
+from jld_explore import explore
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -172,22 +171,6 @@ def test_corner(tmp_path: Path) -> None:
     assert wide.to_numpy().max() <= 0.6 * (1.0 + 1e-6)
     regular = corner.solved(3, corner.OUTWARD, "interlocking").load_factor
     assert table[table["part"] == "all bonds"]["load_factor"].item() == pytest.approx(regular, rel=1e-4)
-
-
-@pytest.mark.long
-def test_drivers(tmp_path: Path) -> None:
-    """The exact driver proves the optimum, which a check by enumeration confirms; no driver comes above it."""
-    table = drivers.run(tmp_path, quick=True)
-    written(tmp_path, drivers.NAME)
-    exact = table[table["driver"] == "exact"]
-    assert exact["proven"].item()
-    assert exact["best"].item() == pytest.approx(3620.9123, rel=1e-6)
-    wall = drivers.scene(quick=True)
-    every = explore(wall, tmp_path / "all", ExploreSettings(driver="enumeration", pictures=False))
-    assert exact["best"].item() == pytest.approx(every.summary.best, rel=1e-6)
-    assert table["best"].max() <= exact["best"].item() * (1.0 + 1e-6)
-    assert (table["solves"] <= 20).sum() == len(drivers.BUDGETS)
-    assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}
 
 
 @pytest.mark.long

@@ -11,13 +11,14 @@ LARGE: Final = 200
 
 Of 512 layouts of 278 faces, 128 of 946 and 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
 but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces. Source:
-benchmarks/lanes.py.
+benchmarks/batch_solver.py.
 """
 NARROW: Final = 1000
 """Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
 
 Workspaces of eight labellings no longer fit into the cache. Half the lanes take 1.2 times the time of all at 278 faces,
-1.0 times at 946, and 0.7 to 0.9 times at 1 225, 1 431 and 2 016. Source: benchmarks/lanes.py, walls of other sizes.
+1.0 times at 946, and 0.7 to 0.9 times at 1 225, 1 431 and 2 016. Source: benchmarks/batch_solver.py,
+walls of other sizes.
 """
 DRY_SHARES: Final = (0.0, 1.0)
 """Range of the share of dry faces of the random labellings whose mean solution gives the starting point."""
@@ -27,7 +28,7 @@ LARGE_DRY_SHARES: Final = (0.5, 1.0)
 Random labels join the elements of a large assembly to few blocks below a share of one half, and λ then is far above
 that of layouts. Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts
 in blocks of four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and
-34.2 instead of 33.5 (less than a third dry). Source: benchmarks/lanes.py.
+34.2 instead of 33.5 (less than a third dry). Source: benchmarks/batch_solver.py.
 """
 SAMPLES: Final = 32
 """Random labellings whose mean solution gives the starting point."""
@@ -35,7 +36,7 @@ FEW_SAMPLES: Final = 8
 """The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.
 
 There each takes as long as a layout. With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at
-2 016 faces, 21.8, 22.4, 22.5 and 22.3 at 946, and 15.8, 16.2, 16.2 and 17.7 at 278. Source: benchmarks/lanes.py.
+2 016 faces, 21.8, 22.4, 22.5 and 22.3 at 946, and 15.8, 16.2, 16.2 and 17.7 at 278. Source: benchmarks/batch_solver.py.
 """
 
 _FIRST: Final[dict[str, Any]] = {
@@ -61,7 +62,7 @@ TRIES: Final = (
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
 """Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
-and for an admissible state on the boundary. Source: measured in benchmarks/lanes.py.
+and for an admissible state on the boundary. Source: measured in benchmarks/batch_solver.py.
 """
 _RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
 """Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit."""
@@ -80,7 +81,7 @@ LARGE_TRIES: Final = (
 rounding of many elements needs a larger margin. What a pass leaves open it has nearly solved, so the next one begins
 where it ended. Upper bounds need exact jumps, since each is weighed with strengths far above the weight of an element:
 hence the small proximal terms and margins of these passes. Pass 5 begins anew with shorter steps and a larger margin,
-which keep slacks apart. Source: measured in benchmarks/lanes.py.
+which keep slacks apart. Source: measured in benchmarks/batch_solver.py.
 """
 
 SPATIAL_TRIES: Final = tuple(
@@ -93,7 +94,7 @@ SPATIAL_TRIES: Final = tuple(
     )
 )
 """Settings of the successive passes over the open labellings, spatial. No pass looks for states on the boundary of a
-cone. Source: measured in benchmarks/lanes.py.
+cone. Source: measured in benchmarks/batch_solver.py.
 """
 
 

@@ -1,7 +1,7 @@
 """Reader of OBJ and PLY (by meshio) and STL: one solid per group or closed part.
 
 meshio is used instead of trimesh because it keeps faces with any number of corners. trimesh splits these into fans,
-which is wrong for faces that are not convex. Measurement: benchmarks/results/exchange.md.
+which is wrong for faces that are not convex. Measured once: docs/notes/tried.md.
 """
 
 from __future__ import annotations

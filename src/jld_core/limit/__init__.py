@@ -2,7 +2,6 @@
 
 - `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
 - `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
-- `RENAMED_BENDING`: values of `inner_bending` of version 0.2, by their new names
 - `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
 - `Condense`: when blocks are modelled as rigid: auto, on or off
@@ -45,7 +44,6 @@ from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import (
     FIELD_SECONDS,
     FLOOR_SECONDS,
-    RENAMED_BENDING,
     Condense,
     Contacts,
     Friction,
@@ -61,7 +59,6 @@ from jld_core.limit.status import Status
 __all__ = [
     "FIELD_SECONDS",
     "FLOOR_SECONDS",
-    "RENAMED_BENDING",
     "BatchAnalysis",
     "CaseBounds",
     "Condense",

@@ -16,7 +16,7 @@ from jld_core.limit.proof import Proof
 FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
 """Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
 
-Its setup is included. Source: benchmarks/results/lanes_single.md.
+Its setup is included. Source: benchmarks/results/batch_solver_single.md.
 """
 
 

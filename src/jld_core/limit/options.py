@@ -9,7 +9,6 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.deprecation import warn_renamed
 from jld_core.errors import ParameterError
 from jld_core.mechanics import InnerBending
 from jld_core.parameters import require_field_types
@@ -28,9 +27,6 @@ FLOOR_SECONDS: Final = 60.0
 
 FIELD_SECONDS: Final = 60.0
 """Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
-
-RENAMED_BENDING: Final[dict[str, InnerBending]] = {"paper": "uncoupled"}
-"""Values of `inner_bending` of version 0.2, by their new names; they are accepted until version 0.4."""
 
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
 """Allowed values of each option that takes one of several words."""
@@ -89,10 +85,6 @@ class Model:
     def __post_init__(self) -> None:
         if self.cracks is not None:
             object.__setattr__(self, "cracks", cracks_of(self.cracks))
-        if self.inner_bending in RENAMED_BENDING:
-            current = RENAMED_BENDING[self.inner_bending]
-            warn_renamed(f'inner_bending="{self.inner_bending}"', f'inner_bending="{current}"', stacklevel=4)
-            object.__setattr__(self, "inner_bending", current)
         for key, words in _WORDS.items():
             value, allowed = getattr(self, key), get_args(words)
             if value not in allowed:

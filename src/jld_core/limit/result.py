@@ -10,7 +10,6 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.deprecation import warn_renamed
 from jld_core.limit.member_results import members_to_json
 from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import SolveOptions
@@ -302,30 +301,6 @@ class LimitAnalysisResult(Result):
         """Return the convergence of effective areas; None without them."""
         return EffectiveAreas.of(self.facts)
 
-    @property
-    def extra(self) -> dict[str, Any]:
-        """Return `facts`, under its name of version 0.2, with a warning."""
-        warn_renamed("result.extra", "result.zero_dilation, result.effective_areas or result.facts")
-        return self.facts
-
-    @property
-    def route(self) -> tuple[str, ...]:
-        """Return `solve_log`, under its name of version 0.2, with a warning."""
-        warn_renamed("result.route", "result.solve_log")
-        return self.solve_log
-
-    @property
-    def falling(self) -> Floats | None:
-        """Return `instability_mechanism` under its name of version 0.2, with a warning."""
-        warn_renamed("result.falling", "result.instability_mechanism")
-        return self.instability_mechanism
-
-    @property
-    def growing(self) -> Floats | None:
-        """Return `unbounded_forces`, under its name of version 0.2, with a warning."""
-        warn_renamed("result.growing", "result.unbounded_forces")
-        return self.unbounded_forces
-
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --json` prints, see `Result.to_json`."""
         assembly = self.assembly
@@ -355,7 +330,6 @@ class LimitAnalysisResult(Result):
             "interfaces": len(faces),
             "iterations": self.iterations,
             "solve_log": list(self.solve_log),
-            "route": list(self.solve_log),  # name of version 0.2
             "seconds": dict(self.seconds),
             "warnings": self.warnings,
             **self.facts,
@@ -366,7 +340,6 @@ class LimitAnalysisResult(Result):
             ),
             "mechanism": mechanism,
             "instability_mechanism": unstable,
-            "falling": unstable,  # name of version 0.2
             "forces": forces,
             **({"members": members_to_json(assembly, self.forces, self.mechanism)} if assembly.members else {}),
             "faces": _faces(assembly, self.labels),

@@ -26,14 +26,12 @@ from jld_explore.cli.model_options import (
     Gap,
     Robust,
     Strict,
-    current_bending,
 )
 from jld_explore.cli.options import AsJson, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.search_options import (
     Budget,
     CertificateFile,
-    Certificates,
     CheckFields,
     Cluster,
     DriverName,
@@ -48,7 +46,7 @@ from jld_explore.cli.search_options import (
     Seed,
     WriteCsv,
 )
-from jld_explore.cli.streams import say, warn
+from jld_explore.cli.streams import say
 from jld_explore.report import check_folder, words
 from jld_explore.settings import (
     BudgetSettings,
@@ -89,7 +87,6 @@ def explore_command(
     gap: Gap = GAP,
     resume: Resume = False,
     csv: WriteCsv = False,
-    certificates: Certificates = False,
     cluster: Cluster = None,
     certificate: CertificateFile = None,
     as_json: AsJson = False,
@@ -101,8 +98,6 @@ def explore_command(
     until then, and --resume goes on.
     """
     parsed = with_cracks(load_scene(scene), cracks)
-    if certificates:
-        warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
@@ -111,7 +106,7 @@ def explore_command(
     model = SolveOptions(
         effective_area=effective_area,
         contact=contact,
-        inner_bending=current_bending(inner_bending),
+        inner_bending=inner_bending,
         condense=condense,
         solver=solver,
         gap=gap,

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any
 
 import typer
 
-from jld_core.limit import (
-    RENAMED_BENDING,
-    Condense,
-    Contacts,
-)
+from jld_core.limit import Condense, Contacts
 from jld_core.mechanics import InnerBending
 from jld_core.solvers import SOLVERS
-from jld_explore.cli.streams import warn
 
 EffectiveArea = Annotated[
     bool, typer.Option("--effective-area", help="Base torsion on the area in compression (spatial).")
@@ -24,8 +19,7 @@ Contact = Annotated[
 ]
 
 Bending = Annotated[
-    Literal["uncoupled", "kern", "paper"],
-    typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress (kern)."),
+    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
 ]
 
 Blocks = Annotated[
@@ -44,14 +38,6 @@ Strict = Annotated[bool, typer.Option("--strict", help="Treat plausibility warni
 Robust = Annotated[
     bool, typer.Option("--robust", help="Use the low values of materials; λ at nominal values is stated as well.")
 ]
-
-
-def current_bending(given: str) -> InnerBending:
-    """Return the present name of a value of --inner-bending; warn if it is one of version 0.2."""
-    if given not in RENAMED_BENDING:
-        return cast(InnerBending, given)
-    warn(f"jld: warning: --inner-bending {given} is now {RENAMED_BENDING[given]}; the old name works until version 0.4")
-    return RENAMED_BENDING[given]
 
 
 def asked(context: typer.Context, values: dict[str, Any]) -> dict[str, Any]:

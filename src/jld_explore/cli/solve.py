@@ -34,7 +34,6 @@ from jld_explore.cli.model_options import (
     Robust,
     Strict,
     asked,
-    current_bending,
 )
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.rates import draw_rates, with_rates
@@ -79,7 +78,7 @@ def solve(
         "floor_seconds": floor_seconds,
         "effective_area": effective_area,
         "contact": contact,
-        "inner_bending": current_bending(inner_bending),
+        "inner_bending": inner_bending,
         "condense": condense,
         "solver": solver,
         "gap": gap,

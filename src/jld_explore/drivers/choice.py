@@ -2,9 +2,9 @@
 
 A space that is known to hold few classes is enumerated. A space of at most `REACH` faces that may be dry or inner is
 given to the exact driver. It proves such spaces within seconds, whatever the size of blocks and the strength of the
-material. Of somewhat larger spaces it proves most, but not those of weak material or of beams (`benchmarks/reach.py`
-measures this). It begins with labellings of the genetic driver. Larger spaces are searched by the genetic driver
-alone, which proves nothing.
+material. Of somewhat larger spaces it proves most, but not those of weak material or of beams (docs/notes/tried.md).
+It begins with labellings of the genetic driver. Larger spaces are searched by the genetic driver alone, which proves
+nothing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ REACH: Final = 50
 STARTED: Final = 60
 """Labellings of the genetic driver, per face that may be dry or inner, which a proof by default begins with.
 
-A search that ends before the proof is then as good as that of the genetic driver (`benchmarks/default_driver.py`).
+A search that ends before the proof is then as good as that of the genetic driver (docs/notes/tried.md).
 """
 
 BOUNDED: Final = 1500

@@ -29,7 +29,7 @@ from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import FIELD_PICTURE, Exploration
 from jld_explore.report.reading import history_of
-from jld_explore.report.result_files import write_results
+from jld_explore.report.result_files import without_parquet, write_results
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
 from jld_explore.study import Study
@@ -166,6 +166,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
     found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
+    found["warnings"] += without_parquet(len(results))
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:

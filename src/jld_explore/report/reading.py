@@ -12,13 +12,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError, ParameterError
-from jld_core.limit import RENAMED_BENDING, SolveOptions, Status
+from jld_core.limit import SolveOptions, Status
 from jld_core.scene import load_scene
 from jld_core.solvers import SOLVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.result_files import read_results, results_path
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import is_labelling
 from jld_explore.study_state import StopReason
@@ -85,7 +86,8 @@ def read_folder(folder: str | Path) -> Exploration:
     if not isinstance(folder, str | Path):
         raise ParameterError("folder", f"{type(folder).__name__!r} is no folder", "the name of a results folder")
     folder = Path(folder)
-    for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
+    table = results_path(folder)
+    for name in (RECORDS_FILE, "scene.json", table.name, "summary.json"):
         if not (folder / name).exists():
             if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():
                 again = f"jld explore {folder / 'scene.json'} --out {folder} --resume, with its first options, ends it"
@@ -102,7 +104,7 @@ def read_folder(folder: str | Path) -> Exploration:
         assembly = build_robust(scene)
     axes = scene.search.front.axes
     counts = [name for name, _ in axes]
-    results = _results(folder / "results.parquet", assembly, counts)
+    results = _results(table, assembly, counts)
     return Exploration(
         scene=scene,
         assembly=assembly,
@@ -156,14 +158,14 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
-    """Read and validate results.parquet; raise InputError if it is damaged.
+    """Read and validate the table of results; raise InputError if it is damaged.
 
     counts: names of the counts that it has to contain. A table of another scene is refused as well.
     """
     import pandas as pd
 
     try:
-        table = pd.read_parquet(path)
+        table = read_results(path)
     except (OSError, ValueError) as error:
         raise _damaged(path, str(error)) from None
     for name in ("rank", "labelling", "status", "settled", *_NUMBERS, *counts):
@@ -187,8 +189,8 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
     known = dict(facts)
     if known.get("solver") not in SOLVERS:
         known["solver"] = "auto"
-    if "inner_bending" in known:
-        known["inner_bending"] = RENAMED_BENDING.get(known["inner_bending"], known["inner_bending"])
+    if known.get("inner_bending") == "paper":  # folders of version 0.2
+        known["inner_bending"] = "uncoupled"
     try:
         return SolveOptions(**known)
     except TypeError as error:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from jld_core.deprecation import warn_renamed
-
 
 @dataclass(frozen=True)
-class Summary(Mapping[str, Any]):
+class Summary:
     """Outcome of a search: the best layout, its proof, and how it was found.
 
-    The fields are the entries of summary.json that every search has. Access by key, as to a dictionary, works until
-    version 0.4 with a warning.
+    The fields are the entries of summary.json that every search has; `facts` has the others too.
 
     Attributes
     ----------
@@ -43,7 +40,7 @@ class Summary(Mapping[str, Any]):
     solved : int
         Number of classes solved in this run.
     settled, pruned : int
-        `settled` is 0, kept until version 0.4. `pruned` is the number of classes settled by a bound.
+        `settled` is 0. `pruned` is the number of classes settled by a bound.
     counts_by_status : dict of str to int
         Number of classes by status.
     seconds : float
@@ -123,17 +120,3 @@ class Summary(Mapping[str, Any]):
     def to_json(self) -> dict[str, Any]:
         """Return the content of summary.json as a new dict."""
         return dict(self.facts)
-
-    def __getitem__(self, key: str) -> Any:
-        """Return an entry of summary.json, as version 0.2 did."""
-        named = key in type(self).__dataclass_fields__
-        warn_renamed(f'summary["{key}"]', f"summary.{key}" if named else f'summary.facts["{key}"]')
-        return self.facts[key]
-
-    def __iter__(self) -> Iterator[str]:
-        """Return the keys of summary.json."""
-        return iter(self.facts)
-
-    def __len__(self) -> int:
-        """Return the number of entries of summary.json."""
-        return len(self.facts)

@@ -24,6 +24,7 @@ from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.evaluation.standing import Standing
 from jld_explore.report import required
 from jld_explore.report.front import on_front
+from jld_explore.report.result_files import parquet_is_installed
 from jld_explore.space import Count, SearchSpace, registered, unpack
 from jld_explore.space.count_values import counts, values_until
 from jld_explore.space.labelling import letters_of
@@ -216,11 +217,16 @@ def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[
     interfaces: number m of interfaces. faces: number of leading ones that have a letter. The column is made from the
     bytes of all texts. As Python objects, a million of them took 0.4 GB.
     """
-    import pyarrow as pa
+    import pandas as pd
 
     letters = np.empty((len(packed), faces), dtype=np.uint8)
     for low in range(0, len(packed), _SLICE):
         letters[low : low + _SLICE] = letters_of(unpack(packed[low : low + _SLICE], interfaces)[:, :faces])
+    if not parquet_is_installed():
+        text = letters.tobytes().decode("ascii")
+        return pd.Series([text[k * faces : (k + 1) * faces] for k in range(len(packed))], name="labelling", dtype="str")
+    import pyarrow as pa
+
     ends = np.arange(len(packed) + 1, dtype=np.int64) * faces
     column = pa.Array.from_buffers(pa.large_string(), len(packed), [None, pa.py_buffer(ends), pa.py_buffer(letters)])
     found: pd.Series[str] = pa.table({"labelling": column}).to_pandas()["labelling"]
@@ -360,7 +366,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         "labellings": int(results["multiplicity"].sum()),
         "evaluated": len(results),
         "solved": solved,
-        "settled": 0,  # Former number settled by past solves; kept until version 0.4.
+        "settled": 0,  # An entry of the contract that no search counts any more.
         "pruned": pruned,
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,

@@ -8,7 +8,6 @@ Modules in the order of data flow:
 - common to all lower bounds: `lower_bound_problem`, `frozen_friction`, `rlt_relaxation`, `binary_fractions`
 - lower bound in the plane: `modes`, `loops`, `statics`, `bounded_modes`, `certificate`, `lower_bound`
 - the same for large scenes: `product_space`, `normal_equations`, `interior_point`, `matrix_blocks`, `sweep`
-- lower bound in space: the study `studies/spatial_bound`
 
 Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
 

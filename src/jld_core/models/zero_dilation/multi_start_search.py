@@ -224,7 +224,7 @@ class MultiStartSearch:
 
         The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
         solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
-        compression (studies/spatial_bound/scenes.py). sufficient_load: as in `search`.
+        compression (docs/notes/tried.md). sufficient_load: as in `search`.
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):

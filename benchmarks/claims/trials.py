@@ -1,38 +1,29 @@
-"""Brute force against the exact driver on random small scenes, seed by seed: what is called proven has to be the best.
+"""Claim: what the exact driver calls proven is the best of all layouts, whatever the scene and the options.
 
-Every labelling of a scene is evaluated, those that its limits leave are kept, and the largest λ is held against what
-the exact driver proves, with whatever options the seed draws: blocks listed or not, a tree of blocks or none, hardly
-any search before the proof, stopped on the way and gone on with, two jobs (threads in the place of processes),
-whole fronts, a load factor required and a count proven, and, where the scene has one, a
-certificate that is written and verified.
+Every labelling of a small random scene is evaluated, those that its limits leave are kept, and the largest λ is held
+against what the exact driver proves, with whatever options the seed draws: blocks listed or not, a tree of blocks or
+none, hardly any search before the proof, stopped on the way and gone on with, two jobs (threads in the place of
+processes), whole fronts, a load factor required and a count proven, and, where the scene has one, a certificate that is
+written and verified.
 Scenes draw supports, holes, materials with every strength, limits of every kind, kept labels, slits, layouts that can
-be laid, load cases, and space.
-
-`python -m benchmarks.trust_trials FIRST LAST SECONDS` runs seeds FIRST to LAST − 1, as many as there is time for, and
-adds a row to the results.
+be laid, load cases, and space. ``notes`` counts what the scenes had.
 """
 
 from __future__ import annotations
 
-import csv
 import json
-import math
-import sys
 import tempfile
-import time
 import traceback
-from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.common import RESULTS, table, write
-from benchmarks.trust_scenes import MOST, drawn
+from benchmarks.claims.tally import Tally, run_cases
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore
@@ -44,21 +35,154 @@ from jld_explore.space import SearchSpace, count_named, search_space, values_of
 from jld_explore.space.search_space import feasible
 from jld_explore.verification import verify
 
-SEEDS: Final = (0, 2000)
+MOST: Final = 11
+"""Faces that may change, at the most: 2 048 labellings."""
+
+_FEW: Final = 6
+"""Faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about."""
+
+
+def drawn(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator, dict[str, Any]]:
+    """The scene of a seed: the first that its numbers draw which is a scene, and small enough."""
+    rng = np.random.default_rng(seed)
+    while True:
+        document, kinds = draw(rng)
+        try:
+            scene = parse_scene(document)
+            space = search_space(scene, build_assembly(scene))
+        except InputError:
+            continue
+        faces = int(space.candidates.sum())
+        if faces <= MOST and rng.random() * _FEW < faces:
+            return scene, space, kinds, rng, document
+
+
+def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
+    """A scene document, and words for what it has."""
+    kinds: list[str] = []
+    spatial = rng.random() < 0.15
+    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
+    strength = float(rng.choice([0.0, 5e2, 2e3, 1e4, 1e6], p=[0.1, 0.25, 0.3, 0.25, 0.1]))
+    inner: dict[str, Any] = {
+        "tensile_strength": strength,
+        "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0])),
+    }
+    if rng.random() < 0.2:
+        dry["cohesion"] = 500.0
+        kinds.append("cohesion")
+    if rng.random() < 0.2 and strength:
+        inner["friction_coefficient"] = 0.9 * inner["shear_strength"] / strength
+        kinds.append("inner friction")
+    if rng.random() < 0.3:
+        # crushing of dry faces asks for that of inner ones nowhere
+        which = rng.integers(1, 4)
+        if which & 1:
+            dry["compressive_strength"] = float(rng.choice([2e4, 2e5]))
+        if which & 2:
+            inner["compressive_strength"] = float(rng.choice([2e4, 2e5]))
+        kinds.append("crushing")
+    document: dict[str, Any] = {
+        "name": "trial",
+        "materials": {"density": 1400, "dry": dry, "inner": inner},
+        "search": _limits(rng, spatial, kinds),
+    }
+    if spatial:
+        kinds.append("space")
+        cells = [(i, j, k) for i in range(2) for j in range(rng.integers(1, 3)) for k in range(rng.integers(1, 3))]
+        document["elements"] = [
+            _box("ground", (0, 0, -1), (2, 2, 1), True),
+            *(_box(f"b{i}{j}{k}", (i, j, k)) for i, j, k in cells),
+        ]
+        names = [f"b{i}{j}{k}" for i, j, k in cells]
+    else:
+        rows = _rows(rng, kinds)
+        document["grid"] = {"cell": [0.1, float(rng.choice([0.05, 0.1, 0.2]))], "thickness": 0.1, "rows": rows}
+        names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
+    document["loads"] = random_loads(rng, names, spatial, kinds)
+    if rng.random() < 0.2:
+        document["labels"] = {"default": "inner"}
+    return document, kinds
+
+
+def _rows(rng: np.random.Generator, kinds: list[str]) -> list[str]:
+    across, up = int(rng.integers(2, 5)), int(rng.integers(1, 4))
+    rows = [["a"] * across for _ in range(up)]
+    if rng.random() < 0.25 and across > 2 and up > 1:
+        rows[-1][1] = "."
+        kinds.append("holes")
+    foot = ["#"] * across
+    if rng.random() < 0.25:
+        kinds.append("between abutments")
+        return ["#" + "".join(row) + "#" for row in rows]
+    if rng.random() < 0.3 and across > 2:
+        foot = ["#", *["."] * (across - 2), "#"]
+        kinds.append("bearings")
+    return ["".join(row) for row in [*rows, foot]]
+
+
+def _box(
+    name: str, low: tuple[int, int, int], size: tuple[int, int, int] = (1, 1, 1), support: bool = False
+) -> dict[str, Any]:
+    x, y, z = (0.1 * v for v in low)
+    a, b, c = (0.1 * (v + s) for v, s in zip(low, size, strict=True))
+    corners = [[x, y, z], [a, y, z], [a, b, z], [x, b, z], [x, y, c], [a, y, c], [a, b, c], [x, b, c]]
+    faces = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    return {"id": name, "vertices": corners, "faces": faces, "support": support}
+
+
+def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> dict[str, Any]:
+    def live() -> list[dict[str, Any]]:
+        if rng.random() < 0.6:
+            body = [float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 0.0, 0.4, -0.5]))]
+            return [{"body": [*body, 0.0] if spatial else body}]
+        force = [float(rng.choice([0.0, 1.0])), -1.0]
+        return [{"element": str(rng.choice(names)), "force": [force[0], 0.0, -1.0] if spatial else force}]
+
+    if rng.random() < 0.2:
+        kinds.append("cases")
+        return {
+            "cases": [
+                {"name": name, "live": live(), "required": float(rng.choice([1.0, 1.5]))} for name in ("one", "two")
+            ]
+        }
+    return {"live": live()}
+
+
+def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    low, high = sorted(int(v) for v in rng.integers(1, 5, 2))
+    unit = 0.001 if spatial else 0.0005
+    known: dict[str, Any] = {
+        "block_cells": [None if rng.random() < 0.6 else low, high],
+        "block_extent": [None, float(rng.choice([0.1, 0.2, 0.3]))],
+        "block_mass": [None, 1400 * unit * high * 2.0],
+        "block_weight": [9.81 * 1400 * unit * float(rng.choice([0.5, 1.5])), None],
+        "block_aspect": [None, float(rng.choice([1.5, 2.0, 3.0]))],
+        "convex_blocks": True,
+        "blocks": [int(rng.integers(1, 4)), int(rng.integers(4, 8))],
+        "dry_faces": [int(rng.integers(0, 4)), int(rng.integers(4, 12))],
+        "shapes": [None, int(rng.integers(1, 4))],
+    }
+    for key in rng.permutation(list(known)).tolist()[: int(rng.choice([0, 1, 1, 1, 2, 2, 3]))]:
+        if not (spatial and key in ("block_aspect", "convex_blocks")):
+            found[key] = known[key]
+            kinds.append(key)
+    if rng.random() < 0.15:
+        found["segmentation"] = False
+        kinds.append("slits")
+    if rng.random() < 0.15:
+        found["candidates"] = "all+supports"
+        kinds.append("supports")
+    if rng.random() < 0.2:
+        found["symmetry"] = "none"
+    if rng.random() < 0.1 and "segmentation" not in found:
+        found["assemble"] = "translation"
+        kinds.append("laid")
+    return found
+
 
 _CLOSE: Final = 2e-6
 """How near proven and true have to be: twice what counts as proven."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """What a seed drew, and what was wrong: "" where nothing was."""
-
-    seed: int
-    faces: int
-    kinds: tuple[str, ...]
-    problem: str = ""
-    document: dict[str, Any] | None = None
 
 
 def every(space: SearchSpace) -> Iterator[tuple[np.ndarray[Any, Any], Evaluation]]:
@@ -71,10 +195,16 @@ def every(space: SearchSpace) -> Iterator[tuple[np.ndarray[Any, Any], Evaluation
     yield from zip(rows, evaluator.evaluate_all(rows), strict=True)
 
 
-def trial(seed: int) -> Trial:
-    """Hold what is proven of one scene against all its labellings."""
+def run(first_seed: int, cases: int, seconds: float) -> Tally:
+    """Hold proofs of random scenes against all their labellings: see `run_cases`."""
+    return run_cases(
+        "what the exact driver proves of a small scene is the best of all its layouts", case, first_seed, cases, seconds
+    )
+
+
+def case(seed: int, tally: Tally) -> str:
+    """Hold what is proven of the scene of a seed against all its labellings; return what disagrees, "" for nothing."""
     scene, space, kinds, rng, document = drawn(seed)
-    faces = int(space.candidates.sum())
     options: dict[str, Any] = {
         "by_blocks": str(rng.choice(["auto", "on", "off"])),
         "list_blocks": bool(rng.random() < 0.7) or "blocks" in kinds,
@@ -86,11 +216,7 @@ def trial(seed: int) -> Trial:
     rng.random()  # Formerly the choice of an option; drawn so that a seed means the same scene as before.
     kinds += [
         name
-        for name, on in (
-            ("front", options["aim"] == "front"),
-            ("stopped", stopped is not None),
-            ("two jobs", jobs > 1),
-        )
+        for name, on in (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
         if on
     ]
     known = list(every(space))
@@ -110,7 +236,9 @@ def trial(seed: int) -> Trial:
                 problem = _compare(scene, space, known, options, stopped, jobs, kinds, Path(folder))
     except Exception:
         problem = traceback.format_exc()
-    return Trial(seed, faces, tuple(kinds), problem, document if problem else None)
+    for kind in kinds:
+        tally.count(kind)
+    return f"{problem}; {json.dumps(document)}" if problem else ""
 
 
 def _compare(
@@ -186,10 +314,7 @@ def _required(
     if not len(loads):
         return None
     choices = [2.0 * loads[-1], *(0.5 * (loads[apart] + loads[apart + 1]))]
-    front = {
-        "count": str(rng.choice(["blocks", "dry_faces", "shapes"])),
-        "sense": str(rng.choice(["min", "max"])),
-    }
+    front = {"count": str(rng.choice(["blocks", "dry_faces", "shapes"])), "sense": str(rng.choice(["min", "max"]))}
     require = {"load_factor": float(rng.choice(choices))}
     return {**document, "search": {**document["search"], "front": front, "require": require}}
 
@@ -201,9 +326,9 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
     assert scene.search.require is not None
     least, (name, sense) = scene.search.require.load_factor, scene.search.front.axes[0]
     driver = make_driver("exact", space, 0)
-    asked = explore(scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver).summary[
-        "require"
-    ]
+    asked = explore(
+        scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver
+    ).summary.facts["require"]
     if any(found.status in (Status.UNCERTIFIED, Status.FAILED) for _, found in known):
         return ""
     rows = [
@@ -230,71 +355,3 @@ def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list
         if count not in best or count not in proven or abs(best[count] - proven[count]) > room:
             return f"front at {count}: the best is {best.get(count)}, proven {proven.get(count)}"
     return ""
-
-
-def run(first: int, last: int, seconds: float) -> list[Trial]:
-    """Trials of seeds, as many as there is time for; those that disagree are printed as they are found."""
-    found: list[Trial] = []
-    start = time.perf_counter()
-    for seed in range(first, last):
-        if time.perf_counter() - start > seconds:
-            break
-        one = trial(seed)
-        found.append(one)
-        if one.problem:
-            print(
-                json.dumps(
-                    {
-                        "seed": seed,
-                        "faces": one.faces,
-                        "kinds": one.kinds,
-                        "problem": one.problem,
-                        "scene": one.document,
-                    }
-                ),
-                flush=True,
-            )
-    return found
-
-
-def main(first: int = SEEDS[0], last: int = SEEDS[1], seconds: float = math.inf) -> None:
-    """Run the seeds, and write what was compared, with what earlier pieces of the range found."""
-    start = time.perf_counter()
-    trials = run(first, last, seconds)
-    last = first + len(trials)
-    wrong = sorted((one for one in trials if one.problem), key=lambda one: one.faces)
-    if wrong:
-        print("smallest:", json.dumps(wrong[0].document), wrong[0].problem, flush=True)
-    kinds = Counter(kind for one in trials for kind in one.kinds)
-    row = {"first": first, "last": last, "disagree": len(wrong), "seconds": round(time.perf_counter() - start)}
-    path = RESULTS / "trust_trials.csv"
-    rows = []
-    if path.exists():
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [one for one in csv.DictReader(file) if int(one["last"]) <= first or int(one["first"]) >= last]
-    rows.append({name: str(value) for name, value in {**row, "kinds": json.dumps(dict(sorted(kinds.items())))}.items()})
-    rows.sort(key=lambda one: int(one["first"]))
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ["first", "last", "disagree", "seconds", "kinds"])
-        writer.writeheader()
-        writer.writerows(rows)
-    total: Counter[str] = Counter()
-    for one in rows:
-        total.update(json.loads(one["kinds"]))
-    count = sum(int(one["last"]) - int(one["first"]) for one in rows)
-    disagree = sum(int(one["disagree"]) for one in rows)
-    parts = [
-        "# Brute force against proof",
-        f"{count} random scenes of at most {MOST} faces that may change; on {disagree} of them the exact driver and "
-        "brute force disagree. What they had:",
-        table(["", "scenes"], [[kind, str(number)] for kind, number in sorted(total.items())]),
-        table(
-            ["seeds", "disagree", "s"],
-            [[f"{one['first']}–{int(one['last']) - 1}", one["disagree"], one["seconds"]] for one in rows],
-        ),
-    ]
-    write("trust_trials", "\n\n".join(parts))
-
-
-if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))
