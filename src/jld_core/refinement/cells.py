@@ -131,10 +131,9 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
 
 def _same(one: Assembly, other: Assembly) -> bool:
     """Return True if two assemblies have the same elements, loads and strengths."""
-    pairs = [(getattr(one, name), getattr(other, name)) for name in ("dead", "live")]
-    pairs += list(zip(vars(one.strengths).values(), vars(other.strengths).values(), strict=True))
-    pairs += [(a.dead, b.dead) for a, b in zip(one.cases, other.cases, strict=True)]
-    pairs += [(a.live, b.live) for a, b in zip(one.cases, other.cases, strict=True)]
+    pairs = list(zip(vars(one.strengths).values(), vars(other.strengths).values(), strict=True))
+    for a, b in zip(one.by_case, other.by_case, strict=True):
+        pairs += [(a.dead, b.dead), (a.live, b.live)]
     alike = one.elements.ids == other.elements.ids
     return alike and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 

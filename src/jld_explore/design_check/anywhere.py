@@ -48,7 +48,7 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
     if scene.materials.inner is None and not any(one.inner for one in scene.materials.faces or []):
         return "rigid"
     try:
-        require_cracks(scene.model_copy(update={"cracks": FieldCracks(kind="fields", gap=FINER[-1])}), assembly)
+        require_cracks(replace(assembly, cracks=FieldCracks(kind="fields", gap=FINER[-1])))
     except InputError as error:
         return error.problem
     return ""
