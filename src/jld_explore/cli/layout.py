@@ -16,11 +16,11 @@ from jld_core.limit import LimitAnalysisResult, Model, Status
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.cli.streams import warn
-from jld_explore.design.options import LAID
-from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from jld_explore.report import Exploration
 
 _MOST: Final = 6
 """Largest number of layouts drawn side by side."""
@@ -37,6 +37,8 @@ def start_of_design(source: Path) -> LayingStart:
     if best_of_design(source) == source:
         return "ground"
     facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    from jld_explore.design.options import LAID
+
     return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 
@@ -71,6 +73,8 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
     """
     source = best_of_design(source)
     if source.is_dir():
+        from jld_explore.report import read_folder  # slow to import; `jld solve` of a scene needs it not
+
         done = read_folder(source)
         layout = done.layout(rank)
         found = LaidOut(done.scene, layout.assembly, layout.labels, done.model)
@@ -112,6 +116,8 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
         raise ParameterError("rank", f"{text!r} is wrong", "ranks, as 1,4") from None
     if not 1 <= len(ranks) <= _MOST:
         raise ParameterError("rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
+    from jld_explore.report import read_folder
+
     done = read_folder(source)
     target = out or source / f"layouts_{'_'.join(map(str, ranks))}.{ending}"
     if target.suffix not in (".png", ".svg", ".pdf"):

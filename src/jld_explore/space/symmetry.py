@@ -7,7 +7,7 @@ along them, and the facts of `Signature`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,11 +16,13 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
-from jld_core.refinement.cells import CrackCells, crack_cells
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks
 from jld_core.sub_assembly import faces_of
 from jld_explore.space.signature import Signature, Unknown, same_marks, same_tags, signature_of
+
+if TYPE_CHECKING:
+    from jld_core.refinement.cells import CrackCells
 
 _ANGLE: Final = 10.0 * tolerances.SYMMETRY
 """Largest difference of unit vectors that are mapped onto each other."""
@@ -183,6 +185,8 @@ class _Spot:
         if not isinstance(cracks, CellCracks):
             return ""
         if self._cells is None:
+            from jld_core.refinement.cells import crack_cells  # few scenes have cells, and it is slow to import
+
             self._cells = crack_cells(self._scene, base, cracks.cell)
         cells = self._cells
         if cells.fine is base:
