@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.limit import LimitAnalysisResult
-from jld_core.models.case_analysis import CaseAnalysis
+from jld_core.limit import LimitAnalysisResult, Result
+from jld_core.models import solve_by_elements
 from jld_core.scene import Scene
 from jld_core.views import notebook
 from jld_core.views.small_pictures import png_of
@@ -181,13 +181,15 @@ def make_page(thing: object, height: int | None = None) -> NotebookPage:
         raise ParameterError("height", f"it is {height!r}", "pixels, a whole number from 100 to 10000")
     if isinstance(thing, Exploration):
         return _study_page(thing, height or 950)
-    if isinstance(thing, Scene):
-        assembly = build_assembly(thing)
-        return _result_page(thing, CaseAnalysis(assembly).solve(assembly.labels, stands=True), height or 700)
-    if isinstance(thing, Assembly):
-        return _result_page(None, CaseAnalysis(thing).solve(thing.labels, stands=True), height or 700)
+    if isinstance(thing, Scene | Assembly):
+        scene, assembly = (thing, build_assembly(thing)) if isinstance(thing, Scene) else (None, thing)
+        found = solve_by_elements(assembly, assembly.labels, what="the page of a notebook")
+        # of cells no sliders know the scene: they scale the strengths of the cells
+        return _result_page(scene if assembly.cracks == "faces" else None, found, height or 700)
     if isinstance(thing, LimitAnalysisResult):
         return _result_page(None, thing, height or 700)
+    if isinstance(thing, Result):
+        raise InputError("cracks", "the page of a notebook needs rigid cells, and fields have none", "`result.plot()`")
     raise TypeError(f"{type(thing).__name__} has no page")
 
 

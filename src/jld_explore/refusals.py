@@ -69,6 +69,7 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
         ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name and not fields),
         ("objective", settings.own_objective is not None and fields),
         ("search.void", scene.search.void is not None),
+        ("search.assemble", scene.search.assemble == "standing"),
     ):
         if asked:
             raise ParameterError(

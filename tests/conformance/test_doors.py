@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from copy import deepcopy
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
@@ -565,10 +566,12 @@ def by_solve_many(document: Document, jld: Any, folder: Path) -> Answer:
 def by_command(document: Document, jld: Any, folder: Path) -> Answer:
     file = folder / "scene.json"
     file.write_text(json.dumps(document))
-    told = jld("solve", file, "--json")
+    told = jld("solve", file)  # --json takes derivatives by vertices besides
     if told.code == 2:
         raise refusal(told)
-    return answer(json.loads(told.out))
+    lines = {line.split("  ")[0].strip(): line.split() for line in told.out.splitlines()}
+    ends = [math.nan if end == "none" else float(end) for end in lines["bracket"][1:3]]
+    return Answer(lines["status"][1], *ends)
 
 
 def by_search(document: Document, jld: Any, folder: Path) -> Answer:
@@ -587,7 +590,7 @@ def by_experiment(document: Document, jld: Any, folder: Path) -> Answer:
 
     def given(assembly: jc.Assembly, labels: Any, **settings: Any) -> Any:
         jld_experiment.require_one_load(assembly)
-        jld_experiment.specimen_of(assembly, labels)
+        jld_experiment.specimen_of(assembly, labels, jld_experiment.Joints(), jld_experiment.Settings())
         raise Given(assembly, labels)
 
     file = folder / "scene.json"
@@ -607,8 +610,8 @@ def by_move(document: Document, jld: Any, folder: Path) -> Answer:
     if told.code:
         raise refusal(told)
     found = json.loads(told.out)
-    start = found["start"]
-    return Answer("collapse", start, start)
+    low, high = found.get("start_bracket", [found["start"]] * 2)
+    return Answer("collapse", low, high)
 
 
 def by_studio(document: Document, jld: Any, folder: Path) -> Answer:
@@ -616,10 +619,11 @@ def by_studio(document: Document, jld: Any, folder: Path) -> Answer:
 
 
 def by_notebook(document: Document, jld: Any, folder: Path) -> Answer:
-    scene = jc.load_scene(document)
-    page = make_page(scene)
-    found = page.answer({"labelling": page.data["labelling"], "materials": page.data["notebook"]["materials"]})
-    return answer(found)
+    page = make_page(jc.load_scene(document))
+    assembly = jc.build_assembly(document)
+    letters = "".join("d" if dry else "i" for dry in assembly.labels[: assembly.faces])
+    asked = {"kind": "solve", "labelling": letters, "materials": document["materials"]}
+    return answer(page.answer(asked)["solution"])
 
 
 def by_design_check(document: Document, jld: Any, folder: Path) -> Answer:
@@ -676,9 +680,6 @@ def refusal(told: Any) -> Refused:
     return Refused(told.err.strip().splitlines()[-1])
 
 
-REFUSED: dict[str, dict[str, str]] = {}
-"""What each door refused, by key, for whoever looks."""
-
 DOORS: dict[str, Callable[[Document, Any, Path], Answer]] = {
     "solve_many": by_solve_many,
     "jld solve": by_command,
@@ -686,6 +687,7 @@ DOORS: dict[str, Callable[[Document, Any, Path], Answer]] = {
     "jld experiment": by_experiment,
     "jld move": by_move,
     "studio": by_studio,
+    "notebook": by_notebook,
     "check-design": by_design_check,
     "reliability": by_reliability,
     "thrust": by_thrust,
@@ -721,15 +723,213 @@ def said(door: str, document: Document, jld: Any, folder: Path) -> Answer | str:
         return str(error)
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_a_door_says_what_solve_says(door: str, jld: Any, tmp_path: Path) -> None:
+DEAR = {"jld solve": 0, "explore": 1, "jld move": 2, "check-design": 3, "reliability": 4, "notebook": 5}
+"""Doors that take a tenth of a second for a scene, with the first of the keys that each is asked of `make test`."""
+
+SAMPLED = 6
+"""Of the keys a dear door is asked one in so many; `make bench` asks all."""
+
+
+def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
+    """Return the scenes that a door is asked, by key."""
+    if every or door not in DEAR:
+        return [(key, document) for key, row in ROWS.items() for document in row]
+    return [(key, row.after) for key, row in [*ROWS.items()][DEAR[door] :: SAMPLED]]
+
+
+@pytest.mark.parametrize(
+    ("door", "every"),
+    [*((door, False) for door in DOORS), *(pytest.param(door, True, marks=pytest.mark.long) for door in DEAR)],
+)
+def test_a_door_says_what_solve_says(
+    door: str, every: bool, jld: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jld_core.views.notebook.LARGEST", 0)  # no drawing
     wrong = []
-    for number, (key, row) in enumerate(ROWS.items()):
-        for document in row:
-            told = said(door, document, jld, tmp_path / f"{number}-{document is row.after}")
-            if isinstance(told, str):
-                assert "\n" not in told
-                REFUSED.setdefault(door, {})[key] = told
-            elif not agree(told, solved(document)):
-                wrong.append((key, told, solved(document)))
+    for number, (key, document) in enumerate(rows_for(door, every)):
+        told = said(door, document, jld, tmp_path / str(number))
+        if isinstance(told, str):
+            assert "\n" not in told
+        elif not agree(told, solved(document)):
+            wrong.append((key, told, solved(document)))
     assert wrong == []
+
+
+# --- folders, stages, results ---------------------------------------------------------------------------------
+
+
+def folder_of(document: Document, folder: Path, **options: Any) -> Path:
+    settings = ExploreSettings(check_fields=0, pictures=False, driver="enumeration", budget=8, **options)
+    return explore(document, folder / "search", settings).folder
+
+
+TWISTED = changed(SPATIAL, loads__live=[{"element": "b", "force": [1000.0, 0, 0], "at": [1.5, 1.1, 2.0]}])
+LOW = changed(STACK, materials__dry__friction_coefficient={"nominal": 0.3, "low": 0.2})
+OTHERS = ("thrust", "check-design", "reliability", "settlement", "assembly", "move")
+
+
+@pytest.mark.parametrize(("option", "value"), [("contact", "concave"), ("effective_area", True)])
+def test_a_folder_carries_its_model(option: str, value: Any, jld: Any, tmp_path: Path) -> None:
+    scene = changed(TWISTED, settlements=[{"name": "down", "supports": [{"elements": ["s"], "move": [0, 0, -1]}]}])
+    folder = folder_of(scene, tmp_path, model=jc.Model(**{option: value}))
+    told = json.loads(jld("solve", folder, "--rank", "1", "--json").out)
+    best = jc.solve(scene, told_labels(told), **{option: value})
+    other = jc.solve(scene, told_labels(told))
+    assert agree(answer(told), answer(best))
+    assert abs(other.load_factor - best.load_factor) > 0.01 * best.load_factor
+    flags = {"contact": ("--contact", "convex"), "effective_area": ()}[option]
+    if flags:
+        assert json.loads(jld("solve", folder, "--json", *flags).out)["load_factor"] == pytest.approx(other.load_factor)
+    for door in OTHERS:
+        refused = refusal(jld(door, folder, *(("-o", tmp_path / "moved.json") if door == "move" else ())))
+        assert option.replace("_", " ") in str(refused)
+
+
+def told_labels(told: Document) -> str:
+    return "".join(face["label"][0] for face in told["faces"])
+
+
+def test_a_robust_folder_stays_robust(jld: Any, tmp_path: Path) -> None:
+    folder = folder_of(LOW, tmp_path, robust=True)
+    told = json.loads(jld("solve", folder, "--rank", "2", "--json").out)
+    assert told["load_factor"] == pytest.approx(2.0 / 3.0 * told["load_factor_nominal"])
+    assert told["load_factor_nominal"] == pytest.approx(solved(STACK).low, rel=1e-6)
+
+
+def test_a_folder_carries_its_crack_model(jld: Any, tmp_path: Path) -> None:
+    folder = folder_of(changed(CUT_UP, cracks="faces"), tmp_path, model=jc.Model(cracks="cells:0.25"))
+    told = json.loads(jld("solve", folder, "--json").out)
+    assert told["cracks"] == {"kind": "cells", "cell": 0.25}
+    by_faces = json.loads(jld("solve", folder, "--json", "--cracks", "faces").out)
+    assert by_faces["cracks"] == "faces"
+    assert abs(by_faces["load_factor"] - told["load_factor"]) > 0.1
+
+
+LINTEL: Document = {
+    **CANTILEVER,
+    "elements": [
+        box("s", 0, 0, 0.5, 0.5, support=True),
+        box("a", 0, 0.5, 3, 1.0),
+        box("t", 2.5, 0, 3, 0.5, support=True),
+    ],
+    "materials": {**STACK["materials"], "inner": {"tensile_strength": 1e4, "shear_strength": 1e5}},
+    "loads": {"live": [{"element": "a", "force": [0.0, -1000.0]}]},
+    "labels": {},
+    "search": {},
+}
+"""A stone over an opening, which falls in two under its own weight: no face is drawn where it breaks."""
+
+
+@pytest.mark.parametrize(("cracks", "stands"), [("faces", "yes"), ({"kind": "cells", "cell": 0.25}, "no")])
+def test_stages_stand_as_the_structure_does(cracks: Any, stands: str, jld: Any, tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps({**LINTEL, "cracks": cracks}))
+    assert (jc.solve(file).stands_at_zero is True) == (stands == "yes")
+    told = jld("assembly", file, "--out", tmp_path / "out")
+    assert told.code == 0
+    assert f",{stands}," in (tmp_path / "out" / "assembly.csv").read_text().splitlines()[1]
+
+
+def test_doors_of_rigid_elements_refuse_fields_in_one_line(jld: Any, tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    settled = {"settlements": [{"name": "down", "supports": [{"elements": ["s"], "move": [0, -1]}]}]}
+    file.write_text(json.dumps({**LINTEL, **settled, "cracks": {"kind": "fields"}}))
+    for door in ("assembly", "thrust", "settlement", "experiment", "report"):
+        assert "cracks" in str(refusal(jld(door, file, *(["--pdf"] if door == "report" else []))))
+    file.write_text(json.dumps({**CUT_UP, "labels": {}}))
+    assert "cells" in str(refusal(jld("move", file, "-o", tmp_path / "moved.json")))
+
+
+SLOPE: Document = {
+    **STACK,
+    "elements": [
+        {"id": "s", "polygon": [[0, 0], [4, 0], [4, -1], [-1, -1], [-1, 4], [0, 4]], "support": True},
+        {"id": "r", "polygon": [[0, 0], [4, 0], [0, 4]], "support": True},
+        {"id": "b", "polygon": [[2, 2], [2.5, 2.5], [2, 3], [1.5, 2.5]]},
+    ],
+    "materials": {"density": 100.0, "dry": {"friction_coefficient": 0.6}},
+    "loads": {"live": [{"element": "b", "force": [500.0, 0.0]}]},
+    "search": {},
+}
+"""A block on a slope of 45 degrees: under its weight it slides down, and a push holds it."""
+
+
+@pytest.mark.parametrize("cases", [False, True])
+def test_least_and_greatest_load_factor(cases: bool) -> None:
+    """On a slope of 45° the push over the weight is (1 ∓ μ)/(1 ± μ)."""
+    weight = 100.0 * 9.81 * 0.5
+    low, high = (weight / 500.0 * ratio for ratio in (0.4 / 1.6, 1.6 / 0.4))
+    scene = changed(SLOPE, loads__live__0__force=[-500.0, 0.0])
+    if cases:
+        scene = in_case(scene)
+        scene["loads"]["cases"][0]["required"] = 2.0
+        low, high = low / 2.0, high / 2.0
+    found = jc.solve(scene)
+    assert (found.status, found.stands_at_zero) == (jc.Status.COLLAPSE, False)
+    assert found.load_factor == pytest.approx(high)
+    assert found.least_load_factor == pytest.approx(low, rel=1e-6)
+    assert found.least_bracket[0] <= found.least_bracket[1]
+    assert f"{low:.9g}" in repr(found)
+    assert any("does not stand without live load" in line for line in found.warnings)
+    assert found.to_json()["least_load_factor"] == pytest.approx(low)
+    assert jc.solve(STACK).least_load_factor == 0.0
+
+
+def test_results_are_read_alike() -> None:
+    """One protocol for faces, cells and fields."""
+    for cracks in ("faces", "cells:0.25", "fields:0.9"):
+        found = jc.solve(CANTILEVER, cracks=cracks)
+        assert found.cracks == jc.Model(cracks=cracks).cracks
+        assert (found.stands_at_zero, found.least_load_factor) == (True, 0.0)
+        assert found.bracket[0] <= found.load_factor <= found.bracket[1]
+        assert found.to_json()["cracks"] == (cracks if cracks == "faces" else found.cracks.model_dump())
+        assert cracks.split(":")[0] in repr(found)
+        assert len(found.to_frame()) == found.assembly.faces == len(found.labels)
+        assert found.plot() is not None
+        assert "<table>" in found._repr_html_()
+        assert any("faces drawn" in line for line in found.warnings) == (cracks == "faces")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"cracks": "fields", "friction": "zero-dilation"}, "friction: cracks by fields do not support it"),
+        ({"cracks": "fields", "solver": "highs"}, "solver: cracks by fields do not support it"),
+        ({"cracks": "cels"}, "cracks: 'cels' names no crack model"),
+        ({"cracks": 3}, "cracks: 3 is wrong"),
+        ({"crack": "faces"}, "crack: a model has no such field; expected `cracks`"),
+        ({"gap": "small"}, "gap: 'small' is no relative width"),
+        ({"seconds": -1}, "seconds: -1 is no time"),
+    ],
+)
+def test_a_model_refuses_in_one_line(options: Document, words: str) -> None:
+    with pytest.raises(jc.InputError) as refused:
+        jc.solve(CANTILEVER, **options)
+    assert str(refused.value).startswith(words)
+
+
+def test_an_assembly_remembers_its_scene() -> None:
+    """Also one load case of it; what was changed since is refused."""
+    scene = changed(CUT_UP, loads={"cases": [{"name": name, "live": CUT_UP["loads"]["live"]} for name in "xy"]})
+    assembly = jc.build_assembly(scene)
+    for one in (assembly, assembly.by_case[1], scene):
+        assert agree(answer(jc.solve(one)), solved(CUT_UP))
+    with pytest.raises(jc.InputError, match="was changed since it was built"):
+        jc.solve(replace(assembly, dead=2.0 * assembly.dead))
+
+
+def test_what_rigid_blocks_prove_unstable_has_its_mechanism() -> None:
+    """A strong cantilever that stands loose on a support: it tilts over as one block."""
+    scene = {
+        **CANTILEVER,
+        "elements": [box("s", 0, 0, 0.5, 1, support=True), box("a", 0, 1, 1, 2), box("b", 1, 1, 2, 2)],
+        "materials": {**STACK["materials"], "inner": {"tensile_strength": 1e9, "shear_strength": 1e9}},
+        "labels": {"inner": [["a", "b"]]},
+        "loads": {"live": [{"element": "b", "force": [0.0, -1000.0]}]},
+    }
+    found = jc.solve(scene)
+    assert found.status is jc.Status.UNSTABLE
+    assert any("rigid" in step for step in found.solve_log)
+    assert found.instability_mechanism is not None
+    weight = found.assembly.dead[:, :3] + 0.0
+    assert float((weight * found.instability_mechanism).sum()) > 0.0

@@ -180,6 +180,9 @@ def _printed(
     low, high = result.bracket
     faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
     laying: Laying | None = None
+    if layout.scene.cracks != "faces":
+        assumed = (*assumed, "order of laying: not printed, since the report judges stages by cracks along faces")
+        return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)
     try:
         with Deadline(_LAYING).enforced():
             sideways = layout.scene.search.assemble_out_of_plane
