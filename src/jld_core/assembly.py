@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants
@@ -301,7 +302,10 @@ class Assembly(NotebookRepr):
     def dead(self) -> Floats:
         """Return the dead loads about centroids (n, 3) or (n, 6), with prestress and bond, scene units."""
         total, stress = resultants(self.dead_loads, self.elements), self.members.self_stress
-        return total if stress is None else total + stress
+        if stress is None:
+            return total
+        rounding = abs(total + stress) <= tolerances.ROUNDING * (abs(total) + abs(stress))
+        return np.where(rounding, 0.0, total + stress)
 
     @cached_property
     def live(self) -> Floats:
@@ -372,8 +376,7 @@ class Assembly(NotebookRepr):
     @cached_property
     def total_dead(self) -> float:
         """Return the sum of magnitudes of dead forces on free elements, without prestress, bond."""
-        stress = self.members.self_stress
-        dead = self.dead if stress is None else self.dead - stress
+        dead = resultants(self.dead_loads, self.elements)
         return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property

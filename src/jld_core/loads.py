@@ -219,9 +219,11 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     arm = at - elements.centroid[element]
     cross = np.cross(arm, force) if d == 3 else (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
     total = np.concatenate([loads.body, loads.couples], axis=1)
-    gross = np.abs(total)
+    size = np.linalg.norm(force, axis=1)[:, None]
+    # components of forces may cancel within a moment, whose rounding is that of arm times force
+    gross, more = np.abs(total), np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(turn)
     np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
-    np.add.at(gross, element, np.abs(np.concatenate([force, np.abs(cross) + np.abs(turn)], axis=1)))
+    np.add.at(gross, element, np.concatenate([np.repeat(size, d, axis=1), more], axis=1))
     total[np.abs(total) <= tolerances.ROUNDING * gross] = 0.0
     total[elements.support] = 0.0
     return total
