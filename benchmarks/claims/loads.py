@@ -22,8 +22,8 @@ _IN_SPACE: Final = (9, 18, 27)
 """Seeds modulo 28 whose scenes are in space: 60 of 560."""
 _SLACK: Final = 1e-5
 """Relative amount by which bounds may cross: the own ones are the solver's."""
-_SECONDS: Final = {2: 1.5, 3: 8.0}
-"""Time for the bounds of the program, s."""
+_MOST: Final = {2: 300, 3: 100}
+"""Most triangles or tetrahedra of the meshes of the program."""
 
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]
 """Load entry of a scene; its traction, where it acts, and its force per weight."""
@@ -44,10 +44,10 @@ def case(seed: int, tally: Tally) -> str:
         tally.count("the live load is in balance on every block")
         return "" if "the live load is zero" in str(error) else f"refused: {error}"
     if d == 2:
-        found = bounds_by_fields(assembly, gap=0.05, seconds=_SECONDS[2])
+        found = bounds_by_fields(assembly, gap=0.05, most_triangles=_MOST[2])
         low, high = found.lower, found.upper
     else:
-        solid = spatial_bounds(assembly, gap=0.3, seconds=_SECONDS[3])
+        solid = spatial_bounds(assembly, gap=0.3, most_tetrahedra=_MOST[3])
         low, high = solid.lower, solid.upper
     own_low, own_high = lower_bound(lattice), upper_bound(lattice)
     where = "in the plane" if d == 2 else "in space"
