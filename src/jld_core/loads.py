@@ -112,11 +112,19 @@ class Loads:
         return Loads(self.body + other.body, self.couples + other.couples, points, tractions)
 
     def __rmul__(self, factor: float) -> Loads:
+        return self.weighted(np.full(len(self.body), factor))
+
+    def weighted(self, factors: Floats) -> Loads:
+        """Return the loads on each element multiplied by its factor (n,)."""
+        share, of_points = factors[:, None], factors[self.points.element][:, None]
         return Loads(
-            factor * self.body,
-            factor * self.couples,
-            replace(self.points, force=factor * self.points.force),
-            tuple(replace(one, mean=factor * one.mean, slope=factor * one.slope) for one in self.tractions),
+            share * self.body,
+            share * self.couples,
+            replace(self.points, force=of_points * self.points.force),
+            tuple(
+                replace(one, mean=factors[one.element] * one.mean, slope=factors[one.element] * one.slope)
+                for one in self.tractions
+            ),
         )
 
     def __bool__(self) -> bool:
