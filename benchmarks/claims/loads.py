@@ -83,7 +83,7 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
     thickness = float(rng.uniform(0.3, 2.0)) if d == 2 else 1.0
     elements = [_entry(f"b{k}", low * step, high * step) for k, (low, high) in enumerate(boxes)]
     elements += [_entry(f"s{k}", low * step, high * step, support=True) for k, (low, high) in enumerate(feet)]
-    sizes = {"boxes": boxes, "shape": shape, "step": step, "thickness": thickness}
+    sizes: dict[str, Any] = {"boxes": boxes, "shape": shape, "step": step, "thickness": thickness}
     dead = [_load(rng, **sizes) for _ in range(int(rng.integers(0, 3)))]
     live = [_load(rng, **sizes) for _ in range(int(rng.integers(1, 4)))]
     density, strength = float(rng.uniform(0.0, 1.0)), float(10.0 ** rng.uniform(-0.3, 1.3))

@@ -54,8 +54,10 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
             return [entry]
         at = entry.get("at") or assembly.elements.centroid[k].tolist()
         held = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
-        keys = [key for key in ("force", "moment") if key in entry]
-        more = {key: (np.array(entry[key]) / len(held)).tolist() for key in keys}
+        more: dict[str, Any] = {}
+        for key in ("force", "moment"):
+            if key in entry:
+                more[key] = (np.array(entry[key]) / len(held)).tolist()
         if "force" in more:
             more["at"] = at
         return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
