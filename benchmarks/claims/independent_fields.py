@@ -189,7 +189,7 @@ def _value(status: str, cost: float, sign: float, unbounded: float) -> float | N
 
 def _gradients(mesh: Simplices) -> tuple[Array, Array]:
     """Return gradients (t, d + 1, d) of the linear functions of corners, and volumes (t,)."""
-    d = mesh.nodes.shape[1]
+    d = int(mesh.nodes.shape[1])
     edges = mesh.nodes[mesh.cells[:, 1:]] - mesh.nodes[mesh.cells[:, :1]]
     inner = np.linalg.inv(edges).transpose(0, 2, 1)
     volume = abs(np.linalg.det(edges)) / math.factorial(d)
@@ -211,7 +211,7 @@ def _pulls(lattice: Lattice, mesh: Simplices, facet: Any) -> Array:
 def lower_bound(lattice: Lattice) -> float | None:
     """Return the largest λ of a stress field, −inf without one, inf where it is unbounded, None if undecided."""
     mesh, program = mesh_of(lattice), _Program()
-    d = mesh.nodes.shape[1]
+    d = int(mesh.nodes.shape[1])
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
     gradient, _ = _gradients(mesh)
     first = program.unknowns(len(mesh.cells) * (d + 1) * len(pairs))
@@ -284,7 +284,7 @@ def _within_joint(program: _Program, lattice: Lattice, pull: list[list[tuple[int
 def upper_bound(lattice: Lattice) -> float | None:
     """Return the least λ of a velocity field, −inf where it is unbounded, inf without one, None if undecided."""
     mesh, program = mesh_of(lattice), _Program()
-    d = mesh.nodes.shape[1]
+    d = int(mesh.nodes.shape[1])
     gradient, volume = _gradients(mesh)
     first = program.unknowns(len(mesh.cells) * (d + 1) * d)
 

@@ -22,8 +22,8 @@ _IN_SPACE: Final = (9, 18, 27)
 """Seeds modulo 28 whose scenes are in space: 60 of 560."""
 _SLACK: Final = 1e-5
 """Relative amount by which bounds may cross: the own ones are the solver's."""
-_SECONDS: Final = {2: 1.5, 3: 8.0}
-"""Time for the bounds of the program, s."""
+_MOST: Final = {2: 300, 3: 100}
+"""Most triangles or tetrahedra of the meshes of the program."""
 
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]
 """Load entry of a scene; its traction, where it acts, and its force per weight."""
@@ -44,10 +44,10 @@ def case(seed: int, tally: Tally) -> str:
         tally.count("the live load is in balance on every block")
         return "" if "the live load is zero" in str(error) else f"refused: {error}"
     if d == 2:
-        found = bounds_by_fields(assembly, gap=0.05, seconds=_SECONDS[2])
+        found = bounds_by_fields(assembly, gap=0.05, most_triangles=_MOST[2])
         low, high = found.lower, found.upper
     else:
-        solid = spatial_bounds(assembly, gap=0.3, seconds=_SECONDS[3])
+        solid = spatial_bounds(assembly, gap=0.3, most_tetrahedra=_MOST[3])
         low, high = solid.lower, solid.upper
     own_low, own_high = lower_bound(lattice), upper_bound(lattice)
     where = "in the plane" if d == 2 else "in space"
@@ -83,7 +83,7 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
     thickness = float(rng.uniform(0.3, 2.0)) if d == 2 else 1.0
     elements = [_entry(f"b{k}", low * step, high * step) for k, (low, high) in enumerate(boxes)]
     elements += [_entry(f"s{k}", low * step, high * step, support=True) for k, (low, high) in enumerate(feet)]
-    sizes = {"boxes": boxes, "shape": shape, "step": step, "thickness": thickness}
+    sizes: dict[str, Any] = {"boxes": boxes, "shape": shape, "step": step, "thickness": thickness}
     dead = [_load(rng, **sizes) for _ in range(int(rng.integers(0, 3)))]
     live = [_load(rng, **sizes) for _ in range(int(rng.integers(1, 4)))]
     density, strength = float(rng.uniform(0.0, 1.0)), float(10.0 ** rng.uniform(-0.3, 1.3))

@@ -383,8 +383,7 @@ class Assembly(NotebookRepr):
     @cached_property
     def total_dead(self) -> float:
         """Return the sum of magnitudes of dead forces on free elements, without prestress, bond."""
-        stress = self.members.self_stress
-        dead = self.dead if stress is None else summed(self.dead, -stress)
+        dead = resultants(self.dead_loads, self.elements)
         return float(np.linalg.norm(dead[self.elements.free, : self.dimension], axis=1).sum())
 
     @cached_property

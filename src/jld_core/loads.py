@@ -111,21 +111,15 @@ class Loads:
         return Loads(self.body + other.body, self.couples + other.couples, points, tractions)
 
     def __rmul__(self, factor: float) -> Loads:
-        return Loads(
-            factor * self.body,
-            factor * self.couples,
-            replace(self.points, force=factor * self.points.force),
-            tuple(replace(one, mean=factor * one.mean, slope=factor * one.slope) for one in self.tractions),
-        )
+        return self.weighted(np.full(len(self.body), factor))
 
-    def of_elements(self, factors: Floats) -> Loads:
-        """Return the loads multiplied by a factor (n,) of each element."""
-        column = factors[:, None]
-        force = factors[self.points.element][:, None] * self.points.force
+    def weighted(self, factors: Floats) -> Loads:
+        """Return the loads on each element multiplied by its factor (n,)."""
+        share, of_points = factors[:, None], factors[self.points.element][:, None]
         return Loads(
-            column * self.body,
-            column * self.couples,
-            replace(self.points, force=force),
+            share * self.body,
+            share * self.couples,
+            replace(self.points, force=of_points * self.points.force),
             tuple(
                 replace(one, mean=factors[one.element] * one.mean, slope=factors[one.element] * one.slope)
                 for one in self.tractions
@@ -232,12 +226,11 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     arm = at - elements.centroid[element]
     cross = np.cross(arm, force) if d == 3 else (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
     total = np.concatenate([loads.body, loads.couples], axis=1)
-    gross = np.abs(total)
-    np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
-    # |arm × force| alone would miss the rounding of components of forces that cancel within it
     size = np.linalg.norm(force, axis=1)[:, None]
-    turning = np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(turn)
-    np.add.at(gross, element, np.concatenate([np.repeat(size, d, axis=1), turning], axis=1))
+    # components of forces may cancel within a moment, whose rounding is that of arm times force
+    gross, more = np.abs(total), np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(turn)
+    np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
+    np.add.at(gross, element, np.concatenate([np.repeat(size, d, axis=1), more], axis=1))
     total = without_rounding(total, gross)
     total[elements.support] = 0.0
     return total

@@ -72,6 +72,8 @@ def test_sums_shares_and_selections_of_loads_have_their_resultants(d: int) -> No
     assembly = build_assembly(parse_scene(loaded(d)))
     elements, dead, live = assembly.elements, assembly.dead_loads, assembly.live_loads
     assert resultants(dead + 2.0 * live, elements) == pytest.approx(assembly.dead + 2.0 * assembly.live, abs=1e-12)
+    factors = np.array([1.0, 0.9, 1.35])
+    assert resultants(dead.weighted(factors), elements) == pytest.approx(factors[:, None] * assembly.dead, abs=1e-12)
     rows = np.array([0, 2])
     assert resultants(dead.take(rows), elements.take(rows)) == pytest.approx(assembly.dead[rows], abs=1e-12)
     assert resultants(type(dead).of_resultants(assembly.dead), elements) == pytest.approx(assembly.dead, abs=1e-12)

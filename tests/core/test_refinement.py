@@ -199,7 +199,7 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
         refine(parse_scene(document), (0.5,))
 
 
-def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
+def test_moving_loads_stay_and_pressure_is_split_with_its_element() -> None:
     def rectangle(name: str, left: float, low: float, right: float, high: float, **more: Any) -> dict[str, Any]:
         return {"id": name, "polygon": [[left, low], [right, low], [right, high], [left, high]], **more}
 
@@ -217,12 +217,32 @@ def test_moving_loads_stay_and_pressure_on_a_split_element_is_refused() -> None:
         assert (refined.loads.moving, refined.loads.pushes) == (scene.loads.moving, scene.loads.pushes)
         # in the middle the axle stands on a joint, with a case for either side
         assert len(build_assembly(refined).cases) == len(build_assembly(scene).cases) == 4 + len(more)
-    pressure = scene_of({"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]})
-    with pytest.raises(InputError, match="free boundary of 'a', which is split"):
-        refine(pressure, (1.0,))
-    along = scene_of({"live": [{"face": {"along": [[0, 0], [0, 1]]}, "pressure": 10.0}]})
-    one, other = build_assembly(along), build_assembly(refine(along, (1.0,)).scene)
-    assert np.allclose(one.live.sum(axis=0)[:2], other.live.sum(axis=0)[:2], rtol=1e-12)
+    for face in ({"along": [[0, 0], [0, 1]]}, {"between": ["a", "outside"]}):
+        pressed = scene_of({"live": [{"face": face, "pressure": 10.0}]})
+        one, other = build_assembly(pressed), build_assembly(refine(pressed, (0.5,)).scene)
+        assert np.allclose(one.live.sum(axis=0)[:2], other.live.sum(axis=0)[:2], rtol=1e-12)
+
+
+def test_pressure_on_a_split_solid_acts_on_the_free_faces_of_its_pieces() -> None:
+    document: dict[str, Any] = {
+        "elements": [
+            box("ground", [0, 0, -1], [2, 1, 0], support=True),
+            box("a", [0, 0, 0], [1, 1, 1]),
+            box("b", [1, 0, 0], [2, 1, 1]),
+        ],
+        "materials": {
+            "density": 1,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
+        },
+        "loads": {"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]},
+    }
+    scene = parse_scene(document)
+    one, other = build_assembly(scene), build_assembly(refine(scene, (0.5,)).scene)
+    assert other.live.sum(axis=0)[:3] == pytest.approx(one.live.sum(axis=0)[:3], abs=1e-9)
+    document["elements"].append(box("c", [0.25, 0.25, 1], [0.75, 0.75, 2]))
+    with pytest.raises(InputError, match="free face of 'a' with a hole"):
+        refine(parse_scene(document), (0.5,))
 
 
 def test_cells_that_reach_beyond_two_elements_are_snapped_past_the_corner_between_them() -> None:

@@ -37,6 +37,7 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
         mesh,
         zero,
         zero,
+        np.zeros_like(pull),
         pull,
         np.zeros(0, dtype=bool),
     )

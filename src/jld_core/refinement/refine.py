@@ -126,7 +126,7 @@ def refine(
     ------
     InputError
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
-        acts on the whole free boundary of an element that is split.
+        acts on a free face with a hole of a solid that is split.
     """
     grid = CellOptions(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew, lintel, bearing)
     check_options(scene, grid, by)

@@ -10,9 +10,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, Interfaces
+from jld_core.build.pressure import Boundary
 from jld_core.errors import InputError
 from jld_core.geometry.inside import distance_from_face, distance_to, point_in_face
 from jld_core.scene import Scene
+from jld_core.scene.loads import FaceLoad, FacePlace
 
 
 @dataclass(frozen=True)
@@ -35,19 +37,16 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
     """Transfer loads on elements to the pieces at their points of application.
 
     loads: the scene's "loads" as plain data. cut_up: pieces of each element. A force without a point acts at the
-    centroid of the element; the pieces that hold its point share it equally. Moving loads and pressure along a polyline
-    stay as they are. Raises InputError for pressure on the whole free boundary of an element that is split.
+    centroid of the element; the pieces that hold its point share it equally. Pressure on the whole free boundary of an
+    element becomes one on each of its free parts. Moving loads and pressure along a polyline stay as they are. Raises
+    InputError for pressure on a free part of a solid that has a hole.
     """
 
     def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
         """Return the load entries on pieces that replace an entry."""
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
-            raise InputError(
-                "loads",
-                f"a pressure acts on the free boundary of {between[0]!r}, which is split",
-                '"along" with points of its outline (planar), or pressure on the pieces after the split',
-            )
+            return [{**entry, "face": place} for place in _free_parts(assembly, between)]
         if "element" not in entry:
             return [entry]
         k = assembly.elements.index[entry["element"]]
@@ -55,7 +54,10 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
             return [entry]
         at = entry.get("at") or assembly.elements.centroid[k].tolist()
         held = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
-        more = {key: (np.array(entry[key]) / len(held)).tolist() for key in ("force", "moment") if key in entry}
+        more: dict[str, Any] = {}
+        for key in ("force", "moment"):
+            if key in entry:
+                more[key] = (np.array(entry[key]) / len(held)).tolist()
         if "force" in more:
             more["at"] = at
         return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
@@ -72,6 +74,23 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
             for case in loads["cases"]
         ]
     return found
+
+
+def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
+    """Return the free parts of the boundary of an element as values of "face"; between: its id and "outside".
+
+    Raises InputError for a part with a hole.
+    """
+    boundary = Boundary(assembly.elements, assembly.interfaces, 1.0)
+    parts = boundary.loads([FaceLoad(face=FacePlace(between=between), pressure=1.0)], "loads")
+    if any(len(one.rings) > 1 for one in parts.tractions):
+        raise InputError(
+            "loads",
+            f"a pressure acts on a free face of {between[0]!r} with a hole, and the element is split",
+            '"patch" with polygons without holes',
+        )
+    key = "along" if assembly.dimension == 2 else "patch"
+    return [{key: one.rings[0].tolist()} for one in parts.tractions]
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:

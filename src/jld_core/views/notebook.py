@@ -17,6 +17,7 @@ from jld_core.assembly import Assembly
 from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number, stands_in_words
 from jld_core.limit.member_results import tensions
+from jld_core.loads import resultants
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
@@ -72,8 +73,7 @@ def _loads(assembly: Assembly) -> dict[str, str]:
     names = [case.name for case in assembly.cases] or [""]
     for name, required, one in zip(names, assembly.required, assembly.by_case, strict=True):
         after = f" {name}" if name else ""
-        stress = one.members.self_stress
-        dead = one.dead if stress is None else one.dead - stress
+        dead = resultants(one.dead_loads, one.elements)
         found[f"dead load{after}"] = _load(resultant(dead, one.elements), force, length)
         found[f"live load{after}"] = "λ × " + _load(resultant(one.live, one.elements), force, length)
         if required != 1.0:

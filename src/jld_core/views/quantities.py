@@ -14,6 +14,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.limit import LimitAnalysisResult, displacement
 from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.loads import resultants
 from jld_core.mechanics import scaling_of, yield_set
 
 REACH: Final = 0.12
@@ -178,8 +179,8 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
     vectors: (m, d) forces on the faces. A reversed force is that on the other element. Without dead load, the live load
     gives the direction. Self-stress of members does not count.
     """
-    d, free, stress = assembly.dimension, assembly.elements.free, assembly.members.self_stress
-    down = (assembly.dead if stress is None else assembly.dead - stress)[free, :d].sum(axis=0)
+    d, free = assembly.dimension, assembly.elements.free
+    down = resultants(assembly.dead_loads, assembly.elements)[free, :d].sum(axis=0)
     if not down.any():
         down = assembly.live[free, :d].sum(axis=0)
     return np.where((vectors @ down < 0.0)[:, None], -vectors, vectors)

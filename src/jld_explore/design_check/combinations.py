@@ -86,7 +86,7 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
 
     def dead_of(dead: Loads) -> Loads:
         """Return a dead load with factors."""
-        stated = _stated(assembly, dead).of_elements(of_dead)
+        stated = _stated(assembly, dead).weighted(of_dead)
         return replace(stated, body=stated.body + of_weight[:, None] * weight)
 
     cases = tuple(
