@@ -112,7 +112,7 @@ def test_kinds_of_any_size_are_found_however_corners_are_off() -> None:
 
 
 CHAINS: dict[str, tuple[list[float], list[str], Any, int]] = {
-    # widths of stones beyond 1 m, in units of what is tolerated, whether moulds may turn, tolerance of the scene, shapes
+    # widths of stones beyond 1 m in units of what is tolerated, whether moulds may turn, tolerance of the scene, shapes
     "chain": ([0.0, 0.8, 1.6], [], 0, 1),
     "two chains": ([0.0, 0.8, 1.6, 40.0, 40.7], [], 0, 2),
     "far apart": ([0.0, 20.0, 40.0], [], 0, 3),
