@@ -105,8 +105,58 @@ def test_kinds_of_any_size_are_found_however_corners_are_off() -> None:
         for _ in range(4):
             off = reach * rng.uniform(-1.0, 1.0, (8, 2))
             corners = np.concatenate([square, 0.5 * (square + np.roll(square, -1, axis=0))])
-            assert kinds.number(Outline(size * corners + 0.7 * off, 4, 4.0 * size**2, 1.0, 0)) == 0
-        assert kinds.number(Outline((size + 8.0 * reach) * corners, 4, 4.0 * size**2, 1.0, 0)) == 1
+            kinds.number(Outline(size * corners + 0.7 * off, 4, 4.0 * size**2, 1.0, 0))
+        other = kinds.number(Outline((size + 8.0 * reach) * corners, 4, 4.0 * size**2, 1.0, 0))
+        assert len(set(kinds.roots(range(other)))) == 1
+        assert kinds.roots([other]) == [other]
+
+
+CHAINS: dict[str, tuple[list[float], list[str], Any, int]] = {
+    # widths of stones beyond 1 m in units of what is tolerated, whether moulds may turn, tolerance of the scene, shapes
+    "chain": ([0.0, 0.8, 1.6], [], 0, 1),
+    "two chains": ([0.0, 0.8, 1.6, 40.0, 40.7], [], 0, 2),
+    "far apart": ([0.0, 20.0, 40.0], [], 0, 3),
+    "chain that turns": ([0.0, 0.8, 1.6], ["rotate"], 0, 1),
+    "long chain": ([0.0, 0.9, 1.8, 2.7], ["rotate", "flip"], 0, 1),
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_shapes_do_not_depend_on_order_or_place(name: str) -> None:
+    """Stones whose widths differ by less than the tolerance from the next one, in random orders, moved and turned."""
+    steps, moulds, tolerance, count = CHAINS[name]
+    rng = np.random.default_rng(5)
+    unit = 8e-6 * np.hypot(0.5 * (2.0 + 1.5 * len(steps)), 1.0)
+    for trial in range(12):
+        order = rng.permutation(len(steps)).tolist() if trial else list(range(len(steps)))
+        angle, shift = (rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-3.0, 3.0, 2)) if trial % 2 else (0.0, np.zeros(2))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        edge, outlines_of = 0.0, {}
+        for k, step in enumerate(steps):
+            width = 1.0 + unit * step
+            outlines_of[f"p{k}"] = np.array([[edge, 0.0], [edge + width, 0.0], [edge + width, 1.0], [edge, 1.0]])
+            edge += width + 0.5
+        ground = np.array([[-1.0, -1.0], [edge + 1.0, -1.0], [edge + 1.0, 0.0], [-1.0, 0.0]])
+        elements = [{"id": f"p{k}", "polygon": (outlines_of[f"p{k}"] @ turn.T + shift).tolist()} for k in order]
+        elements.append({"id": "s", "support": True, "polygon": (ground @ turn.T + shift).tolist()})
+        scene = {
+            "elements": elements,
+            "tolerance": tolerance,
+            "materials": {
+                "density": 1.0,
+                "gravity": (turn @ [0.0, -9.81]).tolist(),
+                "dry": {"friction_coefficient": 0.5},
+            },
+            "loads": {"live": [{"body": [1, 0]}]},
+        }
+        assembly = build_assembly(parse_scene(scene))
+        shapes = BlockShapes(assembly, rotate="rotate" in moulds, flip="flip" in moulds)
+        blocks = blocks_of(connectivity(assembly), assembly.labels[None])
+        # a layout that lacks the stone in the middle is counted by the same shapes
+        free = assembly.elements.free
+        ends = [[int(k)] for k in free if assembly.elements.ids[k] in ("p0", f"p{len(steps) - 1}")]
+        assert len(np.unique(shapes.kinds(ends))) == (1 if count == 1 else 2)
+        assert shapes.different(blocks).tolist() == [count], (order, angle)
 
 
 def test_solids() -> None:

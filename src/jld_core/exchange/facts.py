@@ -101,11 +101,23 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
-    """Return a function from an element's id to its name in the file."""
+    """Return a function from the id of a loaded element to its name in the file.
+
+    It raises InputError for an element whose block holds a support: the import refuses loads on supports too.
+    """
     if cells:
         return lambda name: name
     index, blocks = layout.assembly.elements.index, layout.blocks
-    return lambda name: blocks[int(layout.block_of[index[name]])].name
+
+    def of_block(name: str) -> str:
+        """Return the name of the block of an element."""
+        block = blocks[int(layout.block_of[index[name]])]
+        if block.support:
+            problem = "it carries a load and is joined to a support, and a file of blocks has no load on supports"
+            raise InputError(f"element {name!r}", problem, "a format that holds elements, or a joint at the support")
+        return block.name
+
+    return of_block
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:

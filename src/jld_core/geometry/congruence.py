@@ -19,12 +19,18 @@ _MOMENTS: Final = 20.0
 Corners that are each off by twice the reach give a difference of 4, and higher moments more.
 """
 
+_SAME: Final = 1e-3
+"""Distance of corners, relative to the reach, up to which outlines are copies but for rounding: one of them is kept."""
+
+_PAIRED: Final = 8.0
+"""Distance of corners, in reaches, at which they are paired before the best move is computed from all pairs."""
+
 
 class Kinds:
-    """Register that numbers outlines by shape in order of first appearance.
+    """Register that numbers outlines by shape.
 
-    Each new outline is compared with one representative of every known shape of similar size. The allowed moves form a
-    group, so that congruence does not depend on the order of the outlines.
+    Outlines whose corners coincide within the tolerance are of one shape, and so are all that a chain of such outlines
+    connects: the relation is an equivalence, whatever the order in which outlines come.
 
     Parameters
     ----------
@@ -39,39 +45,62 @@ class Kinds:
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
         self.reach, self.rotate, self.flip = reach, rotate, flip
-        self._count = 0
+        self.exact = True
+        self._parent: list[int] = []
         self._kinds: dict[tuple[int, int, int], list[tuple[int, Floats, Outline]]] = {}
 
     def number(self, outline: Outline) -> int:
-        """Return the number of an outline's shape, from 0 by first appearance.
+        """Return the number of an outline, of which `roots` gives that of its shape.
 
         Parameters
         ----------
         outline : Outline
-            Outline; it is stored if its shape is new.
+            Outline; it is stored if no copy of it is.
 
         Returns
         -------
         int
-            Number of the shape.
+            Number, the same for copies that differ by rounding alone. `exact` is False once others were connected.
         """
         square = (outline.points**2).sum(axis=1)
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
         name = outline.count, len(outline.points)
         around = [one for k in (-1, 0, 1) for one in self._kinds.get((*name, size + k), ())]
-        moments = self._moments(outline.points)
+        moments, found = self._moments(outline.points), len(self._parent)
+        linked: set[int] = set()
         if around:
             # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
             differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
-            for k in np.flatnonzero(differ <= _MOMENTS * self.reach * radius).tolist():
+            for k in np.argsort(differ, kind="stable").tolist():
+                if differ[k] > _MOMENTS * self.reach * radius:
+                    break
                 number, _, kind = around[k]
-                if alike(outline, kind, self.reach, rotate=self.rotate, flip=self.flip):
+                if self._root(number) in linked:
+                    continue
+                off = deviation(outline, kind, self.reach, rotate=self.rotate, flip=self.flip)
+                if off <= _SAME * self.reach:
                     return number
-        self._kinds.setdefault((*name, size), []).append((self._count, moments, outline))
-        self._count += 1
-        return self._count - 1
+                if off <= 2.0 * self.reach:
+                    linked.add(self._root(number))
+        self._kinds.setdefault((*name, size), []).append((found, moments, outline))
+        self._parent.append(found)
+        for root in linked:
+            self._parent[root] = found
+            self.exact = False
+        return found
+
+    def roots(self, numbers: Sequence[int]) -> list[int]:
+        """Return the number of the shape of each outline, given by its `number`; later outlines may connect shapes."""
+        return [self._root(number) for number in numbers]
+
+    def _root(self, number: int) -> int:
+        """Return the number that stands for the shape of an outline."""
+        while self._parent[number] != number:
+            self._parent[number] = self._parent[self._parent[number]]
+            number = self._parent[number]
+        return number
 
     def _moments(self, points: Floats) -> Floats:
         """Compute invariants of an outline, equal up to rounding for outlines of one shape.
@@ -106,42 +135,60 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> l
         Shape number of each outline.
     """
     kinds = Kinds(reach, rotate=True, flip=flip)
-    return [kinds.number(outline) + 1 for outline in outlines]
+    roots = kinds.roots([kinds.number(outline) for outline in outlines])
+    order = {root: k for k, root in enumerate(dict.fromkeys(roots), 1)}
+    return [order[root] for root in roots]
 
 
 def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
-    """Return True if the corners of two outlines coincide after an allowed move.
+    """Return True if the corners of two outlines coincide after an allowed move, as in `deviation`."""
+    return deviation(one, other, reach, rotate=rotate, flip=flip) <= 2.0 * reach
+
+
+def deviation(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> float:
+    """Return the largest distance of paired corners and middles of two outlines after the best move; inf without one.
 
     Shifts are always allowed; `rotate` and `flip` allow rotations and mirrors as in `Kinds`. Middles of edges or faces
-    must coincide too. reach: half the largest distance at which two points coincide, scene units.
+    are paired too. reach: half the largest distance at which two points coincide, scene units.
     """
-    near = abs(one.size - other.size) <= 1e-3 * other.size
+    near = abs(one.size - other.size) <= 1e-3 * max(one.size, other.size)
     if not near or one.count != other.count or len(one.points) != len(other.points):
-        return False
-    if _falls_on(one.points, one.count, other, reach):
-        return True
-    if not (rotate or flip):
-        return False
-    turns = _turns(one, other, reach, flip) if rotate else _axis_mirrors(one.points.shape[1])
-    return any(_falls_on(one.points @ matrix.T, one.count, other, reach) for matrix in turns)
+        return math.inf
+    best = _off(one.points, one.count, other, reach, turn=False)
+    if best > _SAME * reach and (rotate or flip):
+        turns = _turns(one, other, reach, flip) if rotate else _axis_mirrors(one.points.shape[1])
+        for matrix in turns:
+            best = min(best, _off(one.points @ matrix.T, one.count, other, reach, turn=rotate))
+            if best <= _SAME * reach:
+                break
+    return best
 
 
-def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
-    """Return True if points coincide one to one with the points of an outline.
+def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool) -> float:
+    """Return the largest distance of points to the points of an outline that are paired with them; inf without pairs.
 
-    points: (k + e, d), of which the first `count` are corners and the others middles; corners must coincide with
-    corners. reach: half the largest distance at which two points coincide.
+    points: (k + e, d), of which the first `count` are corners and the others middles; corners are paired with corners.
+    turn: first turn the points to where the sum of squares of all distances is least. Which corner a rotation was
+    computed from does then not matter.
     """
-    for part in (slice(0, count), slice(count, None)):
-        mine, there = points[part], other.points[part]
-        if not len(mine):
-            continue
-        from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
+    from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
-        distance, to = cKDTree(there).query(mine)
-        if float(np.max(distance)) > 2.0 * reach or len(np.unique(to)) != len(there):
-            return False
-    return True
+    pairs = []
+    for start, end in ((0, count), (count, len(points))):
+        if start == end:
+            continue
+        distance, to = cKDTree(other.points[start:end]).query(points[start:end])
+        limit = _PAIRED if turn else 2.0
+        if float(np.max(distance)) > limit * reach or len(np.unique(to)) != end - start:
+            return math.inf
+        pairs.append(start + to)
+    there = other.points[np.concatenate(pairs)]
+    if turn:
+        u, _, v = np.linalg.svd(points.T @ there)
+        sign = np.ones(points.shape[1])
+        sign[-1] = np.sign(np.linalg.det(u @ v))
+        points = points @ (u * sign) @ v
+    return float(np.sqrt(((points - there) ** 2).sum(axis=1)).max())
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
@@ -163,7 +210,7 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
     corners, images = one.points[: one.count], other.points[: other.count]
     radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
-    slack = 4.0 * reach
+    slack = _PAIRED * reach
     matrices: list[Floats] = []
     signs = [1.0] + [-1.0] * flip
     if d == 2:

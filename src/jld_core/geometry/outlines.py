@@ -82,9 +82,12 @@ def reach_of(assembly: Assembly) -> float:
     Returns
     -------
     float
-        Larger of 1e-6 times the size and four times the displacement, scene units.
+        Larger of 1e-6 times the size and four times the displacement, scene units. The size is twice the distance of
+        the farthest corner from the mean of all, which no turn changes.
     """
-    return max(_REACH * assembly.size, 4.0 * assembly.moved)
+    corners = np.concatenate(assembly.elements.shape)
+    size = 2.0 * float(np.sqrt(((corners - corners.mean(axis=0)) ** 2).sum(axis=1).max()))
+    return max(_REACH * size, 4.0 * assembly.moved)
 
 
 def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> float:

@@ -22,6 +22,12 @@ from jld_core.geometry import Outlines, reach_of
 from jld_core.geometry.congruence import Kinds
 from jld_core.geometry.outlines import Outline
 
+_COPY: Final = 1e-3
+"""Step to which coordinates are rounded, relative to the reach of a comparison: blocks that agree there are copies."""
+
+_SEEDS: Final = 400
+"""Largest number of blocks that are numbered before those of any layout."""
+
 _SHIFT: Final = 0.37
 """Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous."""
 
@@ -51,7 +57,8 @@ class BlockShapes:
         self._outline: dict[bytes, Outline] = {}
         self._outlines = Outlines(assembly)
         self._numbered: dict[int, int] = {}
-        self._step = reach_of(assembly)
+        self._seeded = False
+        self._step = _COPY * self._kinds.reach
         # Threads of a proof request blocks at the same time.
         self._lock = RLock()
 
@@ -188,12 +195,44 @@ class BlockShapes:
 
     def _numbers(self) -> Ints:
         """Return (b,) shape number of each known block; congruent blocks have the same number."""
+        if not self._seeded:
+            self._seed()
+            self._seeded = True
         for outline in self._known[len(self._number) :]:
             # Blocks of equal cells in equal positions share one outline object.
             if id(outline) not in self._numbered:
                 self._numbered[id(outline)] = self._kinds.number(outline)
             self._number.append(self._numbered[id(outline)])
-        return np.array(self._number, dtype=np.int64)
+        return np.array(self._kinds.roots(self._number), dtype=np.int64)
+
+    def _seed(self) -> None:
+        """Give numbers to the smallest blocks first: which of them connect shapes must not depend on the layouts seen.
+
+        They are single elements and, where some are alike without being copies, connected ones of growing number.
+        """
+        free = [k for k in self.assembly.elements.free.tolist() if k != self.assembly.sink]
+        if len(free) > _SEEDS:
+            return
+        neighbours: dict[int, set[int]] = {k: set() for k in free}
+        faces = self.assembly.interfaces
+        for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True):
+            if a in neighbours and b in neighbours:
+                neighbours[a].add(b)
+                neighbours[b].add(a)
+        level, count = {(k,) for k in free}, 0
+        while level and count + len(level) <= _SEEDS:
+            count += len(level)
+            for members in sorted(level):
+                checkpoint()
+                self._kinds.number(self._of(np.array(members, dtype=np.int64)))
+            if self._kinds.exact:
+                return
+            level = {
+                tuple(sorted({*members, other}))
+                for members in level
+                for k in members
+                for other in neighbours[k] - set(members)
+            }
 
     def _of(self, members: Ints) -> Outline:
         """Return the outline of a block, cached for blocks of equal elements in equal positions.
