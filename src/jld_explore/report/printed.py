@@ -43,7 +43,7 @@ _LOADS: Final = 14
 _MOULDS: Final = 28
 """Largest number of moulds that are drawn, on one page."""
 
-_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength")
+_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength", "inner strengths")
 """Beginnings of assumptions on materials, whose values the report states anyway."""
 
 _STRAIGHT: Final = 0.9998
