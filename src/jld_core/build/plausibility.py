@@ -262,9 +262,9 @@ def _of_crushing(assembly: Assembly) -> Iterator[str]:
             shear, slope = strengths.shear[worst], friction[worst]
             yield (
                 f"materials.{name}.compressive_strength is {stated[worst]:g} {unit}, and blocks that crack anywhere "
-                f"are crushed at {implied[worst]:g} {unit} = 2 τ (μ + √(1 + μ²)), by their shear strength τ = {shear:g} "
-                f"and inner friction μ = {slope:g}: λ by faces and by fields differ; usual is a shear strength of at "
-                f"least {stated[worst] * shear / implied[worst]:.4g}"
+                f"are crushed at {implied[worst]:g} {unit} = 2 τ (μ + √(1 + μ²)), by their shear strength τ = "
+                f"{shear:g} and inner friction μ = {slope:g}: λ by faces and by fields differ; usual is a shear "
+                f"strength of at least {stated[worst] * shear / implied[worst]:.4g}"
             )
             return
 

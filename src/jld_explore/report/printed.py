@@ -199,15 +199,17 @@ def _proven(book: _Book) -> list[str]:
     """Return sentences on proven and on unproven results."""
     content, words = book.content, book.words
     found = []
-    if math.isfinite(content.fields[0]):
+    if content.fields[1] < 0.0:
+        found.append(words["falls_by_fields"])
+    elif math.isfinite(content.fields[0]):
         low, high = content.fields
         found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
-    elif math.isfinite(content.faces[0]) and content.status != "locked":
+    if math.isfinite(content.faces[0]) and content.status != "locked":
         least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
         found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
-    else:
+    elif not found:
         found.append(words["nothing"].format(status=content.status))
     found.append(words["strongest"] if content.strongest else words["not_strongest"])
     if content.uncut is not None:
