@@ -200,13 +200,16 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
     if not len(values):
         return []
     found = []
-    fallen = high < (1.0 - FALL) * values
-    if fallen[0]:
+    fallen, falls = high < (1.0 - FALL) * values, high < 0.0
+    if falls[0]:
+        more = int(falls.sum()) - 1
+        others = f", and so do {more} more of the best {len(values)}" if more else ""
+        found.append(f"wherever its blocks crack, the best falls under its own weight{others}")
+    elif fallen[0]:
+        share = 1.0 - high[0] / values[0]
         more = int(fallen.sum()) - 1
         others = f", and {more} more of the best {len(values)} fall by over {FALL:.0%}" if more else ""
-        most = f"carry at most {high[0]:.4g}, {1.0 - high[0] / values[0]:.0%} less than by faces"
-        falls = "fall under their dead load, whatever the live load"  # an upper bound below 0 is no λ
-        found.append(f"the blocks of the best {most if high[0] >= 0.0 else falls}{others}")
+        found.append(f"the blocks of the best carry at most {high[0]:.4g}, {share:.0%} less than by faces{others}")
     elif fallen.any():
         found.append(f"{int(fallen.sum())} of the best {len(values)} carry over {FALL:.0%} less than by faces")
     stronger = np.flatnonzero(low[1:] > max(high[0], 0.0)) + 1

@@ -127,6 +127,24 @@ def test_strengths_and_sizes_are_judged_in_every_system(length: str, force: str)
     assert any("more are above 1 km" in one for one in build_assembly(parse_scene(large)).warnings)
 
 
+@pytest.mark.parametrize("name", ["inner", "dry"])
+@pytest.mark.parametrize(("length", "force"), UNITS)
+def test_a_scene_that_contradicts_itself_in_compression_is_warned_about(length: str, force: str, name: str) -> None:
+    """Mohr–Coulomb bears 2 τ (μ + √(1 + μ²)) in uniaxial compression: 2 τ without friction, 6 τ at μ = 4/3."""
+    document = in_units(length, force, "2000 kg/m³")
+    inner = document["materials"]["inner"]
+    document["materials"][name]["compressive_strength"] = 1.999 * inner["shear_strength"]
+    assert build_assembly(parse_scene(document)).warnings == ()
+    document["materials"][name]["compressive_strength"] = 5.99 * inner["shear_strength"]
+    (warning,) = build_assembly(parse_scene(document)).warnings
+    assert warning.startswith(f"materials.{name}.compressive_strength is")
+    remedy = float(warning.rpartition("at least ")[2])
+    assert remedy == pytest.approx(5.99 / 2.0 * inner["shear_strength"], rel=1e-3)
+    inner["tensile_strength"] *= 0.5
+    inner["friction_coefficient"] = 4.0 / 3.0
+    assert build_assembly(parse_scene(document)).warnings == ()
+
+
 def test_gravity_of_the_unit_of_length_is_known() -> None:
     """9810 mm/s², with tonnes per mm³: 2e-9 of these are 2000 kg/m³."""
     document = in_units("mm", "N", 2e-9)

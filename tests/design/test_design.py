@@ -23,7 +23,7 @@ from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
-from jld_explore.design.page import facts_of, gain_of, words_of, write_design
+from jld_explore.design.page import facts_of, gain_of, verdict, words_of, write_design
 from jld_explore.design.screening import Screening
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
@@ -232,6 +232,43 @@ def test_a_gain_by_faces_that_fields_refute_is_not_claimed(wall: Path) -> None:
     assert work.winner is denied
     usual = Trial("bond", "stated", outline.scene, 2.0, (2.0, 2.0), NONE, "", allowed=False)
     assert gain_of(Design(options, outline, wall.parent, trials=[usual, denied])) is None
+
+
+@pytest.mark.parametrize(
+    ("faces", "fields", "rival", "words"),
+    [
+        (
+            (26.7, 26.7),
+            (1.6, 2.1),
+            None,
+            "carries at least 1.6 times your load wherever they crack; not decided between",
+        ),
+        ((2.0, 2.0), NONE, None, "carries at least 2 times your load by the faces drawn; cracks elsewhere"),
+        ((2.0, 2.0), (0.4, 0.5), None, "That is less than the load itself."),
+        ((2.0, 2.0), (0.9, 1.5), None, "That it carries the load is not proven."),
+        ((9.0, 9.0), (-np.inf, 2.1), None, "is not decided: at most 2.1 times your load."),
+        ((9.0, 9.0), (1.6, 2.1), (1.2, 3.3), "Whether another layout carries more is not decided (voronoi"),
+        ((9.0, 9.0), (1.6, 2.1), (1.2, 1.5), ""),
+    ],
+)
+def test_a_design_begins_with_its_verdict(
+    wall: Path, faces: tuple[float, float], fields: tuple[float, float], rival: tuple[float, float] | None, words: str
+) -> None:
+    """What the best carries by the weakest model known, what is not decided, and who may carry more."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    trials = [Trial("bond", "searched", outline.scene, faces[0], faces, fields, "")]
+    trials += [] if rival is None else [Trial("voronoi", "searched", outline.scene, 9.0, (9.0, 9.0), rival, "")]
+    work = Design(options, outline, wall.parent, trials=trials)
+    told = verdict(work)
+    assert words in told
+    assert ("not decided (voronoi" in told) is (rival is not None and rival[1] > 1.6)
+    assert words_of(work).startswith(f"verdict      {told}")
+    facts = facts_of(work)
+    assert (facts["verdict"], len(facts["rivals"])) == (told, int("(voronoi" in told))
+    write_design(work, pictures=False)
+    page = (wall.parent / "report.html").read_text("utf-8")
+    assert page.index(told.split(".")[0][:40]) < page.index("Loads:")
 
 
 @pytest.mark.parametrize(

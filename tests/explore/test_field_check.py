@@ -91,6 +91,10 @@ def test_findings() -> None:
     assert fallen == [
         "the blocks of the best carry at most 9.2, 8% less than by faces, and 1 more of the best 3 fall by over 5%"
     ]
+    falling = _findings(values, low, np.array([-73.48, 8.9, -5.0]), None)
+    assert (
+        falling[0] == "wherever its blocks crack, the best falls under its own weight, and so do 1 more of the best 3"
+    )
     later = _findings(values, low, np.array([9.8, 8.9, 5.0]), None)
     assert later == ["1 of the best 3 carry over 5% less than by faces"]
     order = _findings(values, np.array([9.0, 8.0, 9.9]), np.array([9.8, 8.9, 10.0]), None)

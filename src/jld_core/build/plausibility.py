@@ -25,6 +25,7 @@ _FRICTION: Final = 2.0  # above this friction coefficient, an angle in degrees w
 _ANGLE: Final = 2.0  # degrees: below, radians or the coefficient were probably given
 _DENSITY: Final = (300.0, 9000.0)  # kg/m³, from light earth mixtures to steel
 _STRENGTH: Final = 1e9  # Pa, upper limit of usual strengths
+_CRUSHED: Final = 1e-3  # relative excess of a compressive strength over that which shear allows
 _ANGLES: Final = (10.0, 60.0)  # degrees, limits of plausible angles of friction
 _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
@@ -103,7 +104,7 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
     names, only friction and keys without effect are judged.
     """
     units = units_of(scene)
-    found = [*_of_no_use(scene), *_of_friction(scene)]
+    found = [*_of_no_use(scene), *_of_friction(scene), *_of_crushing(assembly)]
     if not units.known:
         return found
     return [*found, *_of_weight(scene, units), *_of_strengths(scene, assembly, units), *_of_geometry(assembly, units)]
@@ -246,6 +247,26 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
                     f"{where}.{name} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
                     f"with; usual is above{meant}"
                 )
+
+
+def _of_crushing(assembly: Assembly) -> Iterator[str]:
+    """Warn about compressive strengths that blocks which crack anywhere do not have, docs/method.md (9.1)."""
+    strengths, (length, force) = assembly.strengths, assembly.units
+    friction = strengths.inner_friction
+    implied = 2.0 * strengths.shear * (friction + np.hypot(1.0, friction))
+    for name, stated in (("inner", strengths.crush_inner), ("dry", strengths.crush_dry)):
+        odd = np.isfinite(stated) & (implied > 0.0) & (stated > (1.0 + _CRUSHED) * implied)
+        if odd.any():
+            worst = int(np.argmax(np.where(odd, stated / implied, 0.0)))
+            unit = f"{force}/{length}²"
+            shear, slope = strengths.shear[worst], friction[worst]
+            yield (
+                f"materials.{name}.compressive_strength is {stated[worst]:g} {unit}, and blocks that crack anywhere "
+                f"are crushed at {implied[worst]:g} {unit} = 2 τ (μ + √(1 + μ²)), by their shear strength τ = "
+                f"{shear:g} and inner friction μ = {slope:g}: λ by faces and by fields differ; usual is a shear "
+                f"strength of at least {stated[worst] * shear / implied[worst]:.4g}"
+            )
+            return
 
 
 def _of_geometry(assembly: Assembly, units: UnitSystem) -> Iterator[str]:

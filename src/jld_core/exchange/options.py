@@ -111,9 +111,18 @@ class ImportOptions:
 DEFAULT_MATERIALS: Final[dict[str, Any]] = {
     "density": 2000.0,
     "dry": {"friction_coefficient": 0.6},
-    "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+    "inner": {"tensile_strength": 2e5, "shear_strength": 5e6},
 }
-"""Materials of an imported scene without others: kg/m³, friction coefficient, Pa. Users should edit them."""
+"""Materials of an imported scene without others: kg/m³, friction coefficient, Pa. Users should edit them.
+
+Where blocks crack anywhere they are crushed at 2 τ = 10 MPa, beyond the stresses of stones under usual loads, so that λ
+by faces, which crush at no stress, means the same stone.
+"""
+
+DEFAULT_STRENGTHS: Final = "inner strengths {tensile_strength:g} and {shear_strength:g}".format(
+    **DEFAULT_MATERIALS["inner"]
+)
+"""Default strengths in words."""
 
 
 @dataclass(frozen=True)
@@ -266,7 +275,7 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
         if not like:
             known = all("density" in element or element.get("support") for element in document["elements"])
             density = "" if known else f"density {DEFAULT_MATERIALS['density']:g}, "
-            notes.assumed.append(f"{density}friction 0.6, inner strengths 2e5: edit materials, or --like SCENE")
+            notes.assumed.append(f"{density}friction 0.6, {DEFAULT_STRENGTHS}: edit materials, or --like SCENE")
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]

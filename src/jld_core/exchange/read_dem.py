@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_core.exchange.options import DEFAULT_MATERIALS, Notes, several
+from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, Notes, several
 from jld_core.exchange.solids import Part
 from jld_core.geometry import area_vector
 
@@ -105,7 +105,7 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
     contact = data_of(problem.get("contact_properties") or {})
     law = contact.get("contact_model")
     if not law:
-        notes.assumed.append("friction 0.6, inner strengths 2e5: the problem has no contact model")
+        notes.assumed.append(f"friction 0.6, {DEFAULT_STRENGTHS}: the problem has no contact model")
         return {key: DEFAULT_MATERIALS[key] for key in ("dry", "inner")}
     kind, values = str(law.get("dtype", "")), data_of(law)
     if not kind.endswith("MohrCoulomb"):
@@ -120,7 +120,7 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
             notes.assumed.append(f"tensile strength {apex:g} of joints for t_c {values['t_c']:g}: the apex of friction")
     if contact.get("joint_model"):
         notes.skip("joint model", 1, "limit analysis knows no stiffness")
-    notes.assumed.append("inner strengths 2e5: edit materials, or --like SCENE")
+    notes.assumed.append(f"{DEFAULT_STRENGTHS}: edit materials, or --like SCENE")
     inner = DEFAULT_MATERIALS["inner"]
     # blocks are at least as strong as their joints
     inner = {**inner, "tensile_strength": max(inner["tensile_strength"], dry.get("tensile_strength", 0.0))}

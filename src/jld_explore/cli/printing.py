@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zipfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -18,6 +19,8 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import Layout
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.requirements import require_fields
 from jld_core.files import require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
@@ -94,6 +97,13 @@ def report(
     if pack:
         archive = target.with_suffix(".zip")
         say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
+
+
+_FIELDS: Final = 30.0
+"""Longest time for bounds by fields of a layout that has none, s."""
+
+_TRIANGLES: Final = 500
+"""Triangles of all load cases together up to which these bounds are refined: equal layouts have equal reports."""
 
 
 def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
@@ -179,6 +189,9 @@ def _printed(
     """
     low, high = result.bracket
     faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
+    if fields == _NOTHING and layout.scene.cracks == "faces":  # what is drawn is not all that cracks
+        with suppress(DeadlinePassed, InputError), Deadline(_FIELDS).enforced():
+            fields = _by_fields(layout)
     laying: Laying | None = None
     if layout.scene.cracks != "faces":
         assumed = (*assumed, "order of laying: not printed, since the report judges stages by cracks along faces")
@@ -190,6 +203,16 @@ def _printed(
     except DeadlinePassed:
         assumed = (*assumed, "order of laying: not found within 30 s; jld assembly searches on")
     return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)
+
+
+def _by_fields(layout: Layout) -> tuple[float, float]:
+    """Return bounds by fields on the governing factor of a layout; raise InputError where fields do not apply."""
+    require_fields(layout.assembly)
+    required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
+    most = _TRIANGLES // len(cases)
+    found = [bounds_by_fields(one, layout.labels, most_triangles=most) for one in cases]
+    ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
+    return min(low for low, _ in ends), min(high for _, high in ends)
 
 
 def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:

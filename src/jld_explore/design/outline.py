@@ -18,7 +18,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import ImportOptions
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn import Drawing
-from jld_core.exchange.options import DEFAULT_MATERIALS, Notes
+from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, Notes
 from jld_core.exchange.paths import Path
 from jld_core.exchange.readers import read_content, reading
 from jld_core.exchange.sizes import hardly_meant
@@ -362,8 +362,7 @@ def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) 
     if not found.get("dry") and options.friction is None:
         notes.assumed.append(f"friction {DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")
     if not found.get("inner") and (options.tension is None or options.shear is None):
-        strength = DEFAULT_MATERIALS["inner"]["tensile_strength"]
-        notes.assumed.append(f"tensile and shear strength of the stone {strength:g}, where not given")
+        notes.assumed.append(f"{DEFAULT_STRENGTHS}, where not given")
     if options.friction is not None:
         dry.pop("friction_angle", None)
         dry["friction_coefficient"] = {"nominal": options.friction, "low": options.friction_low or 0.0}

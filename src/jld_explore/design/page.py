@@ -68,6 +68,11 @@ def facts_of(work: Design) -> dict[str, Any]:
     return {
         "best": None if winner is None else _number(winner.proven),
         "proven": False,
+        "verdict": verdict(work),
+        "rivals": [
+            {"tessellation": one.tessellation, "kind": one.kind, "at_most": _number(one.most)}
+            for one in rivals_of(work)
+        ],
         "fields": None if winner is None else _bounds(winner.fields),
         "load_factor": None if winner is None else _number(winner.load_factor),
         "tessellation": None if winner is None else winner.tessellation,
@@ -121,12 +126,56 @@ def gain_of(work: Design) -> float | None:
     return ours / theirs if math.isfinite(ours) and 0.0 < theirs < math.inf else None
 
 
+def rivals_of(work: Design) -> list[Trial]:
+    """Return the other allowed layouts that are not proven weaker than the best, those that may carry most first."""
+    winner = work.winner
+    if winner is None:
+        return []
+    others = [one for one in work.trials if one is not winner and one.allowed and one.fields[1] >= 0.0]
+    return sorted((one for one in others if one.most > winner.proven), key=lambda one: -one.most)
+
+
+def verdict(work: Design) -> str:
+    """Say in one or two sentences what the best layout carries, by the weakest model known, and what is not decided."""
+    winner = work.winner
+    if winner is None:
+        return "No layout was found yet that keeps the limits and stands."
+    stones = len(_blocks(winner))
+    subject = f"{stones} stones carry" if stones != 1 else "1 stone carries"
+    load = "your load" if not winner.scene.loads.has_cases else "what your load cases require"
+    anywhere = winner.fields != NONE
+    low, high = winner.fields if anywhere else winner.faces
+    model = "wherever they crack" if anywhere else "by the faces drawn; cracks elsewhere are not bounded"
+    drawn = (
+        "" if not anywhere or math.isnan(winner.load_factor) else f" By the faces drawn it is {winner.load_factor:.4g}."
+    )
+    if not math.isfinite(low):
+        most = f"at most {high:.4g} times {load}" if math.isfinite(high) else "no bound was found in time"
+        told = f"What {stones} stones carry {model} is not decided: {most}."
+    else:
+        ending = f"; not decided between that and {high:.4g}" if high > (1.0 + _CLOSE) * low else ""
+        ending = "; nothing bounds it from above" if math.isinf(high) else ending
+        told = f"{subject} at least {low:.4g} times {load} {model}{ending}."
+        if low < 1.0:
+            told += " That is less than the load itself." if high < 1.0 else " That it carries the load is not proven."
+    rivals = rivals_of(work)
+    if rivals:
+        most = "without a bound" if math.isinf(rivals[0].most) else f"at most {rivals[0].most:.4g}"
+        count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
+        told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {most})."
+    return told + drawn
+
+
+_CLOSE: Final = 1e-3
+"""Relative width of a bracket up to which nothing is said to be undecided."""
+
+
 def words_of(work: Design) -> str:
     """Describe the result of a design in lines for the terminal: best, gain, checks, guesses."""
     winner = work.winner
     if winner is None:
         return "no layout was found that keeps the limits and stands"
-    lines = [f"best         {_name(winner)}: {_claim(winner)}"]
+    lines = [f"verdict      {verdict(work)}", f"best         {_name(winner)}: {_claim(winner)}"]
     if work.usual is not None:
         lines.append(f"usual bond   {_claim(work.usual)}; {_compared(work, work.usual)}")
     lines += [f"checked      {one.words}" for one in work.checks]
@@ -179,14 +228,13 @@ def _page(work: Design, pictured: bool) -> str:
     """Return the HTML page of a design; pictured: True if the page shows the picture."""
     winner = work.winner
     name = work.outline.scene.name
-    parts = [f"<p>{html.escape(region_words(work.outline.scene))}. Loads: {html.escape(_loads(work))}.</p>"]
-    if winner is None:
-        parts.append("<p class=big>No layout was found yet that keeps the limits and stands.</p>")
-    else:
+    parts = [f"<p class=big><strong>{html.escape(verdict(work))}</strong></p>"]
+    parts.append(f"<p>{html.escape(region_words(work.outline.scene))}. Loads: {html.escape(_loads(work))}.</p>")
+    if winner is not None:
         claim = f"The best layout ({_name(winner)}) {_claim(winner)}."
         if work.usual is not None:
             claim += f" The usual bond {_claim(work.usual)}; {_compared(work, work.usual)}."
-        parts.append(f"<p class=big>{html.escape(claim)}</p>")
+        parts.append(f"<p>{html.escape(claim)}</p>")
         if pictured:
             parts.append(f'<img src="{FILES[3]}" alt="Usual bond and best layout with numbered blocks">')
     parts.append("<h2>What was tried</h2>" + _table(_tried(work)))

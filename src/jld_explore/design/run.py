@@ -310,6 +310,7 @@ def _said(trial: Trial) -> str:
     """Describe λ of a trial by faces and by fields, for the terminal."""
     low, high = trial.fields
     known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
+    known = "it falls under its own weight" if high < 0.0 else known
     by_fields = "" if trial.fields == NONE else f", by fields {known}"
     return f"{trial.by_faces}{by_fields}; {trial.words}"
 

@@ -33,6 +33,16 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Die Steine tragen mindestens das {low}-fache der Last, wo immer sie reißen; höchstens das {high}-fache.",
         "I conci portano almeno {low} volte il carico, ovunque si fessurino; al massimo {high} volte.",
     ),
+    "most_by_fields": (
+        "The stones carry no more than {high} times the live load wherever they crack; how much is not proven.",
+        "Die Steine tragen höchstens das {high}-fache der Last, wo immer sie reißen; wie viel, ist nicht bewiesen.",
+        "I conci portano al massimo {high} volte il carico, ovunque si fessurino; quanto, non è dimostrato.",
+    ),
+    "falls_by_fields": (
+        "Wherever the stones crack, the layout falls under its own weight.",
+        "Wo immer die Steine reißen: der Steinschnitt fällt unter seinem Eigengewicht.",
+        "Ovunque i conci si fessurino, la disposizione cade sotto il peso proprio.",
+    ),
     "by_faces": (
         "Cracks along the faces of the cells only: λ lies between {low} and {high}.",
         "Risse nur entlang der Zellflächen: λ liegt zwischen {low} und {high}.",

@@ -43,7 +43,7 @@ _LOADS: Final = 14
 _MOULDS: Final = 28
 """Largest number of moulds that are drawn, on one page."""
 
-_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength")
+_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength", "inner strengths")
 """Beginnings of assumptions on materials, whose values the report states anyway."""
 
 _STRAIGHT: Final = 0.9998
@@ -89,8 +89,10 @@ class Printed:
 
     @property
     def load_factor(self) -> float:
-        """Return the load factor that is proven from below: by fields if known, else by faces."""
-        return self.fields[0] if math.isfinite(self.fields[0]) else self.faces[0]
+        """Return the load factor that is proven from below: by fields if known, 0 for a fall, else by faces."""
+        if self.fields[1] < 0.0:
+            return 0.0
+        return self.fields[0] if math.isfinite(self.fields[0]) else min(self.faces[0], self.fields[1])
 
 
 @dataclass
@@ -199,15 +201,19 @@ def _proven(book: _Book) -> list[str]:
     """Return sentences on proven and on unproven results."""
     content, words = book.content, book.words
     found = []
-    if math.isfinite(content.fields[0]):
+    if content.fields[1] < 0.0:
+        found.append(words["falls_by_fields"])
+    elif math.isfinite(content.fields[0]):
         low, high = content.fields
         found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
-    elif math.isfinite(content.faces[0]) and content.status != "locked":
+    elif math.isfinite(content.fields[1]):
+        found.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
+    if math.isfinite(content.faces[0]) and content.status != "locked":
         least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
         found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
-    else:
+    elif not found:
         found.append(words["nothing"].format(status=content.status))
     found.append(words["strongest"] if content.strongest else words["not_strongest"])
     if content.uncut is not None:

@@ -131,6 +131,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **({"ranked last": f"{falls} that fall under their own weight without live load"} if falls else {}),
+        **_anywhere(done),
         **nominal,
         **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),
         **_of_blocks(facts.get("fields")),
@@ -164,6 +165,17 @@ def _reliability(facts: dict[str, Any]) -> dict[str, str]:
         for name, key in (("first order", "beta_form"), ("simulation", "beta_monte_carlo"))
     )
     return {"reliability": f"of the best {count} by λ, row {best['row']} has the largest β: {indices}"}
+
+
+def _anywhere(done: Exploration) -> dict[str, str]:
+    """Say what the best layout of a search by faces carries wherever its blocks crack; {} where that is unknown."""
+    if "fields_hi" not in done.results or not len(done.results):
+        return {}
+    low, high = (float(done.results[name].iloc[0]) for name in ("fields_lo", "fields_hi"))
+    if high < 0.0:
+        return {"anywhere": "wherever its blocks crack, the best falls under its own weight"}
+    ends = [f"at least {low:.4g}"] * (low > 0.0) + [f"at most {high:.4g}"] * (high >= 0.0)
+    return {"anywhere": f"wherever its blocks crack, the best carries {' and '.join(ends)}"} if ends else {}
 
 
 def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -36,14 +36,45 @@ def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult
         For each load case, one text per live entry, as "11.9 kN" or, for a pressure in the plane, "3 kN/m (15 kN/m²)";
         "" without a load factor. A case of a moving load has no entries.
     """
+    results = result.cases or {"": result}
+    return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})
+
+
+def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float | None]) -> list[list[str]]:
+    """State a factor times every live load of each load case, by its name; the single case is "".
+
+    The result is as that of `collapse_loads`.
+    """
     several = scene.loads.has_cases
     entries = {case.name: case.live for case in scene.loads.cases or []} if several else {"": scene.loads.live or []}
-    results = result.cases or {"": result}
     weight = float(np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1).sum())
     return [
-        [_text(entry, scene, weight, one.load_factor) for entry in entries.get(name if several else "", [])]
-        for name, one in results.items()
+        [_text(entry, scene, weight, factor) for entry in entries.get(name if several else "", [])]
+        for name, factor in factors.items()
     ]
+
+
+def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequence[float | None]]) -> list[list[str]]:
+    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"; brackets: one for each case.
+
+    Where one bound is missing or not above 0, the other one is named alone.
+    """
+    names = [case.name for case in assembly.cases] or [""]
+    low, high = (
+        texts_of_loads(scene, assembly, {name: one[end] for name, one in zip(names, brackets, strict=True)})
+        for end in (0, 1)
+    )
+    found = []
+    for least, most, (bottom, top) in zip(low, high, brackets, strict=True):
+        if top is not None and top <= 0.0:
+            found.append([""] * len(most))
+        elif bottom is None or bottom <= 0.0:
+            found.append([text and f"at most {text}" for text in most])
+        elif top is None:
+            found.append([text and f"at least {text}" for text in least])
+        else:
+            found.append([one if one == two else f"{one} to {two}" for one, two in zip(least, most, strict=True)])
+    return found
 
 
 def _text(entry: LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:

@@ -61,8 +61,8 @@ class FieldBracket:
         Returns
         -------
         dict
-            bracket (lower bound None until every case has one), status, triangles, seconds of work, and `more`: True if
-            a further step may narrow the bracket.
+            bracket (lower bound None until every case has one), cases (bracket of each), status, triangles, seconds of
+            work, and `more`: True if a further step may narrow the bracket.
         """
         case = self._next()
         if case is not None:
@@ -72,6 +72,7 @@ class FieldBracket:
         ready = len(known) == len(self._bounds)
         return {
             "bracket": [number(found.low) if ready else None, number(found.high)],
+            "cases": [[None, None] if one is None else [number(one.lower), number(one.upper)] for one in self._bounds],
             "status": str(found.status),
             "triangles": sum(bounds.triangles for bounds in known),
             "seconds": self._spent,

@@ -27,7 +27,7 @@ from jld_explore.report.page_data import cases_of, loads_of, solution_of
 from jld_explore.report.rounding import DIGITS, rounded
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
-from jld_explore.studio.collapse_loads import collapse_loads
+from jld_explore.studio.collapse_loads import collapse_loads, texts_of_bounds
 from jld_explore.studio.field_brackets import FieldBrackets
 from jld_explore.studio.joint_vertices import JointVertices
 
@@ -222,11 +222,15 @@ class StudioSession:
     def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return bounds by fields on λ of a labelling, refined by one mesh at each call.
 
-        letters, changes: as in `solve`. The entries are those of `FieldBrackets.step`.
+        letters, changes: as in `solve`. The entries are those of `FieldBrackets.step`, and "collapse", the bounds times
+        every live load of each case in words.
         """
         setup, cracks = self.setup(changes), self.scene.cracks
         gap = cracks.gap if isinstance(cracks, FieldCracks) else FieldCracks(kind="fields").gap
-        return self._brackets.step(setup.assembly, self.labels(letters), gap)
+        found = self._brackets.step(setup.assembly, self.labels(letters), gap)
+        if "cases" in found:
+            found["collapse"] = texts_of_bounds(setup.scene, setup.assembly, found["cases"])
+        return found
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the scene file of a state of the page as a document.

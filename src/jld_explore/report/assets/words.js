@@ -70,5 +70,5 @@ export function verdict(found) {
   if (status === "locked") return "locked: no live load, however large, brings it down";
   if (status === "unstable") return "unstable: it does not stand under any λ ≥ 0";
   if (value === null) return status;
-  return `λ = ${shown(value, 6)} in ${shownBracket(bracket)}, ${status}`;
+  return `λ = ${shown(value, 6)} in ${shownBracket(bracket)}, ${status}, as drawn`;
 }

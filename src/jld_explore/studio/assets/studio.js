@@ -47,7 +47,7 @@ class Studio {
     this.#use();
     this.#tools();
     this.candidates = new Candidates(byId("candidates"), given.candidates ?? [], {
-      now: () => ({ ...state(), text: byId("answer").querySelector(".value")?.textContent ?? "" }),
+      now: () => ({ ...state(), text: [...byId("answer").querySelectorAll(".value:not([hidden])")].map((node) => node.textContent).join("; ") }),
       show: (candidate) => this.go(candidate), compare: (candidate) => this.compare(candidate), complain,
     });
     this.searches = new Searches(byId("searches"), state, { show: (found, job) => this.results(found, job.name), take: (found) => this.go(found), complain });
@@ -160,7 +160,7 @@ class Studio {
     this.draw();
     this.lists();
     this.#say(answer, ms);
-    if (this.data.structure.dimension === 2) this.blocks(answer.revision);
+    if (this.data.structure.dimension === 2) this.blocks(answer.revision, answer);
   }
 
   /** Say what is known of λ. @param {any} answer @param {number} ms */
@@ -172,20 +172,53 @@ class Studio {
     box.classList.remove("waiting");
     box.dataset.revision = String(answer.revision);
     const slits = slitsOf(this.data.structure, this.steps.now.labelling).length;
-    const loads = (this.collapse[this.viewer.case] ?? []).filter(Boolean);
+    const drawn = found.status === "locked" ? "no live load brings it down" : found.load_factor === null ? found.status : `${sign} = ${shown(found.load_factor, 6)}`;
     box.replaceChildren(...[
-      el("span", { class: "value" }, found.load_factor === null ? found.status : `${sign} = ${shown(found.load_factor, 6)}`),
+      el("span", { class: "value", id: "by-faces" }, drawn, el("small", {}, " by the faces drawn")),
+      el("span", { class: "value", id: "anywhere", hidden: true }),
+      el("span", { id: "lambda-load", class: "collapse" }),
+      el("span", { class: "note", id: "carried", hidden: true }),
       el("span", { class: "bracket" }, `${shownBracket(found.bracket)}, ${found.status}${governing.name ? `, governed by ${governing.name}` : ""}`),
-      loads.length ? el("span", { id: "lambda-load", class: "collapse" }, `λ × load = ${loads.length > 3 ? `${loads.slice(0, 3).join(", ")} and ${loads.length - 3} more` : loads.join(", ")}${governing.name ? ` (${this.caseName()})` : ""}`) : null,
       el("span", { class: "how" }, `${shown(ms, 3)} ms (solve ${shown(1000 * answer.seconds.solve, 2)})`),
       slits ? el("span", { class: "note", id: "slits" }, `no segmentation: ${slits} dry ${slits === 1 ? "face has" : "faces have"} one block on both sides`) : null,
       !slits && answer.against?.length ? el("span", { class: "note", id: "against" }, `outside what a search admits: ${answer.against.join("; ")}`) : null,
       answer.unsearched ? el("span", { class: "note" }, `no search: ${answer.unsearched}`) : null,
     ].filter(Boolean));
+    this.#verdict(answer, null);
   }
 
-  /** Bracket the blocks by fields, mesh by mesh as long as this state is shown. @param {number} revision */
-  async blocks(revision) {
+  /** Let the weaker of both crack models head the answer. @param {any} answer @param {any} fields null before the first mesh */
+  #verdict(answer, fields) {
+    const found = answer.solution;
+    const sign = found.cases.length > 1 ? "λ / required" : "λ";
+    const [low, high] = fields?.bracket ?? [null, null];
+    const falls = fields?.status === "unstable";
+    const known = falls || low !== null || high !== null;
+    const governs = falls || (high !== null && (found.load_factor === null || high <= found.load_factor)) || (low !== null && found.load_factor === null);
+    const place = byId("anywhere");
+    place.hidden = !known;
+    if (known) {
+      const bounds = low === null || low < 0 ? `${sign} ≤ ${shown(high, 3)}` : high === null ? `${sign} ≥ ${shown(low, 3)}` : `${sign} = ${shown(low, 3)} to ${shown(high, 3)}`;
+      place.replaceChildren(falls ? "falls under its own weight" : bounds, el("small", {}, " wherever blocks crack"));
+    }
+    byId("by-faces").classList.toggle("weaker", governs);
+    place.classList.toggle("weaker", known && !governs);
+    this.collapse = governs ? fields.collapse : answer.collapse;
+    showCollapse(byId("loads"), this.collapse[this.viewer.case] ?? []);
+    const texts = (this.collapse[this.viewer.case] ?? []).filter(Boolean);
+    const more = found.cases.length > 1 ? ` (${this.caseName()})` : "";
+    const loads = texts.length > 3 ? `${texts.slice(0, 3).join(", ")} and ${texts.length - 3} more` : texts.join(", ");
+    byId("lambda-load").textContent = loads ? `λ × load = ${loads}${more}` : "";
+    const most = governs ? (falls ? 0 : high) : found.status === "unstable" ? 0 : found.load_factor;
+    const least = governs ? low : known ? (low ?? 0) : 0;
+    const note = byId("carried");
+    note.hidden = (most === null || most >= 1) && !(known && least >= 1);
+    note.textContent = most !== null && most < 1 ? "the load drawn is not carried" : "the load drawn is carried";
+    note.classList.toggle("good", !(most !== null && most < 1));
+  }
+
+  /** Bracket the blocks by fields, mesh by mesh as long as this state is shown. @param {number} revision @param {any} answer */
+  async blocks(revision, answer) {
     const box = byId("answer");
     const line = el("span", { class: "bracket", id: "blocks" }, "blocks that crack anywhere: …");
     box.append(line);
@@ -203,6 +236,7 @@ class Studio {
       line.textContent = found.refused ? `blocks that crack anywhere: not bounded (${found.refused})`
         : found.status === "unstable" ? "blocks that crack anywhere: they fall under their own weight"
           : `blocks that crack anywhere: ${shownBracket(found.bracket)} by ${found.triangles} triangles${more ? " …" : ""}`;
+      if (!found.refused) this.#verdict(answer, found);
       line.dataset.more = String(more);
     }
   }
