@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
@@ -41,7 +41,8 @@ def require_field_types(thing: Any) -> None:
 
     Annotations that are none of `_KINDS`, nor words nor classes, admit every value.
     """
-    for name, kinds in _kinds_of(type(thing)).items():
+    kind: Hashable = type(thing)
+    for name, kinds in _kinds_of(kind).items():
         if kinds:
             require_kind(name, getattr(thing, name), *kinds)
 
@@ -54,7 +55,7 @@ def near(word: str, names: Any) -> str:
 
 
 @cache
-def _kinds_of(kind: type) -> dict[str, tuple[Any, ...]]:
+def _kinds_of(kind: Any) -> dict[str, tuple[Any, ...]]:
     """Return the kinds that each field admits; an empty tuple where any value may be right."""
     hints = get_type_hints(kind)
     return {one.name: _flat(hints[one.name]) for one in fields(kind)}

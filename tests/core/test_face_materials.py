@@ -13,7 +13,7 @@ from cases import grid_document
 from jld_core import Scene, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.errors import InputError
-from jld_core.exchange import Layout, export
+from jld_core.exchange import Layout, export, import_file
 from jld_core.refinement import refine
 
 FACES: list[dict[str, Any]] = [
@@ -137,10 +137,10 @@ def test_a_pair_has_one_entry() -> None:
         build_assembly(parse_scene(document(twice)))
 
 
-def test_operations_that_would_lose_members_are_refused(tmp_path: Any) -> None:
+def test_operations_that_would_lose_them_are_refused_and_drawings_keep_them(tmp_path: Any) -> None:
     scene = parse_scene(document(FACES))
     with pytest.raises(InputError, match=r"materials\.faces"):
         refine(scene, (0.05, 0.05))
     assembly = build_assembly(scene)
-    with pytest.raises(InputError, match=r"materials\.faces"):
-        export(Layout(scene, assembly, assembly.labels, None), "dxf", tmp_path / "a.dxf")
+    path = export(Layout(scene, assembly, assembly.labels, None), "dxf", tmp_path / "a.dxf")
+    assert import_file(path).document["materials"]["faces"] == document(FACES)["materials"]["faces"]

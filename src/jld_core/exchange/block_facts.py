@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.assembly_sequence import assembly_order
+from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 
 _MOST: Final = {2: 150, 3: 40}
@@ -82,14 +83,17 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 def _order(layout: Layout) -> dict[int, int]:
     """Return the step, from 1, in which each block is laid, by the block's index.
 
-    The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts with members, and
-    for layouts with too many blocks.
+    The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts that an assembly
+    sequence does not model, and for those with too many blocks.
     """
-    if layout.assembly.members or sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
+    if sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}
     sideways = layout.scene.search.assemble_out_of_plane
-    # groups of blocks that move together take minutes to find in space: jld assembly looks for them
-    laying = assembly_order(layout.assembly, layout.labels, sideways=sideways, group=1)
+    try:
+        # groups of blocks that move together take minutes to find in space: jld assembly looks for them
+        laying = assembly_order(layout.assembly, layout.labels, sideways=sideways, group=1)
+    except InputError:  # of what an assembly sequence does not model, as members and bond
+        return {}
     return {
         int(layout.block_of[int(laying.blocks.elements(block)[0])]): number
         for number, step in enumerate(laying.steps, 1)

@@ -93,7 +93,10 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     reach = max(2.0 * tolerance, 1e-7 * size)
     structure = Structure(cells, float(document["thickness"]), unit, reach)
     document["loads"] = drawn_loads(loads, marks, structure, options, drawing, notes)
-    document |= _labels(cells, paths, snapped, options, reach, notes)
+    known = {name for entry in document.get("interfaces", []) for name in entry["elements"]}
+    if not known or not known <= {cell.name for cell in cells}:
+        document.pop("interfaces", None)  # of elements that are drawn no more
+        document |= _labels(cells, paths, snapped, options, reach, notes)
     free = sum(not cell.support for cell in cells)
     notes.found.insert(0, f"{several(free, 'element')} and {several(len(cells) - free, 'support')}")
     document = complete(document, options, notes, dimension=2)

@@ -66,12 +66,12 @@ def drawn_loads(
         found["live"] = []
         found["cases"] = [{"name": layer, "live": entries + shared} for layer, entries in of_case.items()]
     stored = drawing.facts.get("loads", {})
+    drawn = bool(found["live"] or found.get("cases"))
     for key in ("live", "dead"):
         found[key] = found[key] + list(stored.get(key, []))
     found = {key: value for key, value in found.items() if value}
-    if "live" in found or "cases" in found:
-        return found
-    return {**found, **{key: stored[key] for key in ("cases", "moving", "pushes") if stored.get(key)}}
+    # loads drawn anew replace stored cases, paths and directions
+    return found if drawn else {**stored, **found}
 
 
 def _layers(paths: list[Path], marks: list[Mark]) -> list[str]:

@@ -1,8 +1,8 @@
-"""Scene data that another file format cannot represent, stored in the file for re-import."""
+"""Scene data that another file format cannot represent, stored in the file for re-import; and what is not kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -16,11 +16,16 @@ from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads
 from jld_core.scene.uncertain import with_means
 
-_SCENE: Final = ("name", "units", "materials", "source", "notes")
-"""Scene keys that are stored unchanged."""
+_DRAWN: Final = {"elements", "grid", "interfaces", "labels"}
+"""Scene keys that a file of all elements represents by its geometry."""
 
-_ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
-"""Element keys that are stored unchanged."""
+_SHAPE: Final = {"id", "polygon", "vertices", "faces", "support"}
+"""Element keys that a file represents by its geometry; all others are stored."""
+
+STORED: Final = frozenset(
+    {field.alias or name for name, field in Scene.model_fields.items()} - (_DRAWN - {"elements", "interfaces"})
+)
+"""Scene keys that a file of an earlier export may hold and that are read back."""
 
 _PLACE: Final = {"elements", "polygon", "label"}
 """Keys of an interface that are written anew; all others are values that override the materials."""
@@ -32,23 +37,36 @@ def document_of(layout: Layout) -> dict[str, Any]:
     return found
 
 
-def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
-    """Return name, units, materials and loads of a layout's scene, to be stored in a file.
+def scene_of(layout: Layout, *, interfaces: bool = False) -> dict[str, Any]:
+    """Return all scene data of a layout that a file with every element under its id does not draw.
 
-    cells: True where the file holds every element; otherwise point loads refer to blocks. spatial: True where a planar
-    scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
-    for a scene with "materials.faces", which such a file cannot hold, and for moving loads where `spatial`. Pressures
-    stay pressures in a planar file of elements; elsewhere their resultant forces replace them.
+    interfaces: store all interfaces with their values. They are always stored where the scene states them.
+    """
+    layout = layout.drawn_from or layout
+    facts = {key: value for key, value in document_of(layout).items() if key not in _DRAWN}
+    if layout.assembly.dimension == 2:
+        facts["thickness"] = layout.thickness
+    if interfaces or layout.scene.interfaces:
+        facts["interfaces"] = interfaces_of(layout)
+    facts["elements"] = element_keys(layout)
+    return facts
+
+
+def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
+    """Return name, units, materials and loads of a layout's scene, to be stored in a file of solids.
+
+    cells: True where the file holds every element; otherwise loads refer to blocks. Resultant forces replace pressures.
+    A planar scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. What
+    else the scene states is named by `lost`.
     """
     layout = layout.drawn_from or layout
     document = document_of(layout)
-    if layout.scene.materials.faces:
-        raise InputError("materials.faces", "a file of this kind has no place for them", "a scene without them")
-    facts: dict[str, Any] = {key: document[key] for key in _SCENE if key in document}
-    lift = spatial and layout.assembly.dimension == 2
+    facts: dict[str, Any] = {key: document[key] for key in ("name", "units", "source", "notes") if key in document}
+    facts["materials"] = {key: value for key, value in document["materials"].items() if key != "faces"}
+    lift = layout.assembly.dimension == 2
     if lift and isinstance(document["materials"].get("gravity"), list):
         gx, gy = document["materials"]["gravity"]
-        facts["materials"] = {**document["materials"], "gravity": [gx, 0.0, gy]}
+        facts["materials"]["gravity"] = [gx, 0.0, gy]
     names = _names(layout, cells)
 
     def carried(loads: dict[str, Any], parsed: Loads | Case) -> dict[str, Any]:
@@ -57,8 +75,7 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         loads: entry as plain data. parsed: the same entry as an object.
         """
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
-        if spatial or not cells:
-            given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
+        given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
         return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
 
     loads = layout.scene.loads
@@ -67,16 +84,12 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         pairs = zip(document["loads"]["cases"], loads.cases or [], strict=True)
         facts["loads"]["cases"] = [case | carried(case, parsed) for case, parsed in pairs]
     if document["loads"].get("moving"):
-        if spatial:
-            raise InputError("loads.moving", "a file of this kind has no place for them", "a scene without them")
-        facts["loads"]["moving"] = document["loads"]["moving"]
+        raise InputError("loads.moving", "a file of this kind has no place for them", "a scene without them")
+    if lift and document["loads"].get("pushes"):
+        problem = "its directions are those of the plane, and the file is spatial"
+        raise InputError("loads.pushes", problem, '"cases" with body loads')
     if document["loads"].get("pushes"):
-        if lift:
-            problem = "its directions are those of the plane, and the file is spatial"
-            raise InputError("loads.pushes", problem, '"cases" with body loads')
         facts["loads"]["pushes"] = document["loads"]["pushes"]
-    if layout.assembly.dimension == 2 and not spatial:
-        facts["thickness"] = layout.thickness
     return facts
 
 
@@ -125,8 +138,6 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
 
     names: from an element's id to its name in the file. lift: True if a planar scene is extruded.
     """
-    if "face" in entry:
-        return entry
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]
@@ -150,15 +161,15 @@ def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
 
 
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
-    """Return density, weight, volume, centroid and block that a scene states, by element id.
+    """Return what a scene states of its elements beside their shape and support, by element id.
 
-    Only stated keys are included; elements without any of them, and grids, are left out.
+    Elements without any such key, and grids, are left out.
     """
     entries = layout.scene.elements or []
     dumped = [with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}
     for entry in dumped:
-        kept[entry["id"]] = {str(key): entry[key] for key in _ELEMENT if key in entry}
+        kept[entry["id"]] = {key: value for key, value in entry.items() if key not in _SHAPE}
     return {name: keys for name, keys in kept.items() if keys}
 
 
@@ -200,3 +211,75 @@ def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]
         for a, b, origin, contact in zip(faces.a, faces.b, faces.origin, geometry.given, strict=True)
         if contact is not None
     }
+
+
+# --- what is not kept ---------------------------------------------------------------------------------
+
+_OUTLINES: Final = ("grid", "elements.id", "elements.polygon", "elements.vertices", "elements.faces", "tolerance")
+_WEIGHTS: Final = ("elements.density", "elements.weight", "elements.volume", "elements.centroid", "materials.density")
+_FORCES: Final = tuple(
+    f"loads.{where}{kind}.{key}"
+    for where in ("", "cases.")
+    for kind in ("live", "dead")
+    for key in ("element", "force", "at", "moment", "body")
+)
+_OF_BLOCKS: Final = (
+    *_OUTLINES,
+    *_WEIGHTS,
+    *_FORCES,
+    *("name", "units", "source", "notes", "elements.support", "elements.block", "thickness"),
+    *("materials.gravity", "materials.dry", "materials.inner", "loads.cases.name", "loads.cases.required"),
+    "loads.pushes",
+)
+_KNOWS: Final[dict[str, tuple[str, ...]]] = {
+    "compas": _OF_BLOCKS,
+    "3dm": _OF_BLOCKS,
+    "svg": (*_OUTLINES, "elements.support"),
+    **dict.fromkeys(("dxf", "obj", "ply", "stl"), _OUTLINES),
+    **dict.fromkeys(("step", "gltf", "ifc", "vtk"), (*_OUTLINES, "thickness", "name")),
+    "3dec": (*_OUTLINES, *_WEIGHTS, "thickness", "name", "elements.support", "materials.gravity"),
+    "compas_dem": (*_OUTLINES, *_WEIGHTS, *_FORCES, "thickness", "elements.support", "loads.cases.name"),
+}
+"""Scene keys that a file keeps that does not store the whole scene, by key or by the keys above it; others are lost."""
+
+_LABELS: Final = ("dxf", "svg", "3dm")
+"""Formats that show which faces inside the blocks are inner."""
+
+
+def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
+    """Return what a scene states and a file of a format does not keep, as keys of the scene.
+
+    kind: key of `FORMATS`. cells: every element is written, not every block.
+    """
+    spatial = layout.assembly.dimension == 3
+    whole = cells and kind in ("3dm", "compas") if spatial else kind in ("dxf", "3dm")
+    if whole:
+        return []
+    known = _KNOWS[kind] + (("interfaces",) if kind == "compas" and cells else ())
+    document = document_of(layout)
+    document.pop("labels", None)  # the labels of the layout are those that count
+    inner = int(np.count_nonzero(~layout.labels[: layout.assembly.faces]))
+    stated = dict.fromkeys(_paths(document))
+    kept = [path for path in stated if any(path == one or path.startswith(f"{one}.") for one in known)]
+    gone: dict[str, None] = {}
+    for path in stated:
+        if path not in kept:
+            parts = path.split(".")
+            heads = [".".join(parts[: k + 1]) for k in range(len(parts))]
+            # the highest key of which nothing is kept stands for all below it
+            gone[next(head for head in heads if not any(f"{one}.".startswith(f"{head}.") for one in kept))] = None
+    if inner and (kind not in _LABELS or spatial) and not (kind == "compas" and cells):
+        gone[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
+    return list(gone)
+
+
+def _paths(value: Any, head: str = "") -> Iterator[str]:
+    """Yield the key of each value of a document, without places in lists: "loads.live.force"."""
+    if isinstance(value, dict) and value:
+        for key, one in value.items():
+            yield from _paths(one, f"{head}.{key}" if head else str(key))
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for one in value:
+            yield from _paths(one, head)
+    else:
+        yield head

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -74,3 +81,70 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
     except Exception as error:
         what = " ".join(str(error).split()) or type(error).__name__
         raise InputError("", f"it is no {kind} that can be read ({what[:120]})", expected) from error
+
+
+_CHILD: Final = """
+import pickle, sys
+from jld_core.exchange.libraries import store_result
+with open(sys.argv[1], "rb") as stream:
+    function, arguments = pickle.load(stream)
+store_result(sys.argv[2], function, arguments)
+"""
+"""Program of a process that calls one function, where processes cannot be forked."""
+
+
+def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Write the result of a call, or what it raised, to a file."""
+    try:
+        found = function(*arguments)
+    except BaseException as error:
+        found = error
+    Path(path).write_bytes(pickle.dumps(found))
+
+
+def in_own_process(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
+    """Call a function of a module in a process of its own and return its result.
+
+    A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
+    seconds: time after which the process is ended. Raises what the function raises, and InputError where the process
+    does not end in time or ends without a result.
+    """
+    again = "a file that its program opens and saves again"
+    with tempfile.TemporaryDirectory(prefix="jld-") as folder:
+        made = Path(folder) / "made"
+        if not (_forked if sys.platform == "linux" else _begun)(made, function, arguments, seconds):
+            raise InputError("", f"reading it does not end in {seconds:.0f} s: it is damaged, or too large", again)
+        if not made.exists() or not made.stat().st_size:
+            raise InputError("", "its reader broke down: it is damaged", again)
+        found = pickle.loads(made.read_bytes())
+    if isinstance(found, BaseException):
+        raise found
+    return found
+
+
+def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...], seconds: float) -> bool:
+    """Call a function in a copy of this process, which has all modules loaded; return False if it did not end."""
+    child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(made), function, arguments))
+    with warnings.catch_warnings():
+        # other threads do not run in the copy; one that waits for a lock of theirs is ended with it
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child.start()
+    try:
+        child.join(seconds)
+        return not child.is_alive()
+    finally:
+        child.kill()
+        child.join()
+
+
+def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...], seconds: float) -> bool:
+    """Call a function in a new process; return False if it did not end."""
+    given = made.with_name("given")
+    given.write_bytes(pickle.dumps((function, arguments)))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+    try:
+        command = [sys.executable, "-c", _CHILD, str(given), str(made)]
+        subprocess.run(command, env=environment, timeout=seconds, capture_output=True, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    return True

@@ -14,6 +14,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST
+from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import Notes
 from jld_core.exchange.read_dem import data_of, model_and_problems, problem_facts
@@ -24,9 +25,6 @@ FACTS: Final = "jld"
 
 _UNNAMED: Final = "Block"
 """Name of a block of compas_dem that was given none."""
-
-_KEYS: Final = ("units", "materials", "loads", "labels", "search", "source", "notes")
-"""Scene keys that are read back."""
 
 _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
 """Element keys that are read back."""
@@ -65,7 +63,7 @@ def read_compas(path: File, notes: Notes) -> Solids:
     name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or path.stem)
     if facts.get("interfaces"):
         contacts = []
-    keys = stated | {key: facts[key] for key in (*_KEYS, "interfaces") if key in facts}
+    keys = stated | {key: value for key, value in facts.items() if key in STORED - {"name", "elements", "thickness"}}
     if "materials" in stated and (known := {part.keys["density"] for part in parts if "density" in part.keys}):
         keys["materials"]["density"] = max(known)
     return Solids(parts, contacts, keys, name)

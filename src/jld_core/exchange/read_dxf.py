@@ -12,13 +12,11 @@ import numpy as np
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark
+from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
-
-_KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
-"""Scene keys that are read back."""
 
 _DEPTH: Final = 16
 """Largest depth of nested blocks."""
@@ -117,7 +115,7 @@ class _Reader:
         found = json.loads(text)
         if not isinstance(found, dict):
             raise InputError(FACTS, "the property holds no JSON object", "what jld export wrote")
-        return {key: found[key] for key in _KEYS if key in found}
+        return {key: value for key, value in found.items() if key in STORED}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
         """Read one entity; count it as unread if there is no reader or nothing usable in it.

@@ -15,6 +15,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark, SolidMark
+from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
@@ -29,9 +30,6 @@ UNITS: Final = {
     "Feet": "ft", "Yards": "yd",
 }  # fmt: skip
 """Length units by their names in Rhino."""
-
-_KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements", "interfaces")
-"""Scene keys that are read back."""
 
 _DEPTH: Final = 16
 """Largest depth of nested block instances."""
@@ -119,7 +117,7 @@ class _Reader:
         found = json.loads(stored[FACTS])
         if not isinstance(found, dict):
             raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
-        return {key: found[key] for key in _KEYS if key in found}
+        return {key: value for key, value in found.items() if key in STORED}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
         """Return the name of an object's layer, and True if the layer is shown.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn import Drawing
-from jld_core.exchange.libraries import readable
+from jld_core.exchange.libraries import in_own_process, library, readable
 from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
@@ -54,6 +54,22 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         return planar_scene(found, options, notes)
 
 
+_COMPILED: Final = {"3dm": read_rhino, "ifc": read_ifc}
+"""Readers that call libraries of compiled code, which a damaged file may send into a loop."""
+
+_SECONDS: Final = 60.0
+"""Time in which a file of such a reader must be read, s, beside that for its size."""
+
+_SECONDS_PER_MEGABYTE: Final = 5.0
+"""Further time for each megabyte of such a file, s."""
+
+
+def _read_compiled(path: Path, options: ImportOptions) -> tuple[Drawing | Solids, Notes]:
+    """Read a file by a reader of `_COMPILED`, for `in_own_process`."""
+    notes = Notes()
+    return _COMPILED[path.suffix.lower().lstrip(".")](path, options, notes), notes
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Make errors about the content of a file name that file.
@@ -80,8 +96,12 @@ def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | 
         return read_compas(path, notes)
     if ending in ("obj", "ply", "stl"):
         return read_mesh(path, notes)
-    if ending == "ifc":
-        return read_ifc(path, options, notes)
-    if ending in ("dxf", "3dm"):
-        return (read_dxf if ending == "dxf" else read_rhino)(path, options, notes)
+    if ending in _COMPILED:
+        library({"3dm": "rhino3dm", "ifc": "ifcopenshell"}[ending], path)
+        clock = _SECONDS + _SECONDS_PER_MEGABYTE * path.stat().st_size / 2**20
+        found, told = in_own_process(_read_compiled, path.resolve(), options, seconds=clock)
+        vars(notes).update(vars(told))
+        return cast(Drawing | Solids, found)
+    if ending == "dxf":
+        return read_dxf(path, options, notes)
     return read_svg(path, options, notes) if ending == "svg" else read_csv(path, notes)

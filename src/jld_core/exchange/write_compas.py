@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.exchange.facts import element_keys, facts_of, interfaces_of
+from jld_core.exchange.facts import element_keys, facts_of, interfaces_of, scene_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
@@ -26,9 +26,13 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     attribute "jld". Raises InputError for a scene with "materials.faces".
     """
     solids = list(solids_of(layout, cells=cells))
-    facts = facts_of(layout, cells=cells, spatial=True)
     keys = weights_of(layout, cells)
-    if cells:
+    if cells and layout.assembly.dimension == 3:
+        facts = scene_of(layout, interfaces=True)
+        facts.pop("elements")  # at the nodes
+    else:
+        facts = facts_of(layout, cells=cells)
+    if cells and layout.assembly.dimension == 2:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
             for entry in interfaces_of(layout)

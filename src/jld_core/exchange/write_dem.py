@@ -185,7 +185,7 @@ class _Dem:
 
     def _problem(self) -> dict[str, Any]:
         """Return the problem: boundary conditions of each load case, and the contact model."""
-        facts = facts_of(self._layout, cells=self._cells, spatial=True)["loads"]
+        facts = facts_of(self._layout, cells=self._cells)["loads"]
         cases = facts.get("cases") or [{"name": "Live", "live": facts.get("live", []), "dead": []}]
         groups = [self._group(str(case["name"]), case.get("live", [])) for case in cases]
         if facts.get("dead"):

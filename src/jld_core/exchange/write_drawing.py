@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import ParameterError
-from jld_core.exchange.facts import element_keys, facts_of
+from jld_core.exchange.facts import scene_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.read_dxf import FACTS
@@ -56,7 +56,7 @@ def write_dxf(layout: Layout, path: Path) -> None:
                     data.faces = [list(loop) for loop in surface.faces]
         document.saveas(path)
         return
-    facts = json.dumps({**facts_of(layout, cells=True, spatial=False), "elements": element_keys(layout)})
+    facts = json.dumps(scene_of(layout))
     for number, begin in enumerate(range(0, len(facts), _CHUNK)):
         document.header.custom_vars.append(f"{FACTS}{number:04d}", facts[begin : begin + _CHUNK])
     _draw(layout, space)

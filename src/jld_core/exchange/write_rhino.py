@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.exchange.block_facts import block_facts
-from jld_core.exchange.facts import element_keys, facts_of, interfaces_of
+from jld_core.exchange.facts import facts_of, scene_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.read_rhino import FACTS, UNITS
@@ -102,11 +102,10 @@ class _File:
         """Add a mesh for each block, or each element, of a spatial layout."""
         layout = self._layout
         elements = layout.assembly.elements
-        facts = facts_of(layout, cells=cells, spatial=True)
-        facts["elements"] = weights_of(layout, cells)
         if cells:
-            facts["interfaces"] = interfaces_of(layout)
-        self._store(facts)
+            self._store(scene_of(layout, interfaces=True))
+        else:
+            self._store({**facts_of(layout, cells=False), "elements": weights_of(layout, cells)})
         owner = [int(k) for k in layout.block_of] if cells else [
             k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces
         ]  # fmt: skip
@@ -135,7 +134,7 @@ class _File:
         """Add outlines, faces and names of a planar layout, as a drawing has them."""
         layout = self._layout
         elements, faces = layout.assembly.elements, layout.assembly.interfaces
-        self._store({**facts_of(layout, cells=True, spatial=False), "elements": element_keys(layout)})
+        self._store(scene_of(layout))
         for k, block in enumerate(layout.blocks):
             facts = self._facts[k].entries()
             if block.support:

@@ -10,6 +10,7 @@ import typer
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange.facts import lost
 from jld_core.exchange.writers import ANALYSED
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
@@ -102,8 +103,8 @@ def export_command(
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))
-    if assembly.members:
-        say(f"left out     {len(assembly.members)} members: the file holds blocks alone")
+    if gone := lost(layout, kind, cells=cells):
+        say(f"not kept     {', '.join(gone)}")
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")
