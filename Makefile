@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+NEWEST := .venv-newest
 SCENE ?= scenes/flat_beam_arch.json
 OUT ?= out/demo
 # what is imported is compiled then, so that most of what is installed never is
@@ -13,7 +14,7 @@ export MKL_NUM_THREADS := 1
 # where Python is told to keep no compiled files, each of the processes that tests begin compiles all it imports anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup browser types demo test check bench sanitize studies docs dist clean
+.PHONY: setup browser types demo test newest check bench sanitize studies docs dist clean
 
 setup: $(VENV)/.done
 
@@ -60,6 +61,17 @@ test: setup
 	$(BIN)/mypy >$(VENV)/mypy.txt 2>&1 & types=$$!; \
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not long'; tests=$$?; \
 	wait $$types; types=$$?; cat $(VENV)/mypy.txt; test $$tests -eq 0 -a $$types -eq 0
+
+# The newest version of every library, as `pip install .` takes without constraints, in an environment of its own, and
+# the tests that touch most of them.
+newest:
+	$(PYTHON) src/jld_core/batch/build.py --in-place --best
+	$(PYTHON) -m venv $(NEWEST)
+	JLD_COMPILED_APART=1 $(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
+		--upgrade -e . pytest hypothesis
+	$(NEWEST)/bin/python -m pytest -q tests/core/test_silent_solvers.py tests/core/test_result_json.py \
+		tests/core/test_wide_brackets.py tests/validation/test_hard_cases.py tests/explore/test_enumeration.py \
+		tests/explore/test_tables_on_disk.py
 
 # the tests of pages use the system's Chromium, and skip where there is none
 browser:

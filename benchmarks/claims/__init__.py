@@ -16,6 +16,7 @@ from benchmarks.claims.tally import Family, Tally, run_cases
 FAMILIES: Final[dict[str, int]] = {
     "certificates": 300,
     "converged": 3000,
+    "digits": 300,
     "fields": 500,
     "geometry": 3000,
     "laying": 1000,

@@ -110,8 +110,9 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
 def test_rigid_blocks_are_tried_first_and_last() -> None:
     assert FALLBACKS_BY_CONDENSE["off"] == FALLBACKS
     names = [fallback.name for fallback in FALLBACKS_BY_CONDENSE["auto"]]
-    beside = [name for name in names if "rigid" not in name and name != "loaded part"]
-    assert beside == [fallback.name for fallback in FALLBACKS]
+    assert [name for name in names if "rigid" not in name and name != "loaded part"] == [
+        fallback.name for fallback in FALLBACKS
+    ]
     assert names[0].startswith("rigid")
     assert names[-1].startswith("rigid")
 

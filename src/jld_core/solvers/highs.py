@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -128,11 +133,50 @@ def highs_of(
     model.a_matrix_.start_ = matrix.indptr.astype(np.int32)
     model.a_matrix_.index_ = matrix.indices.astype(np.int32)
     model.a_matrix_.value_ = matrix.data
-    highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+    highs: Any = _new()
     for key, value in {"output_flag": False, "threads": 1, **options}.items():
         highs.setOptionValue(key, value)
     highs.passModel(model)
     return highs
+
+
+_GREETING = Lock()
+_greeted = False
+
+
+def _new() -> Any:
+    """Make a HiGHS instance.
+
+    The first one of a process prints a banner to stdout since version 1.16, whatever `output_flag` says later. It is
+    made while stdout leads nowhere, as that is where results go.
+    """
+    import highspy
+
+    global _greeted
+    with _GREETING:
+        if not _greeted:
+            _greeted = True
+            with suppress(OSError):  # without a stdout there is nothing to keep free
+                kept = os.dup(1)
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                try:
+                    if sys.stdout is not None:
+                        sys.stdout.flush()
+                    _flush()
+                    os.dup2(nowhere, 1)
+                    highspy.Highs()  # type: ignore[no-untyped-call]
+                    _flush()
+                finally:
+                    os.dup2(kept, 1)
+                    os.close(kept)
+                    os.close(nowhere)
+    return highspy.Highs()  # type: ignore[no-untyped-call]
+
+
+def _flush() -> None:
+    """Write what the C library holds back for stdout."""
+    library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+    library.fflush(None)
 
 
 def highs_ends(values: Floats) -> Floats:

@@ -1,0 +1,189 @@
+"""Claim: an answer does not hang on the last digits of the machine.
+
+Hard and ordinary scenes, each solved as it is and ten times with coefficients disturbed by 1e-15, relative, under four
+kernels of OpenBLAS. Each kernel has a process of its own, which reads ``OPENBLAS_CORETYPE`` as it loads the library. A
+scene disagrees where two of its answers have different statuses, or brackets that do not meet. ``notes`` counts the
+answers that are not `uncertified` under each kernel; these shares may differ by 0.2 %.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from dataclasses import fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.claims import refined
+from benchmarks.claims.tally import Tally
+from benchmarks.hard_scenes import hard_cases
+from jld_core import Assembly, build_assembly, parse_scene, solve
+from jld_core.arrays import Bits, Floats
+from jld_core.limit import load_scale
+
+CLAIM: Final = "ten disturbances of 1e-15 under four kernels of OpenBLAS give one status and brackets that meet"
+KERNELS: Final = ("Haswell", "ZEN", "SKYLAKEX", "SANDYBRIDGE")
+DISTURBANCES: Final = 10
+SIZE: Final = 1e-15
+"""Relative size of a disturbance."""
+APART: Final = 1e-10
+"""Relative distance up to which brackets meet: what a disturbance changes in λ itself."""
+SHARE: Final = 0.002
+"""Greatest difference of the shares settled."""
+_LARGE: Final = ("1000 blocks", "µN, mm")
+_CELLS: Final = 60
+
+Answer = tuple[str, float, float]
+"""Status, and both ends of the bracket."""
+
+
+def run(first_seed: int, cases: int, seconds: float) -> Tally:
+    """Test the claim on scenes; the kernels work on the same ones at the same time.
+
+    Parameters
+    ----------
+    first_seed, cases : int
+        Seeds to test.
+    seconds : float
+        Time limit for each kernel, s.
+
+    Returns
+    -------
+    Tally
+        Disagreements, and in `notes` the number of answers and of those settled, by kernel.
+    """
+    tally, start = Tally(CLAIM), time.perf_counter()
+    command = [sys.executable, "-m", "benchmarks.claims.digits", str(first_seed), str(cases), str(seconds)]
+    working = {
+        kernel: subprocess.Popen(
+            command, env={**os.environ, "OPENBLAS_CORETYPE": kernel}, stdout=subprocess.PIPE, text=True
+        )
+        for kernel in KERNELS
+    }
+    answers: dict[str, dict[int, list[Answer]]] = {}
+    for kernel, process in working.items():
+        lines = [json.loads(line) for line in process.communicate()[0].splitlines()]
+        answers[kernel] = {line["seed"]: [tuple(one) for one in line["answers"]] for line in lines}
+    common = set.intersection(*(set(found) for found in answers.values()))
+    settled = {}
+    for kernel, found in answers.items():
+        statuses = [status for seed in common for status, _, _ in found[seed]]
+        settled[kernel] = sum(status != "uncertified" for status in statuses)
+        tally.count(f"answers settled under {kernel}", settled[kernel])
+    count = len(common) * (1 + DISTURBANCES)
+    tally.count("answers under each kernel", count)
+    for seed in sorted(common):
+        tally.cases += 1
+        problem = _problem({kernel: found[seed] for kernel, found in answers.items()}, seed)
+        if problem:
+            tally.disagreements.append(f"seed {seed}: {problem}")
+    if max(settled.values()) - min(settled.values()) > SHARE * count:
+        tally.disagreements.append(f"shares settled differ: {settled} of {count}")
+    tally.seconds = time.perf_counter() - start
+    return tally
+
+
+def _problem(found: dict[str, list[Answer]], seed: int) -> str:
+    """Return what the answers to one scene contradict each other in; "" for nothing."""
+    statuses = {kernel: sorted({status for status, _, _ in answers}) for kernel, answers in found.items()}
+    name, assembly, _ = scene_of(seed)
+    if len({status for names in statuses.values() for status in names}) > 1:
+        return f"{name}: {statuses}"
+    ends = np.array([(low, high) for answers in found.values() for _, low, high in answers])
+    low, high = ends[:, 0].max(), ends[:, 1].min()
+    floor = min(load_scale(case) for case in assembly.by_case)
+    if low - high > APART * max(abs(low), abs(high), floor):
+        return f"{name}: a lower bound of {low!r} and an upper bound of {high!r}"
+    return ""
+
+
+def scene_of(seed: int) -> tuple[str, Assembly, Bits]:
+    """Return name, assembly and labels of a seed: of five, one is a hard case, two are refined samples, two grids."""
+    if seed % 5 == 0:
+        known = [case for case in hard_cases() if case.name not in _LARGE]
+        case = known[seed // 5 % len(known)]
+        assembly = case.make()
+        return str(case), assembly, assembly.labels if case.labels is None else case.labels(assembly)
+    if seed % 5 in (1, 2):
+        for place in range(1000):
+            kind, scene = refined.scene_of(4000 + 1000 * seed + place)
+            assembly = build_assembly(scene)
+            if len(assembly.elements) <= _CELLS:
+                return f"refined {kind}", assembly, assembly.labels
+    return _grid(seed)
+
+
+def _grid(seed: int) -> tuple[str, Assembly, Bits]:
+    """Return a planar grid with random strengths, of which some crush, and random labels."""
+    rng = np.random.default_rng(seed)
+    wide, high = (int(value) for value in rng.integers(2, 7, 2))
+    crush = {"compressive_strength": float(10 ** rng.uniform(5, 8))} if rng.random() < 0.4 else {}
+    inner = {"tensile_strength": float(10 ** rng.uniform(3, 7)), "shear_strength": float(10 ** rng.uniform(3, 7))}
+    document: dict[str, Any] = {
+        "grid": {"cell": rng.uniform(0.1, 0.5, 2).tolist(), "thickness": 0.2, "rows": ["a" * wide] * high},
+        "materials": {
+            "density": 2000,
+            "dry": {"friction_coefficient": float(rng.uniform(0.2, 0.9)), **crush},
+            "inner": {**inner, **crush},
+        },
+        "loads": {"live": [{"body": rng.normal(size=2).tolist()}]},
+    }
+    document["grid"]["rows"].append("#" * wide)
+    assembly = build_assembly(parse_scene(document))
+    return "grid", assembly, rng.random(len(assembly.interfaces)) < rng.random()
+
+
+def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
+    """Return an assembly whose loads, strengths and centroids are changed in their last digits."""
+
+    def changed(values: Floats) -> Floats:
+        return np.asarray(values * (1.0 + SIZE * rng.uniform(-1.0, 1.0, values.shape)))
+
+    strengths, elements = assembly.strengths, assembly.elements
+    known = {one.name: getattr(strengths, one.name) for one in fields(strengths)}
+    numbers = {
+        name: changed(value)
+        for name, value in known.items()
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f"
+    }
+    return replace(
+        assembly,
+        dead=changed(assembly.dead),
+        live=changed(assembly.live),
+        strengths=replace(strengths, **numbers),
+        elements=replace(elements, centroid=changed(elements.centroid)),
+    )
+
+
+def answers_of(seed: int) -> list[Answer]:
+    """Return the answers to one scene and to its disturbances, under the kernel of this process."""
+    _, assembly, labels = scene_of(seed)
+    rng = np.random.default_rng(seed)
+    results = [solve(one, labels) for one in (assembly, *(disturbed(assembly, rng) for _ in range(DISTURBANCES)))]
+    unknown = {"unstable": (0.0, 0.0), "locked": (0.0, 0.0)}
+    return [(str(one.status), *unknown.get(str(one.status), _ends(one.bracket))) for one in results]
+
+
+def _ends(bracket: tuple[float, float]) -> tuple[float, float]:
+    """Return the ends of a bracket, infinite where one is missing."""
+    low, high = bracket
+    return (low if np.isfinite(low) else -np.inf), (high if np.isfinite(high) else np.inf)
+
+
+def _work(first: int, count: int, seconds: float) -> None:
+    """Print the answers to scenes as lines of JSON, until the time is up."""
+    warnings.simplefilter("ignore")
+    end = time.perf_counter() + seconds
+    for seed in range(first, first + count):
+        if time.perf_counter() > end:
+            break
+        print(json.dumps({"seed": seed, "answers": answers_of(seed)}), flush=True)
+
+
+if __name__ == "__main__":
+    _work(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3]))
