@@ -61,7 +61,7 @@ def random() -> Iterator[Case]:
 
 
 def large_ones() -> Iterator[Case]:
-    """Walls of 900 and 3 025 cells with each change of benchmarks/large.py, cubes, and dry walls with friction cones."""
+    """Walls of 900 and 3 025 cells with each change of benchmarks/large.py, cubes, and dry walls with cones."""
     kinds = (*large.KINDS.values(), strong)
     for kind, edge, changes in (("planar", 30, kinds), ("spatial", 5, (large.plain, strong)), ("planar", 55, kinds)):
         for change in changes:
