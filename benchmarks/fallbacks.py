@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks import large, scale
+from benchmarks import large
 from benchmarks.batch_solver import HARD, SEGMENTED, SPATIAL, labellings_of
 from benchmarks.claims import converged
 from benchmarks.common import about, table, write
@@ -72,7 +72,7 @@ def large_ones() -> Iterator[Case]:
             for labels in make_driver("random", search_space(scene, assembly), 0).ask(2)[:2]:
                 yield assembly, labels, SolveOptions()
     for name, courses in (("out of plane", 20), ("in plane", 20), ("out of plane", 40), ("in plane", 40)):
-        assembly = build_assembly(scale.CASES[name](courses))
+        assembly = build_assembly(large.DRY_WALLS[name](courses))
         yield assembly, assembly.labels, SolveOptions()
 
 

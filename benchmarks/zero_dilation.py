@@ -2,8 +2,8 @@
 
 `python -m benchmarks.zero_dilation [SECONDS [SCENE…]]` writes the table; SECONDS of processor time for the floor of
 walls 1, 3, 4 and 5 (600; less: none), thrice as many for wall 2, none for wall 6. With scenes named, only their rows
-are made again; the others, and what is written below them, stand. `smoothed` is the plain iteration of Gilbert, Casapulla
-and Ahmed 2006 as it is published, which may go round for ever; the package's own search does not.
+are made again; the others, and what is written below them, stand. `smoothed` is the plain iteration of Gilbert,
+Casapulla and Ahmed 2006 as it is published, which may go round for ever; the package's own search does not.
 """
 
 from __future__ import annotations
