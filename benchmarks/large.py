@@ -194,7 +194,7 @@ def _exponents(results: dict[tuple[str, str], list[Found]]) -> str:
     rows = [
         [case, solver]
         + [
-            f"{exponent(series, value):.2f}"
+            f"{exponent_of_blocks(series, value):.2f}"
             for value in (
                 set_up,
                 lambda one: one["seconds"]["solve"],
