@@ -278,10 +278,10 @@ def run(kind: str, edge: int, seconds: int = SECONDS, most: int = BYTES) -> Foun
         answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     found: Found = {"kind": kind, "edge": edge, "seconds": {}, "memory": {}}
     for line in answer.stdout.splitlines():
-        told = json.loads(line)
-        phase = told.pop("phase")
-        found["seconds"][phase], found["memory"][phase] = told.pop("seconds"), told.pop("memory")
-        found |= told
+        ended = json.loads(line)
+        phase = ended.pop("phase")
+        found["seconds"][phase], found["memory"][phase] = ended.pop("seconds"), ended.pop("memory")
+        found |= ended
     if answer.returncode:
         said = answer.stderr.strip().splitlines()
         # native code that is given no memory ends by a signal

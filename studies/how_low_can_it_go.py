@@ -136,11 +136,11 @@ def path_of(case: Case) -> SolutionPath | None:
     return path_of_solutions(LimitAnalysis(assembly), assembly.labels)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Find, prove and draw, write table, picture and page into a folder; returns the table."""
-    cases = tuple(case for case in CASES if not quick or case.name in QUICK)
+    cases = tuple(case for case in CASES if not coarse or case.name in QUICK)
     table, lowest = ranges(cases)
-    drawn = tuple(case for case in cases if case.name in (QUICK if quick else DRAWN))
+    drawn = tuple(case for case in cases if case.name in (QUICK if coarse else DRAWN))
     figure = _picture(table, lowest, drawn)
     walls = table[table["scene"].str.startswith("Ferris")]
     lower = walls[walls["lowest_found"] < walls["published_lowest"] * (1.0 - 1e-5)]
