@@ -119,6 +119,7 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
     "results.parquet: column dry_faces holds no": with_results(lambda t: t.assign(dry_faces="many")),
     "results.parquet: column status": with_results(lambda t: t.assign(status="fine")),
     "results.csv: it is damaged": csv_alone(""),
+    "results.csv: it is damaged (": csv_alone("rank,labelling\nfirst,d\n"),
     "results.csv: it has no column rank": csv_alone("a,b\n1,2\n"),
     "best_labelling: it is of": overwritten("scene.json", json.dumps(grid_document(["aaaa", "####"]))),
     "scene.json: it is not JSON": overwritten("scene.json", "{"),
