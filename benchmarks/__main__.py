@@ -17,7 +17,6 @@ BENCHMARKS: Final = (
     "speed_error",
     "hard_cases",
     "throughput",
-    "scale",
     "large",
     "batch_solver",
     "experiment",

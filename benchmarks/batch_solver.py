@@ -1,6 +1,6 @@
 """The batch solver beside one labelling at a time and the plain way; on hard labellings; and on one labelling alone.
 
-`python -m benchmarks.batch_solver [many|hard|single]` writes a table for each part.
+`python -m benchmarks.batch_solver [many|hard|alone]` writes a table for each part.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ FEW: Final = 6
 
 @dataclass(frozen=True)
 class Hard:
-    """A scene. any_label: faces are labelled by themselves, not by blocks. many: labellings. one: how many of them
+    """A scene. any_label: faces are labelled by themselves, not by blocks. count: labellings. one: how many of them
     the usual way is timed on. kern: bending of inner faces in the kern form."""
 
     make: Callable[[], Assembly]
     any_label: bool = False
-    many: int = HARD_MANY
+    count: int = HARD_MANY
     one: int = 24
     kern: bool = False
 
@@ -147,25 +147,25 @@ HARD: Final[dict[str, Hard]] = {
     ),
 }
 SPATIAL: Final[dict[str, Hard]] = {
-    "cubes 3 × 3 × 3, 20 kPa": Hard(lambda: cubes_of(3, 2e4), many=256, one=12),
-    "cubes 3 × 3 × 3, 200 Pa": Hard(lambda: cubes_of(3, 2e2), many=256, one=12),
-    "cubes 3 × 3 × 3 pressed down": Hard(lambda: cubes_of(3, 2e4, (0.0, 0.0, -1.0)), many=256, one=12),
-    "cubes 4 × 4 × 4": Hard(lambda: cubes_of(4, 2e4), many=96, one=4),
-    "corner of the studies, 225°": Hard(corner_of_studies, many=256, one=20),
-    "the same, kern form": Hard(corner_of_studies, many=256, one=20, kern=True),
-    "hexagonal prisms": Hard(lambda: prisms(6, 4, 4), many=256, one=16),
-    "octagonal prisms, weak": Hard(lambda: prisms(8, 4, 4, 2e3), many=256, one=16),
-    "dome": Hard(lambda: build_assembly(samples.dome()), many=96, one=6),
-    "barrel vault": Hard(lambda: build_assembly(samples.vault(voussoirs=6, courses=3)), many=128, one=8),
+    "cubes 3 × 3 × 3, 20 kPa": Hard(lambda: cubes_of(3, 2e4), count=256, one=12),
+    "cubes 3 × 3 × 3, 200 Pa": Hard(lambda: cubes_of(3, 2e2), count=256, one=12),
+    "cubes 3 × 3 × 3 pressed down": Hard(lambda: cubes_of(3, 2e4, (0.0, 0.0, -1.0)), count=256, one=12),
+    "cubes 4 × 4 × 4": Hard(lambda: cubes_of(4, 2e4), count=96, one=4),
+    "corner of the studies, 225°": Hard(corner_of_studies, count=256, one=20),
+    "the same, kern form": Hard(corner_of_studies, count=256, one=20, kern=True),
+    "hexagonal prisms": Hard(lambda: prisms(6, 4, 4), count=256, one=16),
+    "octagonal prisms, weak": Hard(lambda: prisms(8, 4, 4, 2e3), count=256, one=16),
+    "dome": Hard(lambda: build_assembly(samples.dome()), count=96, one=6),
+    "barrel vault": Hard(lambda: build_assembly(samples.vault(voussoirs=6, courses=3)), count=128, one=8),
 }
 
 
 def labellings_of(assembly: Assembly, hard: Hard) -> Bits:
     """Segmentations, or labels face by face."""
     if not hard.any_label:
-        return random_segmentations(assembly, hard.many, seed=7)
+        return random_segmentations(assembly, hard.count, seed=7)
     dice = np.random.default_rng(7)
-    return dice.random((hard.many, len(assembly.interfaces))) < dice.random((hard.many, 1))
+    return dice.random((hard.count, len(assembly.interfaces))) < dice.random((hard.count, 1))
 
 
 def measure_hard(name: str, hard: Hard) -> list[str]:
@@ -190,7 +190,7 @@ def measure_hard(name: str, hard: Hard) -> list[str]:
     start = time.process_time()
     for labels in labellings[: hard.one]:
         analysis.prove(labels)
-    single = (time.process_time() - start) / hard.one
+    alone = (time.process_time() - start) / hard.one
     whole = kernel + each * len(left) / len(labellings)
     count = len(labellings)
     collapse = found.settled & ~found.falls & ~found.locked
@@ -202,9 +202,9 @@ def measure_hard(name: str, hard: Hard) -> list[str]:
         *(f"{100.0 * share.mean():.1f}" for share in (collapse, found.locked, found.falls)),
         f"**{100.0 * len(left) / count:.1f}**",
         ", ".join(f"{number} {status}" for status, number in sorted(known.items())) or "–",
-        f"{1e3 * single:.2f}",
+        f"{1e3 * alone:.2f}",
         f"{1e6 * whole:.0f}",
-        f"{single / whole:.0f}",
+        f"{alone / whole:.0f}",
     ]
 
 
@@ -247,28 +247,28 @@ class Case:
     plain: int
 
 
-def drawn(name: str, one: int, plain: int = 6, driver: str = "random", many: int = TURN) -> Case:
+def drawn(name: str, one: int, plain: int = 6, driver: str = "random", count: int = TURN) -> Case:
     """Segmentations that a driver asks first of a scene that searches are measured on."""
     assembly, space = built((ENUMERATED | LARGE)[name]())
     source = make_driver(driver, space, 0)
     found = np.zeros((0, len(assembly.interfaces)), dtype=bool)
-    while len(found) < many:
-        found = np.concatenate([found, source.ask(many)])
-    return Case(assembly, found[:many], one, plain)
+    while len(found) < count:
+        found = np.concatenate([found, source.ask(count)])
+    return Case(assembly, found[:count], one, plain)
 
 
-def walled(edge: int, one: int, many: int, plain: int = 1) -> Case:
+def walled(edge: int, one: int, count: int, plain: int = 1) -> Case:
     """Layouts of a square wall of benchmarks/large.py in blocks of up to four cells, from the random driver."""
     scene = parse_scene(large.document("planar", edge))
     assembly = build_assembly(scene)
     source = make_driver("random", search_space(scene, assembly), 0)
-    found = np.concatenate([source.ask(many) for _ in range(3)])[:many]
+    found = np.concatenate([source.ask(count) for _ in range(3)])[:count]
     return Case(assembly, found, one, plain)
 
 
-def segmented(assembly: Assembly, one: int, many: int = TURN, plain: int = 6) -> Case:
+def segmented(assembly: Assembly, one: int, count: int = TURN, plain: int = 6) -> Case:
     """Random segmentations of any assembly."""
-    return Case(assembly, random_segmentations(assembly, many, seed=7), one, plain)
+    return Case(assembly, random_segmentations(assembly, count, seed=7), one, plain)
 
 
 CASES: Final[dict[str, Callable[[], Case]]] = {
@@ -277,7 +277,7 @@ CASES: Final[dict[str, Callable[[], Case]]] = {
     "278 faces": lambda: drawn("planar 278 faces", 20, 4),
     "946 faces": lambda: walled(22, 4, 128),
     "2 016 faces": lambda: walled(32, 2, 64),
-    "3 × 3 × 3 cubes": lambda: drawn("spatial 3x3x3", 20, 4, many=512),
+    "3 × 3 × 3 cubes": lambda: drawn("spatial 3x3x3", 20, 4, count=512),
     "corner of the studies, 225°": lambda: segmented(corner_of_studies(), 20, 512, 4),
     "4 × 4 × 4 cubes": lambda: segmented(cubes_of(4, 2e4), 4, 128, 2),
 }
@@ -301,17 +301,17 @@ def measure_many(name: str, case: Case) -> list[str]:
         raise SystemExit(f"{name}: no batch solver is in use, or the scene does not fit it")
     evaluator.evaluate_all(labellings[:64])
     evaluator.evaluate(labellings[0])
-    ratios, singles, alls, differ, same = [], [], [], 0.0, 0
+    ratios, times_alone, alls, differ, same = [], [], [], 0.0, 0
     for turn in range(TURNS):
         chosen = labellings[turn * case.one : (turn + 1) * case.one]
         start = time.process_time()
         known = [evaluator.evaluate(labels) for labels in chosen]
-        single = (time.process_time() - start) / len(chosen)
+        alone = (time.process_time() - start) / len(chosen)
         start = time.process_time()
         found = evaluator.evaluate_all(labellings)
         together = (time.process_time() - start) / len(labellings)
-        ratios.append(single / together)
-        singles.append(single)
+        ratios.append(alone / together)
+        times_alone.append(alone)
         alls.append(together)
         for one, other in zip(known, found[turn * case.one :], strict=False):
             same += one.status is other.status
@@ -337,7 +337,7 @@ def measure_many(name: str, case: Case) -> list[str]:
         name,
         str(len(assembly.interfaces)),
         f"{1e3 * plain:.1f}",
-        f"{1e3 * np.median(singles):.2f}",
+        f"{1e3 * np.median(times_alone):.2f}",
         f"{1e6 * np.median(alls):.1f}",
         f"**{np.median(ratios):.0f}**",
         f"{plain / np.median(alls):.0f}",
@@ -433,4 +433,4 @@ def one_labelling() -> None:
 
 
 if __name__ == "__main__":
-    run_parts(many=many_labellings, hard=hard_labellings, single=one_labelling)
+    run_parts(many=many_labellings, hard=hard_labellings, alone=one_labelling)

@@ -1,6 +1,6 @@
 """Which of the fallbacks for one labelling decide: a census over hard, random and large cases.
 
-`python -m benchmarks.fallbacks [SECONDS]` writes the table; SECONDS of the clock for each group of cases (600). Tried:
+`python -m benchmarks.fallbacks [SECONDS]` writes the table; SECONDS of the clock for each group of cases (400). Tried:
 attempts in which the condition of a fallback held. Status: the status changed in it. Narrower: the bracket did, by more
 than a tenth of it. Decides: without that fallback alone the status of the attempt is another one, or its bracket wider
 than the gap; not asked of large cases, where each answer takes many seconds.
@@ -13,7 +13,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import Final
+from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
@@ -23,6 +23,7 @@ from benchmarks.batch_solver import HARD, SEGMENTED, SPATIAL, labellings_of
 from benchmarks.claims import converged
 from benchmarks.common import about, table, write
 from benchmarks.hard_cases import hard_cases
+from benchmarks.scenes import strength
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit import SolveOptions, analysis
@@ -34,7 +35,7 @@ from jld_core.models.labelling import FALLBACKS_BY_CONDENSE
 from jld_explore.drivers import make_driver
 from jld_explore.space import search_space
 
-SECONDS: Final = 600.0
+SECONDS: Final = 400.0
 NAMES: Final = tuple(fallback.name for fallback in FALLBACKS_BY_CONDENSE["auto"])
 Case = tuple[Assembly, Bits, SolveOptions]
 
@@ -60,15 +61,24 @@ def random() -> Iterator[Case]:
 
 
 def large_ones() -> Iterator[Case]:
-    """Walls of 900 cells with each change of benchmarks/large.py, and cubes."""
-    for kind, edge, changes in (("planar", 30, large.KINDS.values()), ("spatial", 5, (large.plain,))):
+    """Walls of 900 and 3 025 cells with each change of benchmarks/large.py, cubes, and dry walls with cones."""
+    kinds = (*large.KINDS.values(), strong)
+    for kind, edge, changes in (("planar", 30, kinds), ("spatial", 5, (large.plain, strong)), ("planar", 55, kinds)):
         for change in changes:
             content = large.document(kind, edge)
             change(content)
             scene = parse_scene(content)
             assembly = build_assembly(scene)
-            for labels in make_driver("random", search_space(scene, assembly), 0).ask(3)[:3]:
+            for labels in make_driver("random", search_space(scene, assembly), 0).ask(2)[:2]:
                 yield assembly, labels, SolveOptions()
+    for name, courses in (("out of plane", 20), ("in plane", 20), ("out of plane", 40), ("in plane", 40)):
+        assembly = build_assembly(large.DRY_WALLS[name](courses))
+        yield assembly, assembly.labels, SolveOptions()
+
+
+def strong(content: dict[str, Any]) -> None:
+    """Inner faces a thousand times as strong."""
+    content["materials"]["inner"] = strength(2e9)
 
 
 class Census:

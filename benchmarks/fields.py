@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -189,9 +189,9 @@ def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, 
         "elements": elements,
         "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
         "loads": {"live": live},
-        "labels": {"default": label},
     }
-    return build_assembly(parse_scene(document))
+    built = build_assembly(parse_scene(document))
+    return replace(built, labels=np.full(len(built.interfaces), label == "dry"))
 
 
 def cube() -> Assembly:

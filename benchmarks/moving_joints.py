@@ -205,8 +205,8 @@ def main() -> None:
         solves = done.points[-1].solves
         again = solve(done.scene)
         stands = "yes" if all(one.stands_at_zero for one in (again.cases.values() or [again])) else "no"
-        effort = [str(starts), str(steps), str(solves), f"{seconds:.1f}", done.end]
-        rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *effort, stands])
+        counts = [str(starts), str(steps), str(solves), f"{seconds:.1f}", done.end]
+        rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *counts, stands])
         print(rows[-1], flush=True)
     head = "what | start | end | to reach | starts | steps | solves | s | ended | dead load stands"
     text = "# Joints that move\n\nWritten by `python -m benchmarks.moving_joints`; one thread, processor time.\n\n"

@@ -1,11 +1,9 @@
-"""Collapse without dilation: plain and robust loops, and how low it goes.
+"""How low collapse without dilation goes: found from every side, bounded from below with certificates, and in searches.
 
-`python -m benchmarks.zero_dilation loops [COUNT]` holds the plain iteration of Gilbert, Casapulla, Ahmed 2006 as it is
-published (N_prev smoothed) against the package's own search, which does not go round for ever, on the given walls by
-start and damping, and on COUNT random walls (100).
-`… floor [SECONDS [SCENE…]]` bounds what is found from below with certificates; SECONDS of processor time for the floor
-of walls 1, 3, 4 and 5 (600; less: none), thrice as many for wall 2, none for wall 6. With scenes named, only their rows
-are made again; the others, and what is written below them, stand.
+`python -m benchmarks.zero_dilation [SECONDS [SCENE…]]` writes the table; SECONDS of processor time for the floor of
+walls 1, 3, 4 and 5 (600; less: none), thrice as many for wall 2, none for wall 6. With scenes named, only their rows
+are made again; the others, and what is written below them, stand. `smoothed` is the plain iteration of Gilbert,
+Casapulla and Ahmed 2006 as it is published, which may go round for ever; the package's own search does not.
 """
 
 from __future__ import annotations
@@ -17,12 +15,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from studies.by_scheme import solve_zero_dilation, zero_dilation
-from studies.families import halved_bond, opened_wall, random_wall
+from studies.by_scheme import solve_zero_dilation
+from studies.families import halved_bond, opened_wall
 from studies.scenes import leonardo_flat_arch
 
-from benchmarks.common import RESULTS, ROOT, run_parts
+from benchmarks.common import RESULTS, ROOT
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve, tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Proof, result_of
@@ -33,11 +30,6 @@ from jld_core.models.zero_dilation.proof import pair_proof
 from jld_core.models.zero_dilation.starts import initial_forces
 from jld_explore.drivers.random import Random
 from jld_explore.space import search_space
-
-LOOPED = tuple(f"ferris_tinloi_{number}" for number in (1, 2, 3, 4, 5))
-STARTS: tuple[Literal["associative", "gravity", "vertex"], ...] = ("associative", "gravity", "vertex")
-SMOOTHING = (0.3, 0.6, 1.0)
-DAMPING = (1e-3, 1e-2, 1e-1)
 
 
 @dataclass(frozen=True)
@@ -87,122 +79,6 @@ def _iterate(search: FixedPointSearch, scheme: Smoothing, forces: Floats) -> Pri
     state = search.analysis.prover.state(point, labels, passes=3)
     pair = search.evaluate_pair(state, None)
     return replace(pair, violation=violation, settled=settled and alpha == 0.0) if pair.motion is not None else pair
-
-
-@dataclass(frozen=True)
-class Row:
-    """One run: what was asked, what came out."""
-
-    load: float
-    associative: float
-    programs: int
-    violation: float
-    dilation: float
-    gap: float
-    converged: bool
-    certified: bool
-    seconds: float
-
-
-def run(assembly: Assembly, scheme: ProximalOptions | Smoothing) -> Row:
-    """Solve one wall; the associative solution is not counted in the time."""
-    analysis = LimitAnalysis(assembly)
-    associative = analysis.prove(assembly.labels)
-    start = time.perf_counter()
-    if isinstance(scheme, Smoothing):
-        result = smoothed(analysis, scheme, associative)
-    else:
-        result = zero_dilation(analysis, scheme=scheme, associative=associative, stands=False)
-    extra = result.facts
-    return Row(
-        load=result.load_factor,
-        associative=associative.load_factor * analysis.template.scaling.load,
-        programs=extra["zero_dilation_iterations"],
-        violation=extra["friction_violation"] or 0.0,
-        dilation=np.inf if extra["dilation"] is None else extra["dilation"],
-        gap=np.inf if extra["complementarity_gap"] is None else extra["complementarity_gap"],
-        converged=extra["converged"],
-        certified=bool(result.gap <= analysis.gap and extra["converged"]),
-        seconds=time.perf_counter() - start,
-    )
-
-
-def schemes() -> Iterator[tuple[str, float, ProximalOptions | Smoothing]]:
-    """Variant, its damping and the scheme, for every start."""
-    for start in STARTS:
-        for beta in SMOOTHING:
-            yield "plain", beta, Smoothing(start=start, beta=beta)
-        for damping in DAMPING:
-            yield "robust", damping, ProximalOptions(start=start, damping=damping)
-
-
-def table_of_walls() -> list[str]:
-    """Markdown table: the given walls under every start and damping."""
-    lines = [
-        "| wall | start | variant | β or ε | λ | programs | violation | dilation | Γ/D | converged | s |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name in LOOPED:
-        assembly = build_assembly(load_scene(ROOT / "scenes" / f"{name}.json"))
-        for variant, damping, scheme in schemes():
-            row = run(assembly, scheme)
-            lines.append(
-                f"| {name[-1]} | {scheme.start} | {variant} | {damping:g} | {row.load:.6f} | {row.programs} "
-                f"| {row.violation:.0e} | {row.dilation:.0e} | {row.gap:.0e} "
-                f"| {'yes' if row.converged else 'no'} | {row.seconds:.2f} |"
-            )
-    return lines
-
-
-def random_walls(count: int, first: int = 0) -> dict[str, list[Row]]:
-    """Rows per variant over `count` random walls, seeds from `first` on."""
-    rows: dict[str, list[Row]] = {"plain": [], "robust": []}
-    for seed in range(first, first + count):
-        assembly = build_assembly(random_wall(seed))
-        rows["plain"].append(run(assembly, Smoothing()))
-        rows["robust"].append(run(assembly, ProximalOptions()))
-    return rows
-
-
-def table_of_random_walls(rows: dict[str, list[Row]]) -> list[str]:
-    """Markdown table: shares and medians per variant."""
-    lines = [
-        "| variant | walls | converged | bracket ≤ 1e-6 too | programs: median, most | violation: worst "
-        "| Γ/D: worst | λ / λ associative: least | s: median |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for variant, found in rows.items():
-        programs = [row.programs for row in found]
-        lines.append(
-            f"| {variant} | {len(found)} | {sum(row.converged for row in found)} "
-            f"| {sum(row.certified for row in found)} | {np.median(programs):.0f}, {max(programs)} "
-            f"| {max(row.violation for row in found):.0e} | {max(row.gap for row in found):.0e} "
-            f"| {min(row.load / row.associative for row in found if row.converged):.4f} "
-            f"| {np.median([row.seconds for row in found]):.3f} |"
-        )
-    return lines
-
-
-def loops() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    text = [
-        "# Zero dilation: plain and robust",
-        "",
-        "Converged: violation ≤ 1e-4 of the largest N, dilation ≤ 1e-6 of the slip, Γ ≤ 1e-3 of the dissipation D, "
-        "λ settled to 1e-6. Zero-dilation solutions are not unique, so λ depends on start and damping. "
-        "Plain: β is the share of the new N; robust: ε is the weight of the proximal term.",
-        "",
-        "## Walls of Ferris and Tin-Loi",
-        "",
-        *table_of_walls(),
-        "",
-        "## Random running-bond walls",
-        "",
-        *table_of_random_walls(random_walls(count)),
-        "",
-    ]
-    target = RESULTS / "zero_dilation.md"
-    target.write_text("\n".join(text), encoding="utf-8")
 
 
 WALLS = {
@@ -296,7 +172,7 @@ def beam_arch() -> list[str]:
     ]
 
 
-def floor() -> None:
+def main() -> None:
     most = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
     named = sys.argv[2:]
     target = RESULTS / "zero_dilation_floor.md"
@@ -318,4 +194,4 @@ def floor() -> None:
 
 
 if __name__ == "__main__":
-    run_parts(loops=loops, floor=floor)
+    main()

@@ -68,11 +68,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Run the studies and write their gallery page.")
     parser.add_argument("names", nargs="*", choices=[*STUDIES, []], help="studies to run, default all")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder to write into")
-    parser.add_argument("--quick", action="store_true", help="coarser, for tests")
+    parser.add_argument("--coarse", action="store_true", help="coarser, for tests")
     given = parser.parse_args()
     for name in given.names or STUDIES:
         start = time.perf_counter()
-        table = importlib.import_module(f"studies.{name}").run(given.out, given.quick)
+        table = importlib.import_module(f"studies.{name}").run(given.out, given.coarse)
         print(f"{name}: {len(table)} rows, {time.perf_counter() - start:.0f} s")
     (given.out / "README.md").write_text(gallery(given.out), "utf-8")
 

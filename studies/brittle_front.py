@@ -71,10 +71,10 @@ def front(table: pd.DataFrame, column: str) -> pd.DataFrame:
     return pd.DataFrame(kept)
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
+def run(out: Path, coarse: bool) -> pd.DataFrame:
     """Experiments, both fronts, table, picture and page."""
     results, assembly = ranked()
-    table = experiments(results, assembly, 2 if quick else MOST)
+    table = experiments(results, assembly, 2 if coarse else MOST)
     by_experiment = front(table, "experiment").assign(part="front by experiment")
     by_load = front(results.assign(experiment=np.nan), "load_factor")[["labelling", "dry_faces", "load_factor"]]
     known = table.set_index("labelling")["experiment"]

@@ -45,10 +45,10 @@ def solved(courses: int, direction: float, bond: str, **options: Any) -> LimitAn
     return solve(build_assembly(scenes.corner(courses, direction, bond)), **options)
 
 
-def by_direction(quick: bool) -> pd.DataFrame:
+def by_direction(coarse: bool) -> pd.DataFrame:
     """λ of both bonds by direction, four courses."""
     rows = []
-    for degrees in np.arange(0.0, 360.0, 45.0 if quick else 7.5):
+    for degrees in np.arange(0.0, 360.0, 45.0 if coarse else 7.5):
         for bond in BONDS:
             result = solved(4, float(np.radians(degrees)), bond)
             row = {"part": "direction", "bond": bond, "courses": 4, "degrees": degrees, "status": str(result.status)}
@@ -56,12 +56,12 @@ def by_direction(quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_courses(quick: bool) -> pd.DataFrame:
+def by_courses(coarse: bool) -> pd.DataFrame:
     """λ of both bonds by number of courses, pushed outward, under three models of contact."""
     models: dict[str, dict[str, Any]] = {"convex": {}, "concave": {"contact": "concave"}}
     models["effective area"] = {"effective_area": True}
     rows = []
-    for courses in (2, 4) if quick else (1, 2, 3, 4, 5, 6):
+    for courses in (2, 4) if coarse else (1, 2, 3, 4, 5, 6):
         for bond in BONDS:
             for name, options in models.items():
                 result = solved(courses, OUTWARD, bond, **options)
@@ -70,21 +70,21 @@ def by_courses(quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def search(quick: bool) -> Exploration:
+def search(coarse: bool) -> Exploration:
     """Every bond of the courses into blocks of one or two cells, bed joints dry, pushed outward."""
-    courses = 3 if quick else 4
+    courses = 3 if coarse else 4
     beds = [[f"p{p}k{k}", f"p{p}k{k + 1}"] for p in range(5) for k in range(courses - 1)]
     wanted = {"block_cells": [1, 2], "keep": {"dry": beds}, "front": {"count": "blocks", "sense": "max"}}
     settings = ExploreSettings(driver="enumeration", jobs=1)
     return searched(scenes.corner(courses, OUTWARD, None, wanted), settings)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve all parts, write table, picture and page into a folder; returns the table."""
-    directions, courses, done = by_direction(quick), by_courses(quick), search(quick)
+    directions, courses, done = by_direction(coarse), by_courses(coarse), search(coarse)
     ranked = done.results[done.results["status"] == "collapse"]
     best = solve(done.assembly, from_string(str(ranked["labelling"].iloc[0])))
-    level = 3 if quick else 4
+    level = 3 if coarse else 4
     own = {bond: solved(level, OUTWARD, bond).load_factor for bond in BONDS}
     found = {"part": "all bonds", "bond": "strongest", "courses": level, "degrees": 225.0}
     found |= {"load_factor": best.load_factor, "status": str(best.status), "contact": "convex"}

@@ -91,21 +91,21 @@ def _brick(name: str, left: float, right: float, low: float, high: float, rigid:
     return [{"id": f"{name}t{k}", "polygon": [[x, y], ring[k], ring[(k + 1) % 8]], "block": name} for k in range(8)]
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
+def run(out: Path, coarse: bool) -> pd.DataFrame:
     """λ by strength, cohesive and frictional cracks, experiments, table, picture and page."""
-    size: dict[str, Any] = {"courses": 4, "length": 2} if quick else {}
+    size: dict[str, Any] = {"courses": 4, "length": 2} if coarse else {}
     rigid = solve(wall(1.0, rigid=True, **size))
     rows: list[dict[str, Any]] = [
         {"part": "rigid bricks", "load_factor": rigid.load_factor, "status": str(rigid.status)}
     ]
     for friction in CRACKS:
-        for strength in np.geomspace(0.1, 10.0, 4 if quick else 17):
+        for strength in np.geomspace(0.1, 10.0, 4 if coarse else 17):
             found = solve(wall(float(strength), friction, **size))
             row: dict[str, Any] = {"part": "frictional" if friction else "cohesive", "strength": float(strength)}
             row |= {"load_factor": found.load_factor, "status": str(found.status)}
             row["ratio"] = found.load_factor / rigid.load_factor
             rows.append(row)
-    for strength in SHOWN[1:2] if quick else SHOWN:
+    for strength in SHOWN[1:2] if coarse else SHOWN:
         assembly = wall(strength, **size)
         for joints in (Joints(residual_friction=FRICTION), Joints(inner="plastic")):
             curve = run_experiment(assembly, joints=joints, settings=Settings(periods=40.0, length=12.0, segments=2))

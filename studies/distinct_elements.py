@@ -111,7 +111,7 @@ KEY: Final = ("scene", "layout", "kind", "numerics", "inner", "dilation")
 """Columns that identify a run."""
 
 
-def cases(quick: bool = False) -> list[Case]:
+def cases(coarse: bool = False) -> list[Case]:
     """The flagship, the flat arch of section 3.3 and a wall with an opening, each with its layouts."""
     wall = wall_with_opening(["aabbc", "a...c", "ddeff", "#####"])
     asked = (
@@ -121,8 +121,8 @@ def cases(quick: bool = False) -> list[Case]:
     )
     found = []
     for name, scene, driver, budget, count in asked:
-        count = 2 if quick else count
-        budget = 40 if quick else budget
+        count = 2 if coarse else count
+        budget = 40 if coarse else budget
         settings = ExploreSettings(driver=driver, budget=budget, seed=SEED, pictures=False, check_fields=0)
         table = explore(scene, None, settings).results
         table = table[table["status"] == "collapse"].sort_values("load_factor", ascending=False, kind="stable")
@@ -457,11 +457,11 @@ def at_half_the_step(found: list[Case], runs: pd.DataFrame) -> list[float]:
     ]
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
-    """Make the runs that are missing if quick, and the page of those that are there."""
-    found = cases(quick)
+def run(out: Path, coarse: bool) -> pd.DataFrame:
+    """Make the runs that are missing if coarse, and the page of those that are there."""
+    found = cases(coarse)
     path = out / f"{NAME}.csv"
-    if quick or not path.exists():
+    if coarse or not path.exists():
         run_all(path, found)
     runs = pd.read_csv(path, keep_default_na=True, dtype={"dilation": str})
     turned = reversals(runs)

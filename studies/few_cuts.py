@@ -46,8 +46,8 @@ def proven_front(scene: Scene) -> pd.DataFrame:
     return table[names].sort_values(["moulds", "sawn_length"], ignore_index=True)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
-    """Search, write table, picture and page into a folder; return the table. A quick run is the same."""
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
+    """Search, write table, picture and page into a folder; return the table. A coarse run is the same."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     table = proven_front(scene)
     best = table.iloc[int(table["load_factor"].to_numpy().argmax())]

@@ -20,10 +20,10 @@ NAME: Final = "few_shapes"
 AXES: Final = (("blocks", "max"), ("shapes", "min"))
 
 
-def wall(quick: bool, **search: Any) -> Scene:
-    """The wall with a front of three objectives; quick: of two courses, under one wind."""
+def wall(coarse: bool, **search: Any) -> Scene:
+    """The wall with a front of three objectives; coarse: of two courses, under one wind."""
     document = json.loads((SCENES / "wall_in_two_winds.json").read_text("utf-8"))
-    if quick:
+    if coarse:
         document["grid"]["rows"] = ["aaa", "a.a", "###"]
         document["loads"] = {"live": [{"body": [1, 0]}]}
     front = {"counts": [name for name, _ in AXES], "sense": [sense for _, sense in AXES]}
@@ -31,18 +31,18 @@ def wall(quick: bool, **search: Any) -> Scene:
     return parse_scene(document)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Enumerate, write table, picture and page into a folder; returns the table."""
-    done = searched(wall(quick), ExploreSettings(driver="enumeration"))
+    done = searched(wall(coarse), ExploreSettings(driver="enumeration"))
     ranked = done.results[done.results["status"] == "collapse"]
     strongest = ranked.groupby("shapes")["load_factor"].max()
     table = pd.DataFrame({"shapes": strongest.index, "load_factor": strongest.to_numpy()})
     table["share"] = table["load_factor"] / table["load_factor"].max()
     table["layouts"] = ranked.groupby("shapes")["load_factor"].size().to_numpy()
     # any block at all, and convex ones only
-    convex = searched(wall(quick, convex_blocks=True), ExploreSettings(driver="enumeration"))
+    convex = searched(wall(coarse, convex_blocks=True), ExploreSettings(driver="enumeration"))
     budget = max(20, len(done.results) // 4)
-    found = searched(wall(quick), ExploreSettings(driver="genetic", budget=budget))
+    found = searched(wall(coarse), ExploreSettings(driver="genetic", budget=budget))
     pairs = {tuple(row) for row in done.front[["blocks", "shapes"]].to_numpy().tolist()}
     own = found.front[["blocks", "shapes", "load_factor"]].merge(
         done.front[["blocks", "shapes", "load_factor"]], on=["blocks", "shapes"], suffixes=("", "_best")

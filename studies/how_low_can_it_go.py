@@ -136,11 +136,11 @@ def path_of(case: Case) -> SolutionPath | None:
     return path_of_solutions(LimitAnalysis(assembly), assembly.labels)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Find, prove and draw, write table, picture and page into a folder; returns the table."""
-    cases = tuple(case for case in CASES if not quick or case.name in QUICK)
+    cases = tuple(case for case in CASES if not coarse or case.name in QUICK)
     table, lowest = ranges(cases)
-    drawn = tuple(case for case in cases if case.name in (QUICK if quick else DRAWN))
+    drawn = tuple(case for case in cases if case.name in (QUICK if coarse else DRAWN))
     figure = _picture(table, lowest, drawn)
     walls = table[table["scene"].str.startswith("Ferris")]
     lower = walls[walls["lowest_found"] < walls["published_lowest"] * (1.0 - 1e-5)]
@@ -163,7 +163,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         differs.append(
             f"{len(lower)} of {len(known)} of them lie lower than published; for the others we know of none. No floor "
             f"is sought for these walls here, of {walls['faces'].min()} to {walls['faces'].max()} faces: `python -m "
-            "benchmarks.zero_dilation floor` bounds most of them from below."
+            "benchmarks.zero_dilation` bounds most of them from below."
         )
     arch = table[table["scene"] == "flat arch"].iloc[0]
     differs.append(
@@ -176,7 +176,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         differs.append(
             "No floor is sought here for "
             + ", ".join(unproven["scene"])
-            + ": `python -m benchmarks.zero_dilation floor` does."
+            + ": `python -m benchmarks.zero_dilation` does."
         )
     report = Report(
         name=NAME,

@@ -94,31 +94,31 @@ def thin_arch(voussoirs: int) -> Scene:
     return parse_scene({**document, "move": {"along": [{"circle": [0.0, 0.0]}], "maximise": "least_thickness"}})
 
 
-def least_thickness(quick: bool) -> tuple[int, float, float]:
+def least_thickness(coarse: bool) -> tuple[int, float, float]:
     """Voussoirs, and the least thickness over radius with radial joints and with moved ones, each proven to stand."""
-    voussoirs = 8 if quick else 28
+    voussoirs = 8 if coarse else 28
     found = thin_arch(voussoirs)
     assembly = build_assembly(found)
-    trust = TrustRegion(points=3) if quick else None
+    trust = TrustRegion(points=3) if coarse else None
     done = move_joints(found, assembly, assembly.labels, seconds=THIN, trust=trust)
     return voussoirs, done.start, done.value
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Analyse keys of many depths and a thin arch, write table, picture and page into a folder; returns the table."""
-    table = keys(quick)
-    page(out, table, least_thickness(quick))
+    table = keys(coarse)
+    page(out, table, least_thickness(coarse))
     return table
 
 
-def keys(quick: bool) -> pd.DataFrame:
-    """λ of keys of many depths and two flanks, by faces and, unless quick, by fields."""
+def keys(coarse: bool) -> pd.DataFrame:
+    """λ of keys of many depths and two flanks, by faces and, unless coarse, by fields."""
     rows: list[dict[str, Any]] = []
     for flank in FLANKS:
-        for depth in DEPTHS[1::2] if quick else DEPTHS:
+        for depth in DEPTHS[1::2] if coarse else DEPTHS:
             result = keyed(depth, flank)
             row = {"flank": flank, "depth": depth, "load_factor": result.load_factor}
-            if not quick:
+            if not coarse:
                 found = solve_by_fields(result.assembly, result.labels, gap=0.1, seconds=FIELDS).governing
                 row |= {"fields_lo": found.low, "fields_hi": found.high}
             rows.append(row)

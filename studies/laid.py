@@ -57,14 +57,14 @@ def props(assembly: Assembly, labelling: str) -> float:
     return max(float(step.stage.props.sum()) for step in laying.steps)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Search with and without the limit, write table, pictures and page into a folder; returns the table."""
-    settings = ExploreSettings(pictures=False, driver="exact" if quick else "enumeration", jobs=1)
+    settings = ExploreSettings(pictures=False, driver="exact" if coarse else "enumeration", jobs=1)
     free = searched(scene(), settings)
     kept = searched(scene("standing"), settings)
     assembly = build_assembly(scene())
     rows = free.results[free.results["status"] == "collapse"][["labelling", "load_factor", "blocks", "dry_faces"]]
-    rows = rows.head(3) if quick else rows
+    rows = rows.head(3) if coarse else rows
     table = rows.assign(props=[props(assembly, str(text)) for text in rows["labelling"]]).reset_index(drop=True)
     standing = table[table["props"] < 1e-3]
     worst = table.iloc[int(table["props"].argmax())]

@@ -19,8 +19,8 @@ NAME: Final = "left_out"
 MOST: Final = 0.35
 
 
-def wall(quick: bool) -> Scene:
-    """Eight cells over an opening, pressed and pushed at the upper left; quick: smaller blocks."""
+def wall(coarse: bool) -> Scene:
+    """Eight cells over an opening, pressed and pushed at the upper left; coarse: smaller blocks."""
     return parse_scene(
         {
             "name": "portal, pressed and pushed",
@@ -32,7 +32,7 @@ def wall(quick: bool) -> Scene:
             },
             "loads": {"live": [{"element": "c0r0", "force": [300, -600]}]},
             "search": {
-                "block_cells": [1, 2 if quick else 3],
+                "block_cells": [1, 2 if coarse else 3],
                 "void": {"most": MOST},
                 "front": {"count": "mass", "sense": "min"},
             },
@@ -40,16 +40,16 @@ def wall(quick: bool) -> Scene:
     )
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Enumerate, write table, picture and page into a folder; returns the table."""
-    done = searched(wall(quick), ExploreSettings(driver="enumeration"))
+    done = searched(wall(coarse), ExploreSettings(driver="enumeration"))
     ranked = done.results[done.results["status"] == "collapse"]
     strongest = ranked.groupby("mass")["load_factor"].max()
     table = pd.DataFrame({"mass": strongest.index, "load_factor": strongest.to_numpy()})
     table["per_kg"] = table["load_factor"] / table["mass"]
     table["layouts"] = ranked.groupby("mass")["load_factor"].size().to_numpy()
     budget = len(done.results) // 4
-    found = searched(wall(quick), ExploreSettings(driver="genetic", budget=budget))
+    found = searched(wall(coarse), ExploreSettings(driver="genetic", budget=budget))
     reached = sum(
         bool((found.results["load_factor"][found.results["mass"] == mass] >= value * (1.0 - 1e-6)).any())
         for mass, value in zip(done.front["mass"], done.front["load_factor"], strict=True)
@@ -61,7 +61,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         question="Which cells of a portal may be left out, and how much does it then carry?",
         source="Ours.",
         model=f"Cells of 400 × 200 × 200 mm, 2000 kg/m³, μ = 0.65, σt = τ = 0.02 MPa, blocks of at most "
-        f"{2 if quick else 3} cells; up to {100 * MOST:.0f} % of the volume may be left out, but for the cell that is "
+        f"{2 if coarse else 3} cells; up to {100 * MOST:.0f} % of the volume may be left out, but for the cell that is "
         "loaded, as long as all that stays is joined to a support.",
         agrees=(
             f"All {len(done.results)} classes are solved, each on the structure that it leaves: the front of λ and "

@@ -75,9 +75,9 @@ def facts_of(part: str, result: LimitAnalysisResult, blocks: int) -> dict[str, A
     }
 
 
-def sensitivity(quick: bool) -> pd.DataFrame:
+def sensitivity(coarse: bool) -> pd.DataFrame:
     """λ of the arch by σt, τ and μ, one at a time."""
-    steps = 2 if quick else 13
+    steps = 2 if coarse else 13
     ways = {
         "tension": np.geomspace(2e4, 4e6, steps),
         "shear": np.geomspace(2e3, 4e6, steps),
@@ -98,9 +98,9 @@ def sensitivity(quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def search(quick: bool) -> tuple[pd.DataFrame, Assembly, bool]:
+def search(coarse: bool) -> tuple[pd.DataFrame, Assembly, bool]:
     """Every segmentation of the arch into blocks of as many cells as its own; table, assembly, proven."""
-    wanted = {"block_cells": [3, 4] if quick else list(LIMITS), "front": {"count": "blocks", "sense": "max"}}
+    wanted = {"block_cells": [3, 4] if coarse else list(LIMITS), "front": {"count": "blocks", "sense": "max"}}
     done = searched(leonardo_flat_arch(search=wanted), ExploreSettings(driver="enumeration", jobs=1))
     return done.results, done.assembly, bool(done.summary.proven)
 
@@ -117,21 +117,21 @@ def _cracks(result: LimitAnalysisResult) -> int:
     return sum(motion.kind in kinds for motion in face_motions(result))
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve all parts, write table, picture and page into a folder; returns the table."""
     assembly = build_assembly(leonardo_flat_arch())
     own = solve(assembly)
     lowest = without_dilation(assembly, assembly.labels, FLOOR)
-    moved = sensitivity(quick)
-    results, _, proven = search(quick)
+    moved = sensitivity(coarse)
+    results, _, proven = search(coarse)
     ranked = results[results["status"] == "collapse"]
     best = solve(assembly, from_string(str(ranked["labelling"].iloc[0])))
     five = ranked[ranked["blocks"] <= 5].iloc[0]
     counts = results["status"].value_counts()
     better = int((ranked["load_factor"] > own.load_factor * (1.0 + 1e-6)).sum())
-    best_zero = without_dilation(assembly, best.labels, 0.0 if quick else FLOOR)
+    best_zero = without_dilation(assembly, best.labels, 0.0 if coarse else FLOOR)
     held = build_assembly(leonardo_flat_arch(abutments=True))
-    confined = without_dilation(held, held.labels, 0.0 if quick else FLOOR)
+    confined = without_dilation(held, held.labels, 0.0 if coarse else FLOOR)
     blocks = int(ranked["blocks"].iloc[0])
     rows = [
         facts_of("this arch", lowest, 5),

@@ -81,7 +81,7 @@ def strongest(scene: Scene, driver: str, budget: int | None) -> tuple[LimitAnaly
     return solve(done.assembly, from_string(done.summary.facts["best_labelling"])), bool(done.summary.proven)
 
 
-def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[str, Any]], dict[str, Curve]]:
+def experiments(name: str, assembly: Assembly, coarse: bool) -> tuple[list[dict[str, Any]], dict[str, Curve]]:
     """λ, the range without dilation, and the experiments of one layout."""
     span = solve(assembly, friction="zero-dilation", range=True)
     rows: list[dict[str, Any]] = [
@@ -90,7 +90,7 @@ def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[s
         {"layout": name, "what": "λ, without: highest found", "newton": span.facts["highest_found"]},
     ]
     curves = {}
-    for kind, joints, gaps in KINDS[3:] if quick else KINDS:
+    for kind, joints, gaps in KINDS[3:] if coarse else KINDS:
         curve = run_experiment(assembly, joints=joints, settings=Settings(gaps=gaps))  # type: ignore[arg-type]
         curves[kind] = curve
         row = {"layout": name, "what": f"experiment, {kind}", "newton": curve.collapse_load}
@@ -98,7 +98,7 @@ def experiments(name: str, assembly: Assembly, quick: bool) -> tuple[list[dict[s
     return rows, curves
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
+def run(out: Path, coarse: bool) -> pd.DataFrame:
     """Both layouts, table, picture and page."""
     own, other = leonardo_flat_arch(), found()
     rows: list[dict[str, Any]] = [{"layout": "published", "what": what, "newton": value} for what, value in PUBLISHED]
@@ -106,11 +106,11 @@ def run(out: Path, quick: bool) -> pd.DataFrame:
     best: dict[str, LimitAnalysisResult] = {}
     limits: dict[str, Any] = {"block_cells": [6, 7], "blocks": [5, 5]}
     searches = {
-        "ours": (own, leonardo_flat_arch(search={"block_cells": [3, 4] if quick else [2, 4]}), "enumeration", None),
-        "found": (other, found(limits), "genetic", 60 if quick else 6000),
+        "ours": (own, leonardo_flat_arch(search={"block_cells": [3, 4] if coarse else [2, 4]}), "enumeration", None),
+        "found": (other, found(limits), "genetic", 60 if coarse else 6000),
     }
     for name, (scene, wanted, driver, budget) in searches.items():
-        more, curves[name] = experiments(name, build_assembly(scene), quick)
+        more, curves[name] = experiments(name, build_assembly(scene), coarse)
         rows += more
         best[name], proven = strongest(wanted, driver, budget)
         what = f"λ, strongest segmentation ({'proven' if proven else 'found'})"

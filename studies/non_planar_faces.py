@@ -176,14 +176,16 @@ def _row(part: str, result: LimitAnalysisResult, **keys: Any) -> dict[str, Any]:
     return {"part": part, **keys, **found}
 
 
-def vaults(quick: bool) -> list[dict[str, Any]]:
+def vaults(coarse: bool) -> list[dict[str, Any]]:
     """Abeille's vault: rigid, crackable by strength, with both kinds of contact, and experiments."""
-    rows = [_row("vault", solve(abeille(n, None)), blocks=n * n, contact="convex") for n in ((3,) if quick else (3, 5))]
+    rows = [
+        _row("vault", solve(abeille(n, None)), blocks=n * n, contact="convex") for n in ((3,) if coarse else (3, 5))
+    ]
     for contact in ("convex", "concave"):
-        for strength in STRENGTHS[2:3] if quick else STRENGTHS:
+        for strength in STRENGTHS[2:3] if coarse else STRENGTHS:
             found = solve(abeille(3, strength), contact=contact)
             rows.append(_row("vault", found, blocks=9, contact=contact, strength=strength))
-    if not quick:
+    if not coarse:
         rows.append(_row("vault", solve(abeille(5, STRENGTHS[2])), blocks=25, contact="convex", strength=STRENGTHS[2]))
     strength = STRENGTHS[2]
     for inner in ("brittle", "plastic"):
@@ -196,10 +198,10 @@ def vaults(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def waves(quick: bool) -> list[dict[str, Any]]:
+def waves(coarse: bool) -> list[dict[str, Any]]:
     """Osteomorphic blocks by facets, rigid and crackable, both kinds of contact; and waves along x alone."""
     rows = []
-    for facets in (1, 2) if quick else (1, 2, 3, 4, 5, 6, 8):
+    for facets in (1, 2) if coarse else (1, 2, 3, 4, 5, 6, 8):
         for strength in (None, WEAK):
             for contact in ("convex", "concave"):
                 found = solve(osteomorphic(facets, strength), contact=contact)
@@ -209,10 +211,10 @@ def waves(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
+def run(out: Path, coarse: bool) -> pd.DataFrame:
     """λ of both families, table, picture and page."""
-    table = pd.DataFrame([*vaults(quick), *waves(quick)])
-    shown = solve(abeille(3, STRENGTHS[2])), solve(osteomorphic(2 if quick else 4, WEAK))
+    table = pd.DataFrame([*vaults(coarse), *waves(coarse)])
+    shown = solve(abeille(3, STRENGTHS[2])), solve(osteomorphic(2 if coarse else 4, WEAK))
     write(out, _report(table), table, {"": _picture(table, *shown)})
     return table
 

@@ -64,9 +64,9 @@ def closed_form(cubes: int, angle: float, friction: float, tension: float, shear
     return float(min(friction, 0.5 / max(along, across), shear, opening))
 
 
-def by_direction(quick: bool) -> pd.DataFrame:
+def by_direction(coarse: bool) -> pd.DataFrame:
     """λ computed and in closed form, by case and direction."""
-    angles = np.arange(0, 360, 30.0 if quick else 5.0)
+    angles = np.arange(0, 360, 30.0 if coarse else 5.0)
     rows: list[dict[str, Any]] = []
     for (name, cubes, friction, tension, shear, bending), degrees in itertools.product(ONE + TWO, angles):
         base = "inner" if cubes == 1 else "dry"
@@ -106,9 +106,9 @@ def two_cubes(friction: float, tension: float, shear: float) -> LimitAnalysisRes
     return solve(build_assembly(stacked_cubes(2, friction=friction, tension=tension, shear=shear)))
 
 
-def mechanism_map(tension: float, quick: bool) -> pd.DataFrame:
+def mechanism_map(tension: float, coarse: bool) -> pd.DataFrame:
     """λ and mechanism over a grid of (μ, τA/W) that avoids the borders."""
-    steps = 9 if quick else 36
+    steps = 9 if coarse else 36
     values = 0.72 * (np.arange(steps) + 0.5) / steps
     rows: list[dict[str, Any]] = []
     for friction, shear in itertools.product(values, values + 1e-4):
@@ -132,10 +132,10 @@ def mechanism_map(tension: float, quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve all directions and both maps, write table, picture and page into a folder; returns the table."""
-    directions = by_direction(quick)
-    maps = {tension: mechanism_map(tension, quick) for tension in (0.0, 1.0)}
+    directions = by_direction(coarse)
+    maps = {tension: mechanism_map(tension, coarse) for tension in (0.0, 1.0)}
     table = pd.concat([directions, *maps.values()], ignore_index=True)
     off = (table["load_factor"] - table["closed_form"]).abs() / table["closed_form"]
     mapped = table[table["part"] == "map"]

@@ -132,7 +132,7 @@ def _fields_said(bounds: dict[float, dict[str, tuple[float, float]]]) -> str:
     )
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Enumerate all tilings, place the eight layouts among them, write table, picture and page; return the table."""
     done = searched(wall(), ExploreSettings(pictures=False, driver="enumeration", jobs=1))
     found = done.results

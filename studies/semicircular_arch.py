@@ -71,26 +71,26 @@ def least_thickness(scene: Callable[[float], Scene], low: float, high: float, to
     return high
 
 
-def against_friction(quick: bool) -> pd.DataFrame:
+def against_friction(coarse: bool) -> pd.DataFrame:
     """Least thickness of an arch of many voussoirs by friction."""
-    count = 60 if quick else 120
-    above = (0.3094, 0.35, 0.6) if quick else (0.3094, 0.311, 0.314, 0.319, 0.326, 0.336, 0.35, 0.365, 0.38)
-    frictions = (0.305, *above, *(() if quick else (0.39, 0.3955, 0.397, 0.42, 0.5, 0.7)))
+    count = 60 if coarse else 120
+    above = (0.3094, 0.35, 0.6) if coarse else (0.3094, 0.311, 0.314, 0.319, 0.326, 0.336, 0.35, 0.365, 0.38)
+    frictions = (0.305, *above, *(() if coarse else (0.39, 0.3955, 0.397, 0.42, 0.5, 0.7)))
     rows = []
     for friction in frictions:
         found = least_thickness(
             lambda t, mu=friction: semicircular_arch(count, t, mu),  # type: ignore[misc]
             0.09,
             0.4 if friction < LIMIT[0] else 0.23,
-            1e-4 if quick else 1e-5,
+            1e-4 if coarse else 1e-5,
         )
         rows.append({"part": "friction", "voussoirs": count, "friction": friction, "thickness": found})
     return pd.DataFrame(rows)
 
 
-def convergence(quick: bool) -> pd.DataFrame:
+def convergence(coarse: bool) -> pd.DataFrame:
     """Error of the least thickness by the number of voussoirs, μ = 0.7."""
-    numbers = (8, 16, 48) if quick else (8, 10, 12, 16, 20, 28, 36, 48, 64, 84, 112, 160, 240)
+    numbers = (8, 16, 48) if coarse else (8, 10, 12, 16, 20, 28, 36, 48, 64, 84, 112, 160, 240)
     rows = []
     for count in numbers:
         found = least_thickness(lambda t, n=count: semicircular_arch(n, t, 0.7), 0.05, 0.12, 1e-7)  # type: ignore[misc]
@@ -110,9 +110,9 @@ def convergence(quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def cut_directions(quick: bool) -> pd.DataFrame:
+def cut_directions(coarse: bool) -> pd.DataFrame:
     """Least thickness under the true weight of the ring: radial cuts, and vertical ones that cannot slip."""
-    count = 40 if quick else 160
+    count = 40 if coarse else 160
     rows = []
     for cuts, friction in (("radial", 0.7), ("vertical", 50.0)):
         found = least_thickness(
@@ -143,7 +143,7 @@ class Freed:
         return float(rows["load_factor"].iloc[0]), str(rows["labelling"].iloc[0])
 
 
-def free_joints(load: str, quick: bool) -> Freed:
+def free_joints(load: str, coarse: bool) -> Freed:
     """Every segmentation of a polar grid into blocks of 2–4 cells, by enumeration."""
     angle, radius = np.pi * 5.5 / SECTORS, 1.0 + THICKNESS / 2.0
     radius *= np.cos(0.5 * np.pi / SECTORS)
@@ -151,7 +151,7 @@ def free_joints(load: str, quick: bool) -> Freed:
     live: list[dict[str, Any]] = [{"element": "r1s5", "force": [0, -1], "at": at}]
     if load == "horizontal":
         live = [{"body": [1, 0]}]
-    search = {"block_cells": [2, 3 if quick else 4], "symmetry": "none", "front": {"count": "blocks", "sense": "max"}}
+    search = {"block_cells": [2, 3 if coarse else 4], "symmetry": "none", "front": {"count": "blocks", "sense": "max"}}
     scene = polar_grid_arch(2, SECTORS, THICKNESS, live, search)
     done = searched(scene, ExploreSettings(driver="enumeration", jobs=1))
     assembly = done.assembly
@@ -167,10 +167,10 @@ def _ring(assembly: Assembly, face: int) -> bool:
     return "s" in first and "s" in second and first.split("s")[0] != second.split("s")[0]
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve all parts, write table, picture and page into a folder; returns the table."""
-    friction, numbers, cuts = against_friction(quick), convergence(quick), cut_directions(quick)
-    freed = [free_joints(load, quick) for load in (("point",) if quick else ("point", "horizontal"))]
+    friction, numbers, cuts = against_friction(coarse), convergence(coarse), cut_directions(coarse)
+    freed = [free_joints(load, coarse) for load in (("point",) if coarse else ("point", "horizontal"))]
     rows = [
         {
             "part": f"free joints, {one.load} load",

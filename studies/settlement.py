@@ -58,10 +58,10 @@ def spread(count: int, thickness: float, friction: float = 0.9) -> Settled:
     return settle(assembly, Settlement("spread", velocity))
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve all thicknesses, write table, picture and page into a folder; returns the table."""
-    count = 60 if quick else 240
-    thicknesses = (0.12, 0.2) if quick else (0.1085, 0.11, 0.113, 0.117, 0.12, 0.13, 0.14, 0.16, 0.18, 0.2, 0.25, 0.3)
+    count = 60 if coarse else 240
+    thicknesses = (0.12, 0.2) if coarse else (0.1085, 0.11, 0.113, 0.117, 0.12, 0.13, 0.14, 0.16, 0.18, 0.2, 0.25, 0.3)
     rows = []
     for thickness in thicknesses:
         found = spread(count, thickness)

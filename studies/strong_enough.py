@@ -51,11 +51,11 @@ def scene(required: float | None = None) -> Scene:
     return parse_scene(document)
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Search, write table, picture and page into a folder; returns the table."""
     rows: list[dict[str, Any]] = []
     for robust in (False, True):
-        for required in QUICK if quick else REQUIRED:
+        for required in QUICK if coarse else REQUIRED:
             settings = ExploreSettings(pictures=False, driver="exact", jobs=1, robust=robust)
             found = searched(scene(required), settings).summary.facts["require"]
             rows.append(

@@ -102,9 +102,9 @@ def rigid(load: str) -> LimitAnalysisResult:
     return solve(build_assembly(t_block(1.0, 1.0, load, rigid=True)))
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve both maps, write table, picture and page into a folder; returns the table."""
-    steps = 6 if quick else 30
+    steps = 6 if coarse else 30
     tensions, shears = np.geomspace(2e3, 9e4, steps), np.geomspace(7e2, 3e4, steps)
     rows: list[dict[str, Any]] = []
     for load, tension, shear in itertools.product(("arm", "top"), tensions, shears):

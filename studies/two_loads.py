@@ -42,7 +42,7 @@ def scene(both: bool) -> Scene:
     return parse_scene({**document, "loads": {"cases": cases} if both else {"live": loads[0]}})
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Search under one load and under both, write table, picture and page into a folder; returns the table."""
     settings = ExploreSettings(pictures=False, driver="enumeration", jobs=1)
     assembly, rows, ties = build_assembly(scene(True)), [], []

@@ -36,12 +36,12 @@ FLOORS: Final = {"wall 1": 0.638981, "wall 2": 0.560335, "wall 4": 0.263736, "fl
 """Lowest values without dilation named before this study: of a public MPEC solver and of an earlier trial."""
 
 
-def beam_arch(quick: bool) -> tuple[Assembly, Bits]:
+def beam_arch(coarse: bool) -> tuple[Assembly, Bits]:
     """The beam-arch, and layouts taken evenly from all classes of its segmentations."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
     rows = np.concatenate([labels for labels, _ in Enumeration(search_space(scene, assembly)).batches()])
-    return assembly, rows[:: 400 if quick else 5]
+    return assembly, rows[:: 400 if coarse else 5]
 
 
 def experiments(assembly: Assembly, labellings: Bits) -> pd.DataFrame:
@@ -72,10 +72,10 @@ def _of(key: str, curve: Curve) -> dict[str, Any]:
     return {key: curve.collapse_load if curve.stands else 0.0, f"{key}_error": curve.rate_error}
 
 
-def known(quick: bool) -> pd.DataFrame:
+def known(coarse: bool) -> pd.DataFrame:
     """The walls and the flat arch: λ, range and proven floor without dilation, and experiments from gravity."""
     rows = []
-    numbers = (1,) if quick else (1, 2, 4)
+    numbers = (1,) if coarse else (1, 2, 4)
     cases = [(f"wall {k}", build_assembly(load_scene(SCENES / f"ferris_tinloi_{k}.json"))) for k in numbers]
     for name, assembly in [*cases, ("flat arch, N", build_assembly(leonardo_flat_arch()))]:
         span = solve(assembly, friction="zero-dilation", range=True)
@@ -83,7 +83,7 @@ def known(quick: bool) -> pd.DataFrame:
         row |= {"zero_lowest": span.facts["lowest_found"], "zero_highest": span.facts["highest_found"]}
         row |= {"zero_proven": np.nan if span.facts["lowest_proven"] is None else span.facts["lowest_proven"]}
         row |= {"zero_named": FLOORS.get(name, np.nan)}
-        periods = 60.0 if quick else 800.0
+        periods = 60.0 if coarse else 800.0
         slow = Settings(scheme="limit", periods=periods, length=12.0)
         row |= _of("plastic_without", run_experiment(assembly, joints=Joints(inner="plastic"), settings=slow))
         if not assembly.labels.all():
@@ -93,12 +93,12 @@ def known(quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def reversal(assembly: Assembly, labels: Bits, quick: bool) -> pd.DataFrame:
+def reversal(assembly: Assembly, labels: Bits, coarse: bool) -> pd.DataFrame:
     """With and without dilation of one layout by stiffness ratio and by other choices of the method."""
     ways: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
-        (f"inner faces × {ratio:g}", {"inner_ratio": ratio}, {}) for ratio in (RATIOS[1::2] if quick else RATIOS)
+        (f"inner faces × {ratio:g}", {"inner_ratio": ratio}, {}) for ratio in (RATIOS[1::2] if coarse else RATIOS)
     ]
-    if not quick:
+    if not coarse:
         ways += [
             ("nine points a face", {}, {"segments": 8}),
             ("Simpson", {}, {"scheme": "simpson", "segments": 2}),
@@ -117,16 +117,16 @@ def reversal(assembly: Assembly, labels: Bits, quick: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def run(out: Path, quick: bool) -> pd.DataFrame:
+def run(out: Path, coarse: bool) -> pd.DataFrame:
     """Experiments, table, picture and page."""
-    assembly, labellings = beam_arch(quick)
+    assembly, labellings = beam_arch(coarse)
     layouts = experiments(assembly, labellings)
     stands = layouts[(layouts["brittle_with"] > 0.0) & (layouts["brittle_without"] > 0.0)]
     gain = stands["brittle_without"] / stands["brittle_with"]
     case = stands.iloc[int(np.argmax(gain.to_numpy()))]
     labels = np.array([letter == "d" for letter in str(case["name"])])
-    turned = reversal(assembly, labels, quick)
-    table = pd.concat([known(quick), turned, layouts], ignore_index=True)
+    turned = reversal(assembly, labels, coarse)
+    table = pd.concat([known(coarse), turned, layouts], ignore_index=True)
     table["ratio"] = table["brittle_without"] / table["associative"]
     write(out, _report(table, layouts, stands, gain), table, {"": _picture(assembly, labels, table, layouts, turned)},
           table[table["part"] != "beam-arch"].dropna(axis=1, how="all"))  # fmt: skip

@@ -39,11 +39,11 @@ BOND: Final = ["aaabbb", "cd..ef", "gg..hh", "iijjkk", "######"]
 """The usual running bond with blocks of one to three cells; two lintel blocks meet over the opening."""
 
 
-def search(quick: bool) -> Exploration:
-    """The proven front: blocks of 1–3 cells by branch and bound; quick: of 2–3 cells by enumeration."""
-    wanted: dict[str, Any] = {"block_cells": [2, 3] if quick else [1, 3]}
+def search(coarse: bool) -> Exploration:
+    """The proven front: blocks of 1–3 cells by branch and bound; coarse: of 2–3 cells by enumeration."""
+    wanted: dict[str, Any] = {"block_cells": [2, 3] if coarse else [1, 3]}
     settings = ExploreSettings(driver="exact", jobs=1, options={"aim": "front"})
-    if quick:
+    if coarse:
         settings = ExploreSettings(driver="enumeration", jobs=1)
     return searched(wall_with_opening(PLAIN, FRICTION, wanted), settings)
 
@@ -57,9 +57,9 @@ def _joints(result: LimitAnalysisResult) -> int:
     return int((result.labels & result.assembly.free_faces).sum())
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Search, write table, picture and page into a folder; returns the table of the front and the bond."""
-    done, bond = search(quick), running_bond()
+    done, bond = search(coarse), running_bond()
     ranked = done.results[done.results["status"] == "collapse"]
     front = ranked.sort_values("load_factor", ascending=False, kind="stable").drop_duplicates("dry_faces")
     front = front.sort_values("dry_faces", kind="stable").reset_index(drop=True)
@@ -77,7 +77,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     most = int(front[front["load_factor"] > top * (1.0 - 1e-6)]["dry_faces"].max())
     equal = int(front[front["load_factor"] >= bond.load_factor * (1.0 - 1e-2)]["dry_faces"].max())
     same = front[front["dry_faces"] == _joints(bond)]["load_factor"]
-    blocks = "2–3" if quick else "1–3"
+    blocks = "2–3" if coarse else "1–3"
     evaluated = f"{done.summary.evaluated} layouts solved, driver {done.summary.driver}"
     report = Report(
         name=NAME,

@@ -41,7 +41,7 @@ PUBLISHED: Final = {1: (0.6428590033, 0.638981), 2: (0.5799986113, 0.562005), 4:
 STARTS: Final[tuple[Literal["associative", "gravity", "vertex"], ...]] = ("associative", "gravity", "vertex")
 
 
-def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitAnalysisResult], pd.DataFrame]:
+def solve_wall(wall: int, coarse: bool) -> tuple[LimitAnalysisResult, list[LimitAnalysisResult], pd.DataFrame]:
     """Associative and zero-dilation results of one wall.
 
     Returns the associative result, the highest and the lowest certified zero-dilation one, and a table of all.
@@ -49,9 +49,9 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
     assembly = build_assembly(load_scene(SCENES / f"ferris_tinloi_{wall}.json"))
     analysis = LimitAnalysis(assembly)
     associative, proof = analysis.solve(stands=False), analysis.prove(assembly.labels)
-    dampings = (1e-2, 1e-1) if quick else (1e-3, 1e-2, 3e-2, 1e-1)
-    anchors = (1e-3,) if quick else (1e-4, 1e-3, 1e-2)
-    blocks = (5,) if quick else (3, 5, 8)
+    dampings = (1e-2, 1e-1) if coarse else (1e-3, 1e-2, 3e-2, 1e-1)
+    anchors = (1e-3,) if coarse else (1e-4, 1e-3, 1e-2)
+    blocks = (5,) if coarse else (3, 5, 8)
     rows: list[dict[str, Any]] = []
     results = []
     for start, damping, anchor, block in itertools.product(STARTS, dampings, anchors, blocks):
@@ -80,9 +80,9 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
     return associative, ends, pd.DataFrame([first, *rows])
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Solve the three walls from every start, write table, picture and page into a folder; returns the table."""
-    found = {wall: solve_wall(wall, quick) for wall in PUBLISHED}
+    found = {wall: solve_wall(wall, coarse) for wall in PUBLISHED}
     table = pd.concat([part for _, _, part in found.values()], ignore_index=True)
     summary = _summary(table)
     report = Report(

@@ -48,11 +48,11 @@ class Case:
     raced: bool = False
 
 
-def cases(quick: bool) -> list[Case]:
-    """The flagship, a bridge, three walls and an arch; quick: a small wall and a small bridge."""
+def cases(coarse: bool) -> list[Case]:
+    """The flagship, a bridge, three walls and an arch; coarse: a small wall and a small bridge."""
     listed = ExploreSettings(driver="enumeration", jobs=1, check_fields=0)
     exact = ExploreSettings(driver="exact", jobs=1, check_fields=0, seconds=20.0)
-    if quick:
+    if coarse:
         small = bridge({"block_cells": [2, 4], "dry_faces": [6, None]})
         return [Case("bridge", small, listed, True), Case("wall", wall(2, 3, 5e3, {"block_cells": [1, 3]}), exact)]
     limits = {"block_cells": [1, 3]}
@@ -170,13 +170,13 @@ def brittle(found: Findings, names: tuple[str, ...], strengths: tuple[float, ...
     return rows
 
 
-def run(out: Path, quick: bool = False) -> pd.DataFrame:
+def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     """Searches, bounds, experiments, table, pictures and page; return the whole table."""
-    found = [found_of(case, 4.0 if quick else SECONDS) for case in cases(quick)]
+    found = [found_of(case, 4.0 if coarse else SECONDS) for case in cases(coarse)]
     rows = [row for one in found for row in [*one.rows, *fronts(one)]]
-    tried = (found[0], found[1]) if quick else (found[0], found[2])
+    tried = (found[0], found[1]) if coarse else (found[0], found[2])
     for one in tried:
-        rows += brittle(one, tuple(one.layouts)[:2], STRENGTHS[1:2] if quick else STRENGTHS)
+        rows += brittle(one, tuple(one.layouts)[:2], STRENGTHS[1:2] if coarse else STRENGTHS)
     table = pd.DataFrame(rows)
     figures = {
         "": _models(table),

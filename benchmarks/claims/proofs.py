@@ -291,17 +291,17 @@ def _prove(
         driver.start(_deadline(seconds), lambda: disturb(driver))
         try:
             while len(asked := driver.ask(None)):
-                told = []
+                answers = []
                 for low in range(0, len(asked), TOGETHER):
-                    told += evaluator.evaluate_all(asked[low : low + TOGETHER])
+                    answers += evaluator.evaluate_all(asked[low : low + TOGETHER])
                     whole &= time.perf_counter() - start < LATE * seconds
                     if not whole:
                         break
                 if not whole:
                     break
-                driver.tell(asked, told)
+                driver.tell(asked, answers)
                 rows.append(asked)
-                evaluations += told
+                evaluations += answers
             tasks = len(_tasks_of(driver))
         finally:
             driver.close()

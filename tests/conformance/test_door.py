@@ -95,6 +95,14 @@ def with_results(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Callable[[Pa
     return run
 
 
+def csv_alone(text: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        (folder / "results.parquet").unlink()
+        (folder / "results.csv").write_text(text)
+
+    return change
+
+
 DAMAGE: dict[str, Callable[[Path], None]] = {
     "summary.json: it is damaged": overwritten("summary.json", "{"),
     "summary.json: best: ": overwritten("summary.json", "{}"),
@@ -110,6 +118,9 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
     "results.parquet: the labelling of row 1": with_results(lambda t: t.assign(labelling="did")),
     "results.parquet: column dry_faces holds no": with_results(lambda t: t.assign(dry_faces="many")),
     "results.parquet: column status": with_results(lambda t: t.assign(status="fine")),
+    "results.csv: it is damaged": csv_alone(""),
+    "results.csv: it is damaged (": csv_alone("rank,labelling\nfirst,d\n"),
+    "results.csv: it has no column rank": csv_alone("a,b\n1,2\n"),
     "best_labelling: it is of": overwritten("scene.json", json.dumps(grid_document(["aaaa", "####"]))),
     "scene.json: it is not JSON": overwritten("scene.json", "{"),
 }

@@ -60,7 +60,7 @@ def test_a_large_structure_is_left_to_the_solver_for_large_ones() -> None:
 
 @pytest.mark.parametrize("name", list(SCENES))
 def test_a_hard_scene_is_proven(name: str) -> None:
-    hard = replace(SCENES[name], many=FEW)
+    hard = replace(SCENES[name], count=FEW)
     options = SolveOptions(inner_bending="kern") if hard.kern else SolveOptions()
     analysis = limit_analysis(hard.make(), options)
     asked = labellings_of(analysis.assembly, hard)

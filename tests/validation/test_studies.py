@@ -1,4 +1,4 @@
-"""The studies' key numbers, at their quick settings; sources stand in the studies themselves."""
+"""The studies' key numbers, at their coarse settings; sources stand in the studies themselves."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def written(out: Path, name: str, *endings: str) -> None:
 
 @pytest.mark.long
 def test_walls_of_section_3_1(tmp_path: Path) -> None:
-    table = walls_of_section_3_1.run(tmp_path, quick=True)
+    table = walls_of_section_3_1.run(tmp_path, coarse=True)
     written(tmp_path, walls_of_section_3_1.NAME)
     for wall, (published, lowest) in walls_of_section_3_1.PUBLISHED.items():
         own = table[table["wall"] == wall]
@@ -62,7 +62,7 @@ def test_walls_of_section_3_1(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_one_block_two_cubes(tmp_path: Path) -> None:
     """Paper 3.2: every λ in closed form to 1e-8, every mechanism the governing one."""
-    table = one_block_two_cubes.run(tmp_path, quick=True)
+    table = one_block_two_cubes.run(tmp_path, coarse=True)
     written(tmp_path, one_block_two_cubes.NAME)
     assert set(table["status"]) == {"collapse"}
     assert (table["load_factor"] / table["closed_form"] - 1.0).abs().max() < 1e-8
@@ -75,7 +75,7 @@ def test_one_block_two_cubes(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_semicircular_arch(tmp_path: Path) -> None:
     """Cocchetti & Rizzi 2020, Table 3, to the error of the joints' angles; freed joints beat radial ones."""
-    table = semicircular_arch.run(tmp_path, quick=True)
+    table = semicircular_arch.run(tmp_path, coarse=True)
     written(tmp_path, semicircular_arch.NAME)
     by_friction = table[table["part"] == "friction"].set_index("friction")["thickness"]
     assert by_friction[0.6] == pytest.approx(semicircular_arch.ROTATION, abs=3e-4)
@@ -94,7 +94,7 @@ def test_semicircular_arch(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_settlement(tmp_path: Path) -> None:
     """Least and greatest thrust of the semicircular arch against the closed form of the endless ring."""
-    table = settlement.run(tmp_path, quick=True)
+    table = settlement.run(tmp_path, coarse=True)
     written(tmp_path, settlement.NAME)
     assert set(table["status"]) == {"certified"}
     assert table["error"].abs().max() < 1e-3
@@ -106,7 +106,7 @@ def test_settlement(tmp_path: Path) -> None:
 
 def test_few_shapes(tmp_path: Path) -> None:
     """The strongest of the wall in two winds is made of two shapes: few moulds cost nothing there."""
-    table = few_shapes.run(tmp_path, quick=True)
+    table = few_shapes.run(tmp_path, coarse=True)
     written(tmp_path, few_shapes.NAME)
     assert table["shapes"].is_monotonic_increasing
     assert table["share"].max() == 1.0
@@ -117,7 +117,7 @@ def test_few_shapes(tmp_path: Path) -> None:
 
 def test_left_out(tmp_path: Path) -> None:
     """The heavier the structure the stronger the best of it, and by more than its share."""
-    table = left_out.run(tmp_path, quick=True)
+    table = left_out.run(tmp_path, coarse=True)
     written(tmp_path, left_out.NAME)
     assert table["mass"].tolist() == pytest.approx([192.0, 224.0, 256.0])
     assert table["load_factor"].is_monotonic_increasing
@@ -127,7 +127,7 @@ def test_left_out(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_t_block(tmp_path: Path) -> None:
     """Statics by hand of a tree of five cells; the rigid block is reached where nothing cracks."""
-    table = t_block.run(tmp_path, quick=True)
+    table = t_block.run(tmp_path, coarse=True)
     written(tmp_path, t_block.NAME)
     standing = table[table["expected"] != "falls"]
     assert (standing["load_factor_N"] / standing["closed_form_N"] - 1.0).abs().max() < 1e-7
@@ -139,7 +139,7 @@ def test_t_block(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_leonardo_flat_arch(tmp_path: Path) -> None:
     """Our own layout: value of this project's solver, the shear limit below it, and a segmentation that beats it."""
-    table = leonardo_flat_arch.run(tmp_path, quick=True).set_index("part")
+    table = leonardo_flat_arch.run(tmp_path, coarse=True).set_index("part")
     written(tmp_path, leonardo_flat_arch.NAME)
     own, best = table.loc["this arch"], table.loc["strongest segmentation"]
     assert own["associative_N"] == pytest.approx(2093.98, rel=1e-4)
@@ -153,7 +153,7 @@ def test_leonardo_flat_arch(tmp_path: Path) -> None:
 
 def test_wall_with_opening(tmp_path: Path) -> None:
     """No layout beats sliding on the base, the best reach it, and the usual bond does not."""
-    table = wall_with_opening.run(tmp_path, quick=True)
+    table = wall_with_opening.run(tmp_path, coarse=True)
     written(tmp_path, wall_with_opening.NAME)
     front, bond = table[table["layout"] == "strongest"], table[table["layout"] == "running bond"]
     assert front["load_factor"].max() == pytest.approx(wall_with_opening.FRICTION, rel=1e-6)
@@ -164,7 +164,7 @@ def test_wall_with_opening(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_corner(tmp_path: Path) -> None:
     """Interlocking beats a straight joint in every direction; nothing beats sliding, and no bond the regular one."""
-    table = corner.run(tmp_path, quick=True)
+    table = corner.run(tmp_path, coarse=True)
     written(tmp_path, corner.NAME)
     wide = table[table["part"] == "direction"].pivot(index="degrees", columns="bond", values="load_factor")
     assert (wide["interlocking"] > 1.1 * wide["plain"]).all()
@@ -176,9 +176,9 @@ def test_corner(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_joints_that_move(tmp_path: Path) -> None:
     """With either flank the best key is neither the shallowest nor the deepest, and carries 20 % more than none."""
-    table = joints_that_move.run(tmp_path, quick=True)
+    table = joints_that_move.run(tmp_path, coarse=True)
     written(tmp_path, joints_that_move.NAME)
-    voussoirs, radial, turned = joints_that_move.least_thickness(quick=True)
+    voussoirs, radial, turned = joints_that_move.least_thickness(coarse=True)
     assert turned < 0.999 * radial
     assert f"a semicircle of {voussoirs} voussoirs" in (tmp_path / f"{joints_that_move.NAME}.md").read_text("utf-8")
     for _, part in table.groupby("flank"):
@@ -190,7 +190,7 @@ def test_joints_that_move(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_two_loads(tmp_path: Path) -> None:
     """Best under one load and under both, each proven: 103.2 beside the 57.6 that one of those that tie carries."""
-    table = two_loads.run(tmp_path, quick=True)
+    table = two_loads.run(tmp_path, coarse=True)
     written(tmp_path, two_loads.NAME)
     assert table["proven"].all()
     assert list(table["load_factor"]) == pytest.approx([57.573, 103.231], rel=1e-4)
@@ -200,14 +200,14 @@ def test_two_loads(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_strong_enough(tmp_path: Path) -> None:
     """The most dry faces for λ ≥ 2 and 8, at nominal and at low values; nothing carries 8 at the low ones."""
-    table = strong_enough.run(tmp_path, quick=True)
+    table = strong_enough.run(tmp_path, coarse=True)
     written(tmp_path, strong_enough.NAME)
     assert table["proven"].all()
     assert list(table["dry_faces"]) == pytest.approx([14.0, 13.0, 13.0, float("nan")], nan_ok=True)
 
 
 def test_few_cuts(tmp_path: Path) -> None:
-    table = few_cuts.run(tmp_path, quick=True)
+    table = few_cuts.run(tmp_path, coarse=True)
     written(tmp_path, few_cuts.NAME)
     assert table["proven"].all()
     assert table["load_factor"].max() == pytest.approx(12.62218, rel=1e-5)
@@ -229,7 +229,7 @@ def test_fronts_of_sawn_length_and_moulds_are_those_of_all_layouts(tmp_path: Pat
 @pytest.mark.long
 def test_laid(tmp_path: Path) -> None:
     """The strongest lintel stands while it is laid."""
-    table = laid.run(tmp_path, quick=True)
+    table = laid.run(tmp_path, coarse=True)
     written(tmp_path, laid.NAME)
     assert table["load_factor"].max() == pytest.approx(582.746, rel=1e-5)
     assert table["cost"].max() == pytest.approx(0.0, abs=1e-6)
@@ -247,7 +247,7 @@ def test_gallery_page_is_that_of_the_results() -> None:
 @pytest.mark.long
 def test_how_low_can_it_go(tmp_path: Path) -> None:
     """The flat arch: proven, below the 1312 N of section 3.3 by the layout; a wall of three courses has one value."""
-    table = how_low_can_it_go.run(tmp_path, quick=True).set_index("scene")
+    table = how_low_can_it_go.run(tmp_path, coarse=True).set_index("scene")
     written(tmp_path, how_low_can_it_go.NAME)
     assert (table["lowest_proven"] >= table["lowest_found"] * (1.0 - 1e-6)).all()
     assert table.loc["flat arch", "lowest_found"] == pytest.approx(1305.8653, rel=1e-6)
@@ -257,7 +257,7 @@ def test_how_low_can_it_go(tmp_path: Path) -> None:
 
 def test_whose_cracks() -> None:
     """The small wall: proven 0.75 by faces, sliding, and at most 0.60 of its blocks; bounds in order on every mesh."""
-    found = whose_cracks.found_of(whose_cracks.cases(quick=True)[1], 1.0)
+    found = whose_cracks.found_of(whose_cracks.cases(coarse=True)[1], 1.0)
     table = pd.DataFrame(found.rows)
     fields = table[table["cracks"].str.startswith("fields")]
     assert (fields["lower"] <= fields["upper"]).all()

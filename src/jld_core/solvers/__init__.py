@@ -33,7 +33,7 @@ SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 
 LARGE: Final = {False: 2000, True: 600}
 """Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
-cones (True). Source: measured in benchmarks/scale.py.
+cones (True). Source: measured in benchmarks/large.py.
 """
 
 

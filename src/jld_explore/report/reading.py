@@ -166,7 +166,7 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
 
     try:
         table = read_results(path)
-    except (OSError, ValueError) as error:
+    except (OSError, TypeError, ValueError) as error:
         raise _damaged(path, str(error)) from None
     for name in ("rank", "labelling", "status", "settled", *_NUMBERS, *counts):
         if name not in table:

@@ -78,13 +78,17 @@ def results_path(folder: Path) -> Path:
 
 
 def read_results(path: Path) -> pd.DataFrame:
-    """Read a table of results, of the same types from both files; raise OSError or ValueError if it is damaged."""
+    """Read a table of results, of the same types from both files.
+
+    Raises OSError, TypeError or ValueError for a damaged file.
+    """
     import pandas as pd  # slow to import and needed for tables only
 
     if path.suffix == ".parquet":
         return pd.read_parquet(path)
-    # from version 3 on pandas reads all digits by default, and warns where that is asked for
-    exact: Any = {} if int(pd.__version__.partition(".")[0]) >= 3 else {"float_precision": "round_trip"}
+    # from version 3.1 on pandas reads all digits by default, and warns where that is asked for
+    version = tuple(int(part) for part in pd.__version__.split(".")[:2])
+    exact: Any = {} if version >= (3, 1) else {"float_precision": "round_trip"}
     texts = dict.fromkeys(_TEXTS, "str")
     table: pd.DataFrame = pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""], **exact)
     if "governing" in table:  # names of load cases, which a spreadsheet might run
