@@ -21,10 +21,11 @@ import numpy as np
 
 from benchmarks.claims import refined
 from benchmarks.claims.tally import Tally
-from benchmarks.hard_scenes import hard_cases
+from benchmarks.hard_cases import hard_cases
 from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import load_scale
+from jld_core.loads import Loads
 
 CLAIM: Final = "ten disturbances of 1e-15 under four kernels of OpenBLAS give one status and brackets that meet"
 KERNELS: Final = ("Haswell", "ZEN", "SKYLAKEX", "SANDYBRIDGE")
@@ -144,6 +145,9 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
     def changed(values: Floats) -> Floats:
         return np.asarray(values * (1.0 + SIZE * rng.uniform(-1.0, 1.0, values.shape)))
 
+    def changed_loads(loads: Loads) -> Loads:
+        return loads.weighted(changed(np.ones(len(loads.body))))
+
     strengths, elements = assembly.strengths, assembly.elements
     known = {one.name: getattr(strengths, one.name) for one in fields(strengths)}
     numbers = {
@@ -153,8 +157,8 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
     }
     return replace(
         assembly,
-        dead=changed(assembly.dead),
-        live=changed(assembly.live),
+        dead_loads=changed_loads(assembly.dead_loads),
+        live_loads=changed_loads(assembly.live_loads),
         strengths=replace(strengths, **numbers),
         elements=replace(elements, centroid=changed(elements.centroid)),
     )

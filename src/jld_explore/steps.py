@@ -73,7 +73,7 @@ class Step(ABC):
 
 
 def with_entries(
-    done: Exploration, entries: Mapping[str, Any], columns: Mapping[str, Sequence[Any]] | None = None
+    done: Exploration, entries: Mapping[str, Any], columns: Mapping[str, Any] | None = None
 ) -> Exploration:
     """Return a search with further entries of its summary and columns of its results; nothing is written."""
     results = done.results.assign(**columns) if columns else done.results

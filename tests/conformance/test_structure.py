@@ -286,8 +286,8 @@ def test_public_names() -> None:
     import jld_explore
 
     core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many
-    BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples views
-    solvers"""
+    BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples
+    views solvers"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
     Step StepContext StopReason"""
