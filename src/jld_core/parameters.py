@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
@@ -41,8 +41,7 @@ def require_field_types(thing: Any) -> None:
 
     Annotations that are none of `_KINDS`, nor words nor classes, admit every value.
     """
-    kind: Hashable = type(thing)
-    for name, kinds in _kinds_of(kind).items():
+    for name, kinds in _kinds_of(thing.__class__).items():
         if kinds:
             require_kind(name, getattr(thing, name), *kinds)
 

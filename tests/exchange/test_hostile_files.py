@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from jld_core import InputError
-from jld_core.exchange import import_file
+from jld_core import InputError, parse_scene
+from jld_core.exchange import ImportOptions, import_file
 from jld_core.exchange.libraries import in_own_process
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
@@ -93,3 +93,22 @@ def test_a_damaged_3dm_ends(seed: int, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:  # it has no support in any case
         import_file(path)
     assert "\n" not in str(caught.value)
+
+
+def test_too_many_forces_and_chords_are_refused_with_their_number(tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    document = {
+        "name": "cart",
+        "grid": {"cell": [1, 1], "rows": ["a", "#"]},
+        "materials": {"density": 1, "dry": {"friction_coefficient": 0.5}},
+        "loads": {"moving": [{"path": [[0, 2], [1, 2]], "axles": [{"weight": 1.0}] * 100_000, "steps": 1000}]},
+    }
+    with pytest.raises(InputError, match="100000 axles at 1000 positions are 100000000 forces; expected at most"):
+        parse_scene(document)
+    drawing = ezdxf.new()
+    for k in range(60):
+        for j in range(50):
+            drawing.modelspace().add_circle((3.0 * k, 3.0 * j), 1.0)
+    drawing.saveas(tmp_path / "circles.dxf")
+    with pytest.raises(InputError, match=r"its arcs are 1\.\d+e\+07 chords within 1e-07"):
+        import_file(tmp_path / "circles.dxf", ImportOptions(facet=1e-7, unit="m"))

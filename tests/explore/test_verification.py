@@ -425,10 +425,8 @@ def test_refusals_are_one_line(
     [
         (SCENES["weak"], {"driver": "genetic"}, "no proof to write"),
         (SCENES["weak"], {"driver": "exact", "options": {"aim": "front"}}, "whole front"),
-        (grid_document(["aaa", "###"], blocks=[1, 2]), {"driver": "exact"}, "search.blocks"),
         (grid_document(["aaa", "###"], **{"except": ["c0r0"]}), {"driver": "exact"}, "search.except"),
         (grid_document(["aaa", "###"]), {"driver": "exact", "robust": True}, "robust"),
-        (grid_document(["aaa", "###"], block_aspect=[None, 2]), {"driver": "exact"}, "shape of blocks"),
         ({**SPATIAL, "materials": {**SPATIAL["materials"], "dry": {"friction_angle": 30, "compressive_strength": 9.0}}},
          {"driver": "exact"}, "crushing in space"),
     ],
@@ -440,6 +438,23 @@ def test_searches_without_a_certificate_are_refused_before_they_begin(
     with pytest.raises(InputError, match=words):
         explore(parse_scene(document), tmp_path / "out", settings)
     assert not (tmp_path / "proof.jld").exists()
+
+
+def test_a_limit_that_decides_has_no_certificate_and_one_that_does_not_has(tmp_path: Path) -> None:
+    """Clauses do not express limits on shapes and blocks: the proof has to hold without them."""
+    rows = ["aaa", "aaa", "###"]
+    best = explore(
+        parse_scene(grid_document(rows, tension=2e3, shear=2e3)), driver="exact", pictures=False
+    ).summary.best
+    for number, limits in enumerate(({"block_aspect": [None, 9]}, {"blocks": [1, 6]}, {"shapes": [1, 6]})):
+        path = tmp_path / f"{number}.jld"
+        scene = parse_scene(grid_document(rows, tension=2e3, shear=2e3, **limits))
+        done = explore(scene, driver="exact", certificate=path, pictures=False)
+        assert verify(path, scene).claim.bound >= done.summary.best == pytest.approx(best, rel=1e-6)
+    scene = parse_scene(grid_document(rows, tension=2e3, shear=2e3, blocks=[6, 6]))
+    if explore(scene, driver="exact", pictures=False).summary.best < 0.99 * best:
+        with pytest.raises(InputError, match="which a limit that it cannot express excludes"):
+            explore(scene, driver="exact", certificate=tmp_path / "decides.jld", pictures=False)
 
 
 def test_a_claim_alone_proves_nothing() -> None:

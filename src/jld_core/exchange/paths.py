@@ -17,6 +17,9 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.geometry import merge_points
 
+_MOST_CHORDS: Final = 100_000
+"""Largest number of chords of all arcs of a drawing."""
+
 _MOST: Final = 1e7
 """Largest number of pairs of arcs of one circle; more indicate a wrong or malicious file."""
 
@@ -131,6 +134,10 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     count = np.bincount(circle)
     if float((count.astype(float) ** 2).sum()) > _MOST:
         raise InputError("", f"it holds {int(count.max())} arcs of one circle", "the arcs of a structure")
+    chords = sum(abs(arc.sweep) / _step(arc.radius, facet) for arc in arcs)
+    if chords > _MOST_CHORDS:
+        problem = f"its arcs are {chords:.3g} chords within {facet:.3g} of them"
+        raise InputError("", problem, f"a larger `facet`: at most {_MOST_CHORDS} chords")
     regular = {
         which: _divided(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
         for which, ends in stops.items()
@@ -157,6 +164,11 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     return Chords(found, len(arcs), deviation)
 
 
+def _step(radius: float, facet: float) -> float:
+    """Return the angle, radians, of the largest chord that is within a distance of its circle."""
+    return float(max(2.0 * np.arccos(np.clip(1.0 - facet / radius, np.cos(np.pi / 8.0), 1.0)), 1e-3))
+
+
 def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     """Return ascending angles (j,) that divide a circle at the ends of its arcs and between.
 
@@ -168,7 +180,7 @@ def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     ends = ends[np.concatenate([[True], np.diff(ends) > apart])]
     if len(ends) > 1 and ends[0] + 2.0 * np.pi - ends[-1] <= apart:
         ends = ends[:-1]
-    step = max(2.0 * np.arccos(np.clip(1.0 - facet / radius, np.cos(np.pi / 8.0), 1.0)), 1e-3)
+    step = _step(radius, facet)
     spans = np.append(np.diff(ends), ends[0] + 2.0 * np.pi - ends[-1])
     parts = np.maximum(1, np.ceil(spans / step - 1e-9)).astype(int)
     return np.concatenate(

@@ -50,6 +50,9 @@ class PointLoad(Part):
         return self
 
 
+MOST_FORCES: Final = 200_000
+"""Largest number of forces of a moving load at all its positions; each takes some 30 µs to place."""
+
 OUTSIDE: Final = "outside"
 """Name of what lies beyond the free boundary of an element."""
 
@@ -254,6 +257,15 @@ class MovingLoad(Part):
     steps: Annotated[int, Field(ge=1, le=1000, description="a whole number from 1 to 1000")] = 20
     both_directions: bool = False
     required: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        """Check the number of forces of all positions, each of which is placed on an element."""
+        forces = len(self.axles) * self.steps * (2 if self.both_directions else 1)
+        if forces > MOST_FORCES:
+            problem = f"{len(self.axles)} axles at {self.steps} positions are {forces} forces"
+            raise InputError("", problem, f"at most {MOST_FORCES}: fewer axles or steps")
+        return self
 
 
 class Pushes(Part):

@@ -110,11 +110,11 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     """
     if not isinstance(document, Mapping):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
-    document = _as_json(document)
+    plain_document: dict[str, Any] = _as_json(document)
     try:
-        _refuse_extremes(document)
-        document = {key: _plain(value) for key, value in document.items() if key != "$schema"}  # for editors alone
-        return Scene.model_validate(with_numbers(document))
+        _refuse_extremes(plain_document)
+        plain_document = {key: _plain(value) for key, value in plain_document.items() if key != "$schema"}  # editors
+        return Scene.model_validate(with_numbers(plain_document))
     except InputError as error:
         raise error.within(file) from None
     except ValidationError as error:

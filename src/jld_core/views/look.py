@@ -107,7 +107,7 @@ YIELDS: Final[dict[str, Mark]] = {
 """Marks of yielding faces, by label."""
 
 EVIDENCE: Final[dict[str, Mark]] = {
-    "proven": Mark("diamond", FRONT, INK, "proven: no layout with this count carries more"),
+    "proven": Mark("diamond", FRONT, INK, "proven: none carries more, or as much with a better count"),
     "found": Mark("circle", WHITE, FRONT, "found: the best known for its count"),
     "visited": Mark("circle", DOTS, DOTS, "visited on the way"),
 }

@@ -252,7 +252,7 @@ class Driver(ABC):
         """
 
     @abstractmethod
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
+    def tell(self, labellings: Bits, evaluations: Any) -> None:
         """Take in evaluations of labellings that `ask` has returned.
 
         Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysis, Motion, SolveOptions, State, Status
 from jld_core.tolerances import ROUNDING
 from jld_explore.evaluation.evaluation import Evaluation
+
+_UNSTABLE: Final = Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan)
+"""What a driver is told of a layout that falls."""
 
 
 class Standing:
@@ -48,8 +52,8 @@ class Standing:
         rows = [k for k, one in enumerate(told) if one.status in (Status.COLLAPSE, Status.LOCKED)]
         falls = self.of(labellings[rows]) == 0.0
         for k in np.array(rows, dtype=int)[falls].tolist():
-            nothing = (math.nan,) * len(told[k].cases)
-            told[k] = replace(Evaluation(Status.UNSTABLE, *[math.nan] * 3), cases=nothing, seconds=told[k].seconds)
+            none = (math.nan,) * len(told[k].cases)
+            told[k] = replace(_UNSTABLE, cases=none, seconds=told[k].seconds)
         return told
 
 

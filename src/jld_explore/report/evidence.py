@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PROVEN: Final = "proven"
-"""Evidence of a point that is proven to be on the front."""
+"""Evidence of a point that is proven to be on the front: no layout carries more, or as much with a better count."""
 FOUND: Final = "found"
 """Evidence of a point that is the best found by a search for it."""
 VISITED: Final = "visited"
@@ -24,12 +24,13 @@ COLUMN: Final = "evidence"
 
 
 def front_rows(
-    front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str], *, complete: bool, aimed: bool
+    front: pd.DataFrame, summary: Mapping[str, Any], axes: Sequence[tuple[str, str]], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
     """Return the best λ known for every count, with its evidence, for summary.json.
 
     Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
-    and evidence ("proven", "found" or "visited"). With two counts `count` is a list.
+    and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
+    proven the best of its count, and not on the front: one with a better count may carry as much.
 
     Parameters
     ----------
@@ -37,8 +38,8 @@ def front_rows(
         Rows of the results that no other row dominates.
     summary : mapping
         Summary of the study, with the driver's own front if it has one.
-    counts : sequence of str
-        Names of the counts.
+    axes : sequence of (str, str)
+        Names of the counts with their better directions, "max" or "min".
     complete : bool
         True if every class of the space has been evaluated.
     aimed : bool
@@ -50,17 +51,19 @@ def front_rows(
         Rows sorted by count.
     """
     given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
-    rows = []
-    for key, group in front.groupby(list(counts)):
+    rows, told = [], list(given.values())
+    sign = 1.0 if axes[0][1] == "max" else -1.0
+    for key, group in front.groupby([name for name, _ in axes]):
         values = key if isinstance(key, tuple) else (key,)
         value = _value(values)
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
         known = given.pop(value, None) if len(values) == 1 else None
         # Of several tied rows, the one on the front may have a slightly smaller λ.
         strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
-        sure = bool((complete if known is None else known["proven"]) or (strongest and summary["proven"]))
+        rivals = [] if known is None else [row for row in told if sign * row["count"] >= sign * known["count"]]
+        sure = bool(complete or (rivals and all(row["proven"] for row in rivals)))
         bound = (known or {}).get("bound")
-        if bound is None and sure:
+        if bound is None and (sure or (strongest and summary["proven"])):
             bound = summary["bound"] if strongest and not complete else best["bracket_hi"]
         rows.append(
             {

@@ -184,7 +184,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     asked = required.facts(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
-    every = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    every = front_rows(front, known, axes, complete=sure, aimed=aimed)
     on_front = {str(value) for value in values_on(front, counts)}
     found["front"] = [row for row in every if str(row["count"]) in on_front]
     found["best_by_count"] = every

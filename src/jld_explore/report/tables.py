@@ -154,8 +154,8 @@ def results_table(
     texts = _texts(packed, records.faces, assembly.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
     table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
-    known = np.where(np.isnan(stands), None, ~falls)[order]
-    table.insert(table.columns.to_list().index("status") + 1, STANDS, pd.Series(pd.array(known, dtype="boolean")))
+    known = pd.Series(pd.arrays.BooleanArray(~falls[order], np.isnan(stands)[order]))
+    table.insert(table.columns.to_list().index("status") + 1, STANDS, known)
     table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
     table["driver"] = driver
     _insert_late(table, late, unpack(packed, records.faces), space, deadline)
@@ -170,7 +170,7 @@ def results_table(
 
 
 def _stands(
-    rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline, *, by_fields: bool
+    rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline | None, *, by_fields: bool
 ) -> Floats:
     """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided.
 

@@ -75,7 +75,7 @@ def columns(done: Exploration) -> list[str]:
     They are rank, λ with its bracket, all integer counts, the counts of the front, and the labelling; also whether a
     layout stands without live load, where some do not.
     """
-    falls = [STANDS] if (done.results.get(STANDS) == False).any() else []  # noqa: E712 – NA is neither
+    falls = [STANDS] if STANDS in done.results and not done.results[STANDS].fillna(True).all() else []
     whole = [count.name for count in registered() if count.integer]
     counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
     return ["rank", "load_factor", "bracket_lo", "bracket_hi", *falls, *counted, "labelling"]
