@@ -16,6 +16,7 @@ BENCHMARKS: Final = (
     "drivers",
     "speed_error",
     "hard_cases",
+    "fallbacks",
     "throughput",
     "large",
     "batch_solver",
