@@ -933,3 +933,75 @@ def test_what_rigid_blocks_prove_unstable_has_its_mechanism() -> None:
     assert found.instability_mechanism is not None
     weight = found.assembly.dead[:, :3] + 0.0
     assert float((weight * found.instability_mechanism).sum()) > 0.0
+
+
+# --- keys that one door alone reads ---------------------------------------------------------------------------
+
+CELLS: Document = {
+    "grid": {"cell": [0.5, 0.5], "thickness": 1.0, "rows": ["abcd", "efgh", "####"]},
+    "materials": STACK["materials"],
+    "loads": {"live": [{"element": "c0r0", "force": [1000.0, 0.0]}]},
+    "search": {"candidates": [["c0r0", "c0r1"], ["c0r1", "c1r1"], ["c3r0", "c3r1"], ["c2r1", "c3r1"]]},
+}
+MIRROR = changed(CELLS, loads={"live": [{"body": [0.0, 1.0]}]})
+CELL_MASS = 2000.0 * 0.25
+
+SEARCHES: dict[str, tuple[Document, Any, Any]] = {
+    "candidates": (CELLS, [["c0r0", "c0r1"]], [["c3r0", "c3r1"]]),
+    "keep.dry": (CELLS, [], [["c0r0", "c0r1"]]),
+    "keep.inner": (CELLS, [], [["c0r0", "c0r1"]]),
+    "segmentation": (
+        changed(CELLS, search__candidates=[["c0r0", "c1r0"], ["c0r1", "c1r1"], ["c0r0", "c0r1"], ["c1r0", "c1r1"]]),
+        True,
+        False,
+    ),
+    "block_cells": (CELLS, [1, 3], [1, 2]),
+    "block_weight": (CELLS, [0, 3.1 * CELL_MASS * 9.81], [0, 2.1 * CELL_MASS * 9.81]),
+    "block_extent": (CELLS, [None, 1.1], [None, 0.6]),
+    "block_mass": (CELLS, [0, 3.1 * CELL_MASS], [0, 2.1 * CELL_MASS]),
+    "block_aspect": (CELLS, [None, 2.1], [None, 1.1]),
+    "except": (changed(CELLS, search__block_cells=[1, 1]), [], ["c0r0", "c0r1"]),
+    "convex_blocks": (CELLS, False, True),
+    "blocks": (CELLS, [None, None], [6, None]),
+    "dry_faces": (CELLS, [None, None], [8, None]),
+    "shapes": (CELLS, [None, None], [None, 2]),
+    "sawn_length": (CELLS, [None, None], [None, 14.0]),
+    "saw_cuts": (CELLS, [None, None], [None, 26]),
+    "saw_set_ups": (CELLS, [None, None], [None, 4]),
+    "moulds.rotate": (CELLS, False, True),
+    "moulds.flip": (CELLS, False, True),
+    "require.load_factor": (CELLS, 0.5, 1.0),
+    "void.cells": (changed(CELLS, search={"void": {"most": 0.3}}), ["c1r0"], ["c2r0"]),
+    "void.most": (changed(CELLS, search={"void": {"cells": ["c1r0", "c2r0"]}}), 0.15, 0.3),
+    "assemble": (CELLS, None, "standing"),
+    "assemble_out_of_plane": (changed(CELLS, search__assemble="translation"), False, True),
+    "symmetry": (MIRROR, "none", "auto"),
+    "front.count": (CELLS, "dry_faces", "shapes"),
+    "front.counts": (CELLS, ["dry_faces", "blocks"], ["shapes", "blocks"]),
+    "front.sense": (CELLS, "max", "min"),
+}
+"""Keys of "search": a scene, and two values."""
+
+SAME = {"assemble_out_of_plane", "assemble"}
+"""Keys whose two values give one result here; that they are read is shown elsewhere."""
+
+
+def test_every_key_of_a_search_has_a_row() -> None:
+    assert sorted(f"search.{key}" for key in SEARCHES) == sorted(key for key in keys() if key.startswith("search."))
+
+
+@pytest.mark.parametrize("key", SEARCHES)
+def test_a_search_obeys_its_keys(key: str, tmp_path: Path) -> None:
+    scene, *values = SEARCHES[key]
+    found = []
+    for number, value in enumerate(values):
+        stated = scene if value is None else changed(scene, **{f"search__{key.replace('.', '__')}": value})
+        done = explore(
+            stated,
+            tmp_path / str(number),
+            ExploreSettings(check_fields=0, pictures=False, driver="enumeration", budget=64),
+        )
+        columns = ["labelling", "multiplicity", "shapes", "blocks"]
+        required = done.summary.facts.get("require")
+        found.append((done.results[columns].to_csv(), done.front["labelling"].tolist(), json.dumps(required)))
+    assert (found[0] != found[1]) != (key in SAME)

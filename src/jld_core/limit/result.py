@@ -84,7 +84,7 @@ class Result(NotebookRepr):
             "" if math.isnan(low) and math.isnan(high) else f", λ = {self.load_factor:.9g} in [{low:.9g}, {high:.9g}]"
         )
         falls = ""
-        if self.stands_at_zero is False:
+        if self.stands_at_zero is False and self.status is not Status.UNSTABLE:
             falls = ", falls without live load" + ("" if math.isnan(least) else f", stands from λ = {least:.9g} on")
         return f"{type(self).__name__}({self.assembly.name!r}, {self.status}{numbers}{falls}, {self.crack_words})"
 
