@@ -86,7 +86,8 @@ class Result(NotebookRepr):
         falls = ""
         if self.stands_at_zero is False and self.status is not Status.UNSTABLE:
             falls = ", falls without live load" + ("" if math.isnan(least) else f", stands from λ = {least:.9g} on")
-        return f"{type(self).__name__}({self.assembly.name!r}, {self.status}{numbers}{falls}, {cracks_in_short(self.cracks)})"
+        words = f"{self.status}{numbers}{falls}, {cracks_in_short(self.cracks)}"
+        return f"{type(self).__name__}({self.assembly.name!r}, {words})"
 
     @property
     def least_load_factor(self) -> float:
