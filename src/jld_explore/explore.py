@@ -167,6 +167,9 @@ def explore(
     if out is None and settings.resume:
         raise ParameterError("out", "a search is resumed in its own folder", "the name of that folder")
     parsed = scene if isinstance(scene, Scene) else load_scene(scene)
+    if (cracks := settings.model.cracks) is not None:
+        parsed = parsed.model_copy(update={"cracks": cracks})
+        settings = replace(settings, model=replace(settings.model, cracks=None))
     folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else Path(out)
     try:
         with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
@@ -188,9 +191,6 @@ def _search(
     started: float | None,
 ) -> Exploration:
     """Run a search with complete settings, see `explore`."""
-    if (cracks := settings.model.cracks) is not None:
-        scene = scene.model_copy(update={"cracks": cracks})
-        settings = replace(settings, model=replace(settings.model, cracks=None))
     deadline = Deadline(settings.seconds, started)
     if settings.cluster is not None:
         check_folder(folder, settings.resume)

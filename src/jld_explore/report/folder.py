@@ -192,9 +192,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if study.scene.cracks != "faces":
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
     found["cracks"] = cracks_to_json(study.scene.cracks)
-    ranked = results[results["status"] == str(Status.COLLAPSE)] if wide else results.head(0)
-    ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
-    found |= {"by_fields": [number(end) for end in ends[0]] if ends else None, "uncut": None}
+    found |= {"by_fields": _bracket_of_best(results) if wide else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
@@ -205,6 +203,13 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
+
+
+def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:
+    """Return the bounds on λ of the first ranked row, None where there is none."""
+    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
+    return [number(end) for end in ends[0]] if ends else None
 
 
 def _complaints(study: Study) -> list[str]:
