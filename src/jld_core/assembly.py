@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -275,6 +275,8 @@ class Assembly(NotebookRepr):
     scene : Scene or None
         Scene of which it was built; cells are cut from it.
     """
+
+    shown_by: ClassVar[str] = "jld_core.views.notebook:AssemblyView"
 
     name: str
     dimension: int

@@ -1,13 +1,13 @@
 """Notebook output of data classes that do not know how they are drawn.
 
-Drawing code registers a view for each class here, so that data modules do not import views.
+A class names its view as text, and the view is loaded when it is asked for: data modules do not import views.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 
 class View(Protocol):
@@ -30,23 +30,6 @@ class View(Protocol):
 
         drawing: result of `drawing`, None for facts alone.
         """
-
-
-_VIEWS: dict[type, View] = {}
-"""Registered view of each class."""
-
-
-def register_repr(kind: type, view: View) -> None:
-    """Register the view that shows objects of a class in notebooks.
-
-    Parameters
-    ----------
-    kind : type
-        Class; its subclasses need views of their own.
-    view : View
-        View of all objects of the class.
-    """
-    _VIEWS[kind] = view
 
 
 _PAGES: Final = "jld_explore.notebook"
@@ -83,27 +66,30 @@ class Showable:
 
 
 class NotebookRepr(Showable):
-    """Base class of objects that a notebook shows by a registered view.
+    """Base class of objects that a notebook shows by a view.
 
-    The module that registers the view is imported when it is first needed.
+    Attributes
+    ----------
+    shown_by : str
+        Module and class of the view, as "package.module:Class".
     """
 
-    views_module = "jld_core.views.notebook"
+    shown_by: ClassVar[str]
 
     @property
     def _view(self) -> View:
-        """Return the registered view of the class."""
-        if type(self) not in _VIEWS:
-            import_module(self.views_module)
-        return _VIEWS[type(self)]
+        """Return the view of this class, whose module is loaded where it has not been."""
+        module, name = self.shown_by.split(":")
+        made: View = getattr(import_module(module), name)()
+        return made
 
     @cached_property
     def _drawing(self) -> str | bytes | None:
-        """Return the drawing from the registered view, computed once."""
+        """Return the drawing, computed once."""
         return self._view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the object's drawing as a matplotlib figure, made by the registered view.
+        """Return the object's drawing as a matplotlib figure.
 
         Parameters
         ----------
@@ -125,6 +111,6 @@ class NotebookRepr(Showable):
         """Return the drawing where it is PNG, as Jupyter calls for it."""
         return self._drawing if isinstance(self._drawing, bytes) else None
 
-    def _repr_html_(self) -> str | None:
+    def _repr_html_(self) -> str:
         """Return facts and drawing, as Jupyter calls for them."""
         return self._view.html(self, self._drawing)

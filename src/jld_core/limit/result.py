@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -77,6 +77,8 @@ class Result(NotebookRepr):
     forces: Floats | None
     mechanism: Floats | None
     instability_mechanism: Floats | None
+
+    shown_by: ClassVar[str] = "jld_core.views.notebook:ResultView"
 
     def __repr__(self) -> str:
         (low, high), least = self.bracket, self.least_load_factor

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class FieldResult(Result):
     cases: dict[str, FieldBounds | SpatialBounds]
     seconds: dict[str, float]
 
-    views_module = "jld_core.views.field_notebook"
+    shown_by: ClassVar[str] = "jld_core.views.field_notebook:FieldResultView"
     notes = ()
     forces = mechanism = instability_mechanism = None
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jld_core.models.by_fields import FieldResult
-from jld_core.notebook_repr import register_repr
 from jld_core.views.notebook import LARGEST, page
 
 if TYPE_CHECKING:
@@ -35,6 +34,3 @@ class FieldResultView:
     def html(self, thing: FieldResult, drawing: str | bytes | None) -> str:
         """Return the HTML of a result's facts and drawing; drawing: as in `ResultView.html`."""
         return page(thing.assembly.name, thing.facts_in_words(), drawing)
-
-
-register_repr(FieldResult, FieldResultView())

@@ -17,7 +17,6 @@ from jld_core.assembly import Assembly
 from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number, stands_in_words
 from jld_core.limit.member_results import tensions
-from jld_core.notebook_repr import register_repr
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
@@ -244,10 +243,6 @@ class ResultView:
         drawing: SVG text or PNG, None where it is too large.
         """
         return page(thing.assembly.name, facts_of_result(thing), drawing)
-
-
-register_repr(Assembly, AssemblyView())
-register_repr(LimitAnalysisResult, ResultView())
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tables: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class Exploration(NotebookRepr):
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
 
-    views_module = "jld_explore.report.notebook"
+    shown_by: ClassVar[str] = "jld_explore.report.notebook:ExplorationView"
 
     def __repr__(self) -> str:
         best, proven = self.summary.best, ", proven" if self.summary.proven else ""

@@ -6,7 +6,6 @@ import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from jld_core.notebook_repr import register_repr
 from jld_core.views import notebook
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
@@ -44,9 +43,6 @@ class ExplorationView:
             f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()
         ]
         return notebook.page(thing.scene.name, words.facts_of_exploration(thing), drawing, *parts)
-
-
-register_repr(Exploration, ExplorationView())
 
 
 @dataclass(frozen=True)
