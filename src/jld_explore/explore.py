@@ -184,6 +184,9 @@ def explore(
     if isinstance(out, str) and out in driver_kinds():
         raise ParameterError("out", f"{out!r} is the name of a driver", f'`driver="{out}"`, or "./{out}" for a folder')
     folder = Path(tempfile.mkdtemp(prefix="jld-")) if out is None else _path("out", out)
+    if (cracks := settings.model.cracks) is not None:
+        parsed = parsed.model_copy(update={"cracks": cracks})
+        settings = replace(settings, model=replace(settings.model, cracks=None))
     try:
         with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
             return _search(parsed, folder, settings, report, announce, started)
@@ -221,9 +224,6 @@ def _search(
     started: float | None,
 ) -> Exploration:
     """Run a search with complete settings, see `explore`."""
-    if (cracks := settings.model.cracks) is not None:
-        scene = scene.model_copy(update={"cracks": cracks})
-        settings = replace(settings, model=replace(settings.model, cracks=None))
     deadline = Deadline(settings.seconds, started)
     if settings.cluster is not None:
         check_folder(folder, settings.resume)

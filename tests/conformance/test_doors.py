@@ -933,3 +933,155 @@ def test_what_rigid_blocks_prove_unstable_has_its_mechanism() -> None:
     assert found.instability_mechanism is not None
     weight = found.assembly.dead[:, :3] + 0.0
     assert float((weight * found.instability_mechanism).sum()) > 0.0
+
+
+# --- keys that one door alone reads ---------------------------------------------------------------------------
+
+CELLS: Document = {
+    "grid": {"cell": [0.5, 0.5], "thickness": 1.0, "rows": ["abcd", "efgh", "####"]},
+    "materials": STACK["materials"],
+    "loads": {"live": [{"element": "c0r0", "force": [1000.0, 0.0]}]},
+    "search": {"candidates": [["c0r0", "c0r1"], ["c0r1", "c1r1"], ["c3r0", "c3r1"], ["c2r1", "c3r1"]]},
+}
+MIRROR = changed(CELLS, loads={"live": [{"body": [0.0, 1.0]}]})
+CELL_MASS = 2000.0 * 0.25
+
+SEARCHES: dict[str, tuple[Document, Any, Any]] = {
+    "candidates": (CELLS, [["c0r0", "c0r1"]], [["c3r0", "c3r1"]]),
+    "keep.dry": (CELLS, [], [["c0r0", "c0r1"]]),
+    "keep.inner": (CELLS, [], [["c0r0", "c0r1"]]),
+    "segmentation": (
+        changed(CELLS, search__candidates=[["c0r0", "c1r0"], ["c0r1", "c1r1"], ["c0r0", "c0r1"], ["c1r0", "c1r1"]]),
+        True,
+        False,
+    ),
+    "block_cells": (CELLS, [1, 3], [1, 2]),
+    "block_weight": (CELLS, [0, 3.1 * CELL_MASS * 9.81], [0, 2.1 * CELL_MASS * 9.81]),
+    "block_extent": (CELLS, [None, 1.1], [None, 0.6]),
+    "block_mass": (CELLS, [0, 3.1 * CELL_MASS], [0, 2.1 * CELL_MASS]),
+    "block_aspect": (CELLS, [None, 2.1], [None, 1.1]),
+    "except": (changed(CELLS, search__block_cells=[1, 1]), [], ["c0r0", "c0r1"]),
+    "convex_blocks": (CELLS, False, True),
+    "blocks": (CELLS, [None, None], [6, None]),
+    "dry_faces": (CELLS, [None, None], [8, None]),
+    "shapes": (CELLS, [None, None], [None, 2]),
+    "sawn_length": (CELLS, [None, None], [None, 14.0]),
+    "saw_cuts": (CELLS, [None, None], [None, 26]),
+    "saw_set_ups": (CELLS, [None, None], [None, 4]),
+    "moulds.rotate": (CELLS, False, True),
+    "moulds.flip": (CELLS, False, True),
+    "require.load_factor": (CELLS, 0.5, 1.0),
+    "void.cells": (changed(CELLS, search={"void": {"most": 0.3}}), ["c1r0"], ["c2r0"]),
+    "void.most": (changed(CELLS, search={"void": {"cells": ["c1r0", "c2r0"]}}), 0.15, 0.3),
+    "assemble": (CELLS, None, "standing"),
+    "assemble_out_of_plane": (changed(CELLS, search__assemble="translation"), False, True),
+    "symmetry": (MIRROR, "none", "auto"),
+    "front.count": (CELLS, "dry_faces", "shapes"),
+    "front.counts": (CELLS, ["dry_faces", "blocks"], ["shapes", "blocks"]),
+    "front.sense": (CELLS, "max", "min"),
+}
+"""Keys of "search": a scene, and two values."""
+
+SAME = {"assemble_out_of_plane", "assemble"}
+"""Keys whose two values give one result here; that they are read is shown elsewhere."""
+
+
+def test_every_key_of_a_search_has_a_row() -> None:
+    assert sorted(f"search.{key}" for key in SEARCHES) == sorted(key for key in keys() if key.startswith("search."))
+
+
+@pytest.mark.parametrize("key", SEARCHES)
+def test_a_search_obeys_its_keys(key: str, tmp_path: Path) -> None:
+    scene, *values = SEARCHES[key]
+    found = []
+    for number, value in enumerate(values):
+        stated = scene if value is None else changed(scene, **{f"search__{key.replace('.', '__')}": value})
+        done = explore(
+            stated,
+            tmp_path / str(number),
+            ExploreSettings(check_fields=0, pictures=False, driver="enumeration", budget=64),
+        )
+        columns = ["labelling", "multiplicity", "shapes", "blocks"]
+        required = done.summary.facts.get("require")
+        found.append((done.results[columns].to_csv(), done.front["labelling"].tolist(), json.dumps(required)))
+    assert (found[0] != found[1]) != (key in SAME)
+
+
+STRONG = changed(CANTILEVER, materials__inner={"tensile_strength": 6e5, "shear_strength": 6e5})
+
+DESIGNS: dict[str, tuple[Document, Document, Document]] = {
+    "set": (STACK, {"set": "EN 1990"}, {"set": "EN 1996-1-1"}),
+    "units": (STRONG, {"units": "I"}, {"units": "II"}),
+    "mortar": (changed(STRONG, design__units="I"), {"mortar": "designed"}, {"mortar": "prescribed"}),
+    "execution": (STRONG, {"execution": 1}, {"execution": 5}),
+    "factors.self_weight": (STACK, {"factors": {"self_weight": [1.0, 1.0]}}, {"factors": {"self_weight": [0.8, 1.0]}}),
+    "factors.dead": (
+        changed(STACK, loads__dead=[{"element": "b", "force": [0.0, -5e3]}]),
+        {"factors": {"dead": [1.0, 1.0]}},
+        {"factors": {"dead": [0.8, 1.0]}},
+    ),
+    "factors.prestressing": (
+        changed(TIED, members__0__prestress=3000.0, members__0__tension=5000.0, loads__live__0__force=[-1000.0, 0.0]),
+        {"factors": {"prestressing": [1.0, 1.0]}},
+        {"factors": {"prestressing": [0.8, 1.3]}},
+    ),
+    "factors.live": (STACK, {"factors": {"live": 1.0}}, {"factors": {"live": 1.5}}),
+    "factors.strength": (STRONG, {"factors": {"strength": 1.0}}, {"factors": {"strength": 1.5}}),
+    "factors.friction": (STACK, {"factors": {"friction": 1.0}}, {"factors": {"friction": 1.2}}),
+    "factors.members": (TIED, {"factors": {"members": 1.0}}, {"factors": {"members": 1.2}}),
+}
+"""Keys of "design": a scene, and two values of "design"."""
+
+DOWN = {"name": "down", "supports": [{"elements": ["s"], "move": [0.0, -1.0]}]}
+TURNED = {"name": "turned", "supports": [{"elements": ["s"], "turn": 1.0}]}
+BRIDGE = changed(LINTEL, materials__inner__tensile_strength=2e5)
+SETTLEMENTS: dict[str, tuple[Document, Document]] = {
+    "supports.elements": (DOWN, changed(DOWN, supports__0__elements=["t"])),
+    "supports.move": (DOWN, changed(DOWN, supports__0__move=[-1.0, 0.0])),
+    "supports.turn": (changed(DOWN, supports__0__turn=0.0), changed(DOWN, supports__0__turn=1.0)),
+    "supports.about": (changed(TURNED, supports__0__about=[0.0, 0.0]), changed(TURNED, supports__0__about=[2.0, 0.0])),
+    "load": (DOWN, changed(DOWN, load=0.5)),
+}
+"""Keys of "settlements": two movements of a support of `BRIDGE`, on which a stone lies across an opening."""
+
+MOVES = {
+    "vertices", "along.at", "along.direction", "along.circle", "along.supports", "ties", "inner", "straight", "angle",
+    "edge", "block_mass", "draft.direction", "draft.degrees", "box", "maximise",
+}  # fmt: skip
+"""Keys of "move": `tests/geometry_optimisation` shows that they are obeyed."""
+
+
+def test_every_key_of_one_door_has_a_row() -> None:
+    known = {f"design.{key}" for key in DESIGNS} | {f"move.{key}" for key in MOVES}
+    known |= {f"settlements.{key}" for key in (*SETTLEMENTS, "name")}
+    assert known == {key for key in keys() if key.startswith(OF_ONE_DOOR) and not key.startswith("search.")}
+
+
+@pytest.mark.parametrize("key", DESIGNS)
+def test_a_design_check_obeys_its_keys(key: str) -> None:
+    document, *values = DESIGNS[key]
+    found = []
+    for value in values:
+        scene = jc.load_scene({**document, "design": {**document.get("design", {}), **value}})
+        found.append(design_check(scene, None, partial_factors(scene.design, None)).governing.bounds.low)
+    assert abs(found[1] - found[0]) > 1e-3 * abs(found[0])
+
+
+@pytest.mark.parametrize("key", SETTLEMENTS)
+def test_movements_of_supports_obey_their_keys(key: str, jld: Any, tmp_path: Path) -> None:
+    found = []
+    for number, value in enumerate(SETTLEMENTS[key]):
+        file = tmp_path / f"{number}.json"
+        file.write_text(json.dumps({**BRIDGE, "settlements": [value]}))
+        told = json.loads(jld("settlement", file, "--json").out)["settlements"][0]
+        found.append([told[end] and told[end]["bracket"] for end in ("least", "most")] + [told["supports"]])
+    assert found[0] != found[1]
+
+
+def test_fields_alone_read_widths_and_gaps() -> None:
+    """A wider patch crushes less; a wider gap ends earlier."""
+    load = {"element": "b", "force": [1000.0, -1000.0], "at": [1.5, 2.5]}
+    narrow, wide = (changed(FIELDS, cracks__gap=0.2, loads__live=[{**load, "width": width}]) for width in (0.1, 0.8))
+    one, other = jc.solve(narrow), jc.solve(wide)
+    assert one.bracket[1] < other.bracket[0] or one.bracket[0] < other.bracket[0]
+    assert jc.solve(narrow, cracks="fields:0.9").gap > one.gap

@@ -16,7 +16,7 @@ from jld_core.limit.options import SolveOptions
 from jld_core.limit.reasons import reason_of
 from jld_core.limit.status import Status
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.scene.cracks import cracks_in_words, cracks_to_json
+from jld_core.scene.cracks import cracks_in_short, cracks_to_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,9 +85,10 @@ class Result(NotebookRepr):
             "" if math.isnan(low) and math.isnan(high) else f", λ = {self.load_factor:.9g} in [{low:.9g}, {high:.9g}]"
         )
         falls = ""
-        if self.stands_at_zero is False:
+        if self.stands_at_zero is False and self.status is not Status.UNSTABLE:
             falls = ", falls without live load" + ("" if math.isnan(least) else f", stands from λ = {least:.9g} on")
-        return f"{type(self).__name__}({self.assembly.name!r}, {self.status}{numbers}{falls}, {self.crack_words})"
+        words = f"{self.status}{numbers}{falls}, {cracks_in_short(self.cracks)}"
+        return f"{type(self).__name__}({self.assembly.name!r}, {words})"
 
     @property
     def least_load_factor(self) -> float:
@@ -96,11 +97,6 @@ class Result(NotebookRepr):
         It is 0 where the structure stands without live load, and NaN where it is unknown.
         """
         return 0.5 * sum(self.least_bracket)
-
-    @property
-    def crack_words(self) -> str:
-        """Return along which planes blocks crack, in words."""
-        return f"cracks {cracks_in_words(self.cracks)}"
 
     @property
     def warnings(self) -> list[str]:

@@ -19,7 +19,7 @@ from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
 from jld_core.models.labelling import limit_analysis, solve_labelling
 from jld_core.models.solve import model_of, options_of_model, solve_cracked
 from jld_core.parameters import require_kind
-from jld_core.scene.cracks import FieldCracks, cracks_in_words
+from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class BatchResult:
         best = (
             ""
             if np.isnan(self.load_factor).all()
-            else f", largest λ = {np.nanmax(self.load_factor):.9g}, cracks {cracks_in_words(self.cracks)}"
+            else f", largest λ = {np.nanmax(self.load_factor):.9g}, cracks {cracks_in_short(self.cracks)}"
         )
         return f"BatchResult({self.assembly.name!r}, {len(self)} labellings{best})"
 

@@ -150,6 +150,24 @@ def cracks_in_words(cracks: CrackModel) -> str:
     return "by faces of the grid alone"
 
 
+def cracks_in_short(cracks: CrackModel) -> str:
+    """Return a crack model in two or four words, for the repr of results.
+
+    Parameters
+    ----------
+    cracks : "faces", CellCracks or FieldCracks
+        The crack model.
+
+    Returns
+    -------
+    str
+        "by faces", "by cells of SIZE" or "by fields".
+    """
+    if isinstance(cracks, CellCracks):
+        return f"by cells of {cracks.cell:g}"
+    return "by fields" if isinstance(cracks, FieldCracks) else "by faces"
+
+
 def cracks_to_json(cracks: CrackModel) -> Any:
     """Return a crack model as the value of the key "cracks".
 

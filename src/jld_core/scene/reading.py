@@ -113,7 +113,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     plain_document: dict[str, Any] = _as_json(document)
     try:
         _refuse_extremes(plain_document)
-        plain_document = {key: _plain(value) for key, value in plain_document.items() if key != "$schema"}  # editors
+        plain_document.pop("$schema", None)  # only used by editors
         return Scene.model_validate(with_numbers(plain_document))
     except InputError as error:
         raise error.within(file) from None
@@ -127,7 +127,7 @@ def _as_json(value: Any, depth: int = 0) -> Any:
         return value.tolist()
     if depth > _DEPTH:  # refused afterwards
         return value
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _as_json(one, depth + 1) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [one if type(one) in _PLAIN else _as_json(one, depth + 1) for one in value]
@@ -195,15 +195,6 @@ _NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"
 
 _Path = tuple[Any, "str | int"] | None
 """Path of a value within a scene: the path of what holds it, and its key or index; None for the scene."""
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with dicts, lists and numbers of Python for mappings, tuples, arrays and numbers of numpy."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def _refuse_extremes(document: object) -> None:

@@ -17,7 +17,7 @@ from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.parameters import require_kind
 from jld_core.scene import Scene
-from jld_core.scene.cracks import FieldCracks, cracks_in_words
+from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_explore.report.summary import Summary
 from jld_explore.space.void import cut
 from jld_explore.study_state import StopReason
@@ -72,11 +72,11 @@ class Exploration(NotebookRepr):
         found = (
             "none ranked"
             if best is None
-            else f"best λ = {best:.9g}{proven}, cracks {cracks_in_words(self.scene.cracks)}"
+            else f"best λ = {best:.9g}{proven}, cracks {cracks_in_short(self.scene.cracks)}"
         )
         if best is not None and self.scene.cracks == "faces" and self.summary.by_fields is not None:
             low, high = ("none" if end is None else f"{end:.4g}" for end in self.summary.by_fields)
-            found += f", λ in [{low}, {high}] wherever blocks crack"
+            found += f", [{low}, {high}] by fields"
         found += ", falls without live load" if self.summary.stands_at_zero is False else ""
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 

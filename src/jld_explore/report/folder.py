@@ -195,9 +195,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     if study.scene.cracks != "faces":
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
     found["cracks"] = cracks_to_json(study.scene.cracks)
-    ranked = results[results["status"] == str(Status.COLLAPSE)] if by_fields else results.head(0)
-    ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
-    found |= {"by_fields": [number(end) for end in ends[0]] if ends else None, "uncut": None}
+    found |= {"by_fields": _bracket_of_best(results) if by_fields else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
@@ -222,6 +220,13 @@ def _with_least_load_factor(done: Exploration) -> Exploration:
     facts = done.summary.facts | {"least_load_factor": least if math.isfinite(least) else None}
     write_text(done.folder / "summary.json", json.dumps(facts, indent=1))
     return replace(done, summary=Summary.of(facts))
+
+
+def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:
+    """Return the bounds on λ of the first ranked row, None where there is none."""
+    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    ends = ranked[["bracket_lo", "bracket_hi"]].head(1).to_numpy(dtype=float).tolist()
+    return [number(end) for end in ends[0]] if ends else None
 
 
 def _complaints(study: Study) -> list[str]:
