@@ -22,7 +22,7 @@ _IN_SPACE: Final = (9, 18, 27)
 """Seeds modulo 28 whose scenes are in space: 60 of 560."""
 _SLACK: Final = 1e-5
 """Relative amount by which bounds may cross: the own ones are the solver's."""
-_MOST: Final = {2: 300, 3: 100}
+_MOST: Final = {2: 200, 3: 60}
 """Most triangles or tetrahedra of the meshes of the program."""
 
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]

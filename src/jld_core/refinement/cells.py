@@ -72,8 +72,13 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     InputError
         If `refine` does not accept the scene, or if two cells touch although their elements do not.
     """
+    # moving loads are stated case by case, on elements of the joint grid
+    placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
+    if placed:
+        stated = {"cases": [one.case for one in placed], "moving": None, "pushes": None}
+        scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated)})
     try:
-        refined = refine(_with_stated_cases(scene, assembly), (cell,))
+        refined = refine(scene, (cell,))
     except InputError as error:
         where = "cracks" if error.where.startswith("--cell") else error.where
         raise InputError(where, error.problem, error.expected) from None
@@ -81,18 +86,9 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     plain = refined.scene.model_copy(update={"cracks": "faces"})
     fine = build_assembly(plain) if assembly.nominal is None else build_robust(plain)
-    # the places of moving loads are those of the joint grid, whose cases are stated one by one
-    cases = tuple(replace(one, place=case.place) for one, case in zip(fine.cases, assembly.cases, strict=True))
+    places = [one.place for one in placed] or [None] * len(fine.cases)
+    cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
-
-
-def _with_stated_cases(scene: Scene, assembly: Assembly) -> Scene:
-    """Return a scene whose moving loads are stated case by case, on elements of the joint grid."""
-    if not scene.loads.moving:
-        return scene
-    cases = [one.case for one in cases_of_scene(scene, assembly.elements)]
-    loads = scene.loads.model_copy(update={"cases": cases, "moving": None, "pushes": None})
-    return scene.model_copy(update={"loads": loads})
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
