@@ -87,7 +87,7 @@ def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
     yield ended("contacts", cells=len(assembly.elements.free), faces=len(assembly.interfaces))
     space = search_space(scene, assembly)
     both = ended("space")
-    group = symmetry_group(assembly, scene.search, space.candidates, space.fixed)
+    group = symmetry_group(assembly, scene, space.candidates, space.fixed)
     alone = ended("symmetry", group=len(group))
     yield alone
     yield {**both, "seconds": max(both["seconds"] - alone["seconds"], 0.0)}
