@@ -13,8 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints, summed
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
+from jld_core.linalg.sums import summed
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.shape_loads import ShapeLoads

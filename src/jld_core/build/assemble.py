@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats, summed
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
 from jld_core.build.bond import with_bond
@@ -23,6 +23,7 @@ from jld_core.build.pushes import cases_of_pushes
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
+from jld_core.linalg.sums import summed
 from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial

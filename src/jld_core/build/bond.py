@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.arrays import summed
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry import resultants
+from jld_core.geometry.vectors import resultants
+from jld_core.linalg.sums import summed
 from jld_core.scene.materials import FaceMaterial, Materials
 
 _KEY = "materials.dry.tensile_strength"
