@@ -111,10 +111,10 @@ def wall(rng: np.random.Generator, kind: str) -> Document:
     if kind != "fields" and (rng.random() < 0.4 or odd == "member"):
         sides = [0] if odd == "member" else [0, 1]
         for side in sides:
-            places = [[abs(side * width - x), y] for x, y in ([0.25, top - 0.25], [0.75, 0.5])]
+            points = [[abs(side * width - x), y] for x, y in ([0.25, top - 0.25], [0.75, 0.5])]
             column = side * (across - 1)
-            ends = [f"c{column}r0", f"c{column}r{up}"]
-            anchors = [{"element": name, "at": at} for name, at in zip(ends, places, strict=True)]
+            held = [f"c{column}r0", f"c{column}r{up}"]
+            anchors = [{"element": name, "at": at} for name, at in zip(held, points, strict=True)]
             members.append({"kind": "tie", "from": anchors[0], "to": anchors[1], "tension": 3e3})
     inner = {"tensile_strength": 1e5, "shear_strength": 1.5e5}
     return {

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints, summed
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
+from jld_core.linalg.sums import summed
 from jld_core.loads import Loads, resultants
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr

@@ -11,7 +11,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats, Ints, without_rounding
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.linalg.sums import without_rounding
 
 
 class Bodies(Protocol):

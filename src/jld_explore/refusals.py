@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
@@ -15,6 +16,11 @@ from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.settings import ExploreSettings
+
+_SHARED: Final = (
+    "proves by mechanisms at faces with a label each, and by cells or fields one label holds for many cracks"
+)
+"""Why a driver with conflicts of single faces refuses other crack models."""
 
 
 def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
@@ -66,7 +72,6 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
     for option, asked in (
         ("certificate", settings.certificate is not None),
         ("experiment", settings.experiment is not None or settings.by_experiment),
-        ("driver", isinstance(settings.driver, str) and settings.driver == Exact.name and not fields),
         ("objective", settings.own_objective is not None and fields),
         ("search.void", scene.search.void is not None),
         ("search.assemble", scene.search.assemble == "standing"),
@@ -75,6 +80,8 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
             raise ParameterError(
                 option, "it supports cracks by faces only", 'a search without it, or "cracks": "faces"'
             )
+    if isinstance(settings.driver, str) and settings.driver == Exact.name and not fields:
+        raise ParameterError("driver", f"{Exact.name} {_SHARED}", 'another driver, or "cracks": "faces"')
     if fields and assembly.dimension == 3:
         raise ParameterError(
             "cracks", "one layout in space takes minutes by fields", "a search by faces, then solve by fields"
@@ -88,7 +95,7 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
     """
     if driver.modular and scene.cracks != "faces":
-        raise ParameterError("driver", f"{driver.name} supports cracks by faces only", "another driver")
+        raise ParameterError("driver", f"{driver.name} {_SHARED}", "another driver")
     if isinstance(driver, FieldExact) and not isinstance(scene.cracks, FieldCracks):
         raise ParameterError("driver", "FieldExact proves by fields, and the scene cracks otherwise", "`Exact`")
     if driver.modular and not replace(settings.model, friction="associative").supports_bounds_over_labellings:

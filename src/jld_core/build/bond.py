@@ -12,7 +12,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry import resultants
+from jld_core.geometry.vectors import resultants
 from jld_core.scene.materials import FaceMaterial, Materials
 
 _KEY = "materials.dry.tensile_strength"

@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Floats, Ints, summed
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
-from jld_core.geometry import resultants
 from jld_core.geometry.inside import contains, distance_from_face
-from jld_core.geometry.vectors import across
+from jld_core.geometry.vectors import across, resultants
+from jld_core.linalg.sums import summed
 from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
 

@@ -11,7 +11,6 @@
 - `moment_about`: compute arm × force in the plane or in space
 - `near_pairs`: find pairs of boxes that touch or overlap
 - `reach_of`: return half the largest distance at which two corners of blocks coincide
-- `resultants`: sum forces and moments of loads on their owners, without rounding
 - `snap_solids`: close gaps between polyhedra
 - `solids`: orient faces outward and compute volumes and centroids of polyhedra
 - `spun`: compute spin × arm in the plane or in space
@@ -26,7 +25,7 @@ from jld_core.geometry.planar_contacts import find_planar_contacts
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
 from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import find_spatial_contacts, near_pairs
-from jld_core.geometry.vectors import area_vector, moment_about, resultants, spun
+from jld_core.geometry.vectors import area_vector, moment_about, spun
 
 __all__ = [
     "Faces",
@@ -40,7 +39,6 @@ __all__ = [
     "moment_about",
     "near_pairs",
     "reach_of",
-    "resultants",
     "snap_solids",
     "solids",
     "spun",

@@ -73,7 +73,8 @@ class Kinds:
             # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
             differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
-            for k in np.argsort(differ, kind="stable").tolist():
+            nearest: list[int] = np.argsort(differ, kind="stable").tolist()
+            for k in nearest:
                 if differ[k] > _MOMENTS * self.reach * radius:
                     break
                 number, _, kind = around[k]

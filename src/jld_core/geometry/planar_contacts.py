@@ -171,7 +171,7 @@ def _spans(polygons: list[Floats]) -> Floats:
     """Return the diagonal (n,) of the bounding box of each polygon: no edge is longer, however it lies."""
     every = np.concatenate(polygons)
     start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
-    return np.hypot(*(np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).T)
+    return np.asarray(np.hypot(*(np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).T))
 
 
 def _shapes(polygons: list[Floats]) -> Any:
@@ -241,9 +241,9 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     at_first = abs(first_off) >= abs(last_off)
     far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
     # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
-    share = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
-    place = np.where(at_first, 1.0 - share, share)[:, None]
-    half_way = 0.5 * (close + share * (far - close))
+    part = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
+    place = np.where(at_first, 1.0 - part, part)[:, None]
+    half_way = 0.5 * (close + part * (far - close))
     between = ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward[i]
     return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]), between)
 

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from jld_core.arrays import Floats, Ints, without_rounding
+from jld_core.arrays import Floats, Ints
+from jld_core.linalg.sums import without_rounding
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:

@@ -18,7 +18,8 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, blocks_of
-from jld_core.geometry import resultants, spun
+from jld_core.geometry import spun
+from jld_core.geometry.vectors import resultants
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status
 from jld_core.limit.fallbacks import FALLBACKS
 from jld_core.limit.result_building import element_velocities

@@ -115,7 +115,22 @@ def _faces(
     ends = np.sort(np.column_stack([node[follows], node[follows + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
     exact = np.concatenate([known, place[len(known) :] + origin])
+    # Forces at the very edge of a joint ask for the last digits, which the grid of the union has rounded away.
+    for corners in (shapely.get_coordinates(list(cells)), known):
+        exact[len(known) :] = _on_coordinates(exact[len(known) :], corners, 10.0 * _GRID * extent)
     return list(shapely.get_parts(shapely.polygonize(shapely.linestrings(exact[ends]))))
+
+
+def _on_coordinates(points: Floats, corners: Floats, reach: float) -> Floats:
+    """Return points (k, 2) with each coordinate replaced by the nearest one of some corners (c, 2) within `reach`."""
+    moved = points.copy()
+    for axis in (0, 1):
+        values = np.unique(corners[:, axis])
+        place = np.searchsorted(values, points[:, axis])
+        for near in (np.maximum(place - 1, 0), np.minimum(place, len(values) - 1)):
+            close = abs(values[near] - points[:, axis]) <= reach
+            moved[close, axis] = values[near][close]
+    return moved
 
 
 def _nodes(

@@ -78,8 +78,8 @@ def symmetry_group(
             images: list[tuple[Floats, tuple[Ints, Ints] | str]] = [(mirror, unknown)]
         else:
             spot = _Spot(assembly, scene, candidates, fixed, signature)
-            matrices = [mirror] if wanted == "mirror-x" else _possible_matrices(assembly)
-            images = [(matrix, spot.image(matrix)) for matrix in matrices]
+            possible = [mirror] if wanted == "mirror-x" else _possible_matrices(assembly)
+            images = [(matrix, spot.image(matrix)) for matrix in possible]
         for matrix, image in images:
             if not isinstance(image, str):
                 found.append((matrix, *image))
