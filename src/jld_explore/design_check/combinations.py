@@ -64,7 +64,9 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
         return [Combination("parts", "parts", effect) for effect in effects]
     varied = {name: there and len(set(getattr(factors, name))) > 1 for name, there in present.items()}
     choices = [_BOTH if varied[name] else _BOTH[:1] for name in present]
-    return [Combination(*chosen) for chosen in itertools.product(*choices)]
+    return [
+        Combination(self_weight, dead, prestressing) for self_weight, dead, prestressing in itertools.product(*choices)
+    ]
 
 
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:

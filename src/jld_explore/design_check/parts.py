@@ -172,8 +172,9 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
     weight, best = np.ones(resultants // template.assembly.freedoms), -math.inf
     for _ in range(_ROUNDS):
         spread = np.repeat(weight**2, template.assembly.freedoms)
-        system = sp.csc_array(equilibrium @ sp.diags_array(spread) @ equilibrium.T)
-        system += 1e-13 * float(system.diagonal().max()) * sp.eye_array(equations, format="csc")
+        stiffness = sp.csc_array(equilibrium @ sp.diags_array(spread) @ equilibrium.T)
+        more = 1e-13 * float(stiffness.diagonal().max()) * sp.eye_array(equations, format="csc")
+        system = sp.csc_array(stiffness + more)
         answer = spread[:, None] * (equilibrium.T @ splu(system).solve(np.asfortranarray(-parts.T)))
         if not np.isfinite(answer).all() or abs(equilibrium @ answer + parts.T).max() > _SAFE * abs(parts).max():
             break
