@@ -17,6 +17,7 @@ from jld_core.limit.thrust import ResultantRange, reactions_of_supports
 from jld_core.mechanics import require_materials
 from jld_core.models import solve, solve_by_fields
 from jld_core.models.by_fields import FieldResult, case_bounds_of, stands_by_fields
+from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.models.crack_models import FIELD_SECONDS, require_cracks
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene
@@ -230,7 +231,7 @@ def design_check(
     first = _worst(cases)
     chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]
-    solved = solve(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
+    solved = CaseAnalysis(first.structure).solve(cells) if factors.by_parts else _of_case(solutions[chosen], first)
     checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
     checked = _with_cracks_anywhere(checked, own, combinations, seconds)
     if not states or isinstance(scene.cracks, FieldCracks) or checked.verified is not True:

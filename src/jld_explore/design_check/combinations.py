@@ -79,16 +79,10 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
     chosen = combination.factors(factors)
     weight, stress = _weights(assembly), assembly.members.self_stress
     own = np.zeros_like(assembly.dead) if stress is None else stress
-    of_weight, of_dead = (
-        _share(assembly, getattr(factors, name), combination.heavier, stated=name == "dead")
-        if getattr(combination, name) == "parts"
-        else np.full((len(assembly.elements), 1), chosen[name])
-        for name in ("self_weight", "dead")
-    )
 
     def dead_of(dead: Floats) -> Floats:
         """Return a dead load (n, q) with factors; prestress and bond keep theirs."""
-        return of_weight * weight + of_dead * _stated(assembly, dead) + own
+        return chosen["self_weight"] * weight + chosen["dead"] * _stated(assembly, dead) + own
 
     def points_of(points: Points) -> Points:
         """Return point forces multiplied by the factor of live loads."""
@@ -106,44 +100,13 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
     )
     return replace(
         assembly,
-        elements=replace(assembly.elements, weight=of_weight * assembly.elements.weight),
+        elements=replace(assembly.elements, weight=chosen["self_weight"] * assembly.elements.weight),
         dead=dead_of(assembly.dead),
         live=factors.live * assembly.live,
         live_points=points_of(assembly.live_points),
         shape_loads=None,
         cases=cases,
     )
-
-
-def _names(assembly: Assembly, *, stated: bool) -> list[str]:
-    """Return the name of the weight of each element, or of the stated dead load on it, as a part."""
-    return [f"dead load on {one}" if stated else one for one in assembly.elements.ids]
-
-
-def _share(assembly: Assembly, pair: tuple[float, float], heavier: tuple[str, ...], *, stated: bool) -> Floats:
-    """Return the factor (n, 1) of the weight of each element, or of the stated dead load on it."""
-    chosen = set(heavier)
-    return np.array([[pair[name in chosen]] for name in _names(assembly, stated=stated)])
-
-
-def parts_of(assembly: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case.
-
-    They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
-    factors (k, 2), favourable and unfavourable. Parts whose two factors are equal are left out.
-    """
-    names: list[str] = []
-    loads, ends = [], []
-    for stated, pair in ((False, factors.self_weight), (True, factors.dead)):
-        load = _stated(assembly, assembly.dead) if stated else _weights(assembly)
-        for element, name in enumerate(_names(assembly, stated=stated)):
-            if pair[0] < pair[1] and load[element].any() and not assembly.elements.support[element]:
-                part = np.zeros_like(load)
-                part[element] = load[element]
-                names.append(name)
-                loads.append(part)
-                ends.append(pair)
-    return tuple(names), np.array(loads).reshape(len(names), *assembly.dead.shape), np.array(ends).reshape(-1, 2)
 
 
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
