@@ -39,6 +39,26 @@ def test_a_row_is_laid_from_a_side() -> None:
     assert heights == sorted(heights)
 
 
+WINDOWS = [
+    ["aabbbbcc", "ddbeefff", "ghh..iij", "kkk..llm", "nnn..oom", "########"],
+    ["aaabbbcc", "addefggg", "hhh..iij", "hkk..llj", "mnnoolpp", "########"],
+    ["aaabbbbc", "addbefff", "ggh..iij", "kkh..ill", "mmmnnopq", "########"],
+]
+"""Walls with a window or a door, of stones some of which need a prop until the next course loads them."""
+
+
+@pytest.mark.parametrize("rows", WINDOWS, ids=["window", "door", "high window"])
+def test_a_wall_with_a_window_grows_by_courses(rows: list[str]) -> None:
+    """No stone is laid before the courses below are complete, whatever props its own course needs."""
+    assembly = grid_assembly(rows)
+    found = assembly_order(assembly, assembly.labels)
+    assert found.possible
+    bottoms = [
+        min(float(assembly.elements.lower[e, 1]) for e in found.blocks.elements(step.blocks[0])) for step in found.steps
+    ]
+    assert [round(bottom, 6) for bottom in bottoms] == sorted(round(bottom, 6) for bottom in bottoms)
+
+
 def test_an_arch_is_laid_from_its_springings() -> None:
     """Voussoirs come in pairs from both springings, and the keystone last, by symmetry in this order only."""
     assembly = build_assembly(samples.arch(voussoirs=7))

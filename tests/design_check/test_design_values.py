@@ -409,6 +409,26 @@ def test_parts_of_the_weight_are_individual_actions(extent: float) -> None:
         assert one.utilisation == math.inf
 
 
+def test_parts_of_equal_factors_are_not_varied() -> None:
+    """One factor of 1.2: overturning at 1.2 · 10 (1.2² − 0.8²)/2 = λ 1.5 P e."""
+    document = slab(0.8)
+    document["design"]["factors"] = {"self_weight": [1.2, 1.2]}
+    one = checked(document).governing
+    expected = 1.2 * (5 * 1.2**2 - 5 * 0.8**2) / (1.5 * 0.1 * 0.8)
+    assert one.bounds.load_factor == pytest.approx(expected, rel=1e-6)
+    assert (one.combination.heavier, one.verified) == ((), True)
+
+
+def test_a_stated_dead_load_is_a_part_of_its_own() -> None:
+    """5 on the back, favourable, beside the parts of the weight: 0.9 (10 · 1.2²/2 + 5 · 0.6) holds."""
+    document = slab(1.0)
+    document["loads"]["dead"] = [{"element": "back", "force": [0.0, -5.0], "at": [0.6, 0.3]}]
+    one = checked(document).governing
+    expected = (0.9 * (5 * 1.2**2 + 3.0) - 1.1 * 5.0) / (1.5 * 0.1)
+    assert one.bounds.load_factor == pytest.approx(expected, rel=1e-6)
+    assert one.combination.heavier == ("over",)
+
+
 def test_a_part_that_only_the_live_load_holds_does_not_verify() -> None:
     """The slab tips without live load where its parts are at their worst; a live load on its back holds it."""
     document = slab(1.14)

@@ -20,7 +20,7 @@ from scenes_of_pages import scene_of_cases, small_scene, spatial_scene
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_explore.studio.collapse_loads import collapse_loads
+from jld_explore.studio.collapse_loads import collapse_loads, texts_of_bounds
 from jld_explore.studio.supports import with_support
 from local_studio import Local
 
@@ -244,6 +244,23 @@ def test_loads_at_collapse_are_given_in_readable_units(
     result = solve(assembly)
     object.__setattr__(result, "load_factor", factor)
     assert collapse_loads(scene, assembly, result) == [[text]]
+
+
+@pytest.mark.parametrize(
+    ("bracket", "text"),
+    [
+        ((0.5, 2.0), "500 N to 2 kN"),
+        ((None, 2.0), "at most 2 kN"),
+        ((-1.0, 2.0), "at most 2 kN"),
+        ((0.5, None), "at least 500 N"),
+        ((-3.0, -2.0), ""),
+    ],
+)
+def test_loads_at_bounds_wherever_blocks_crack(bracket: tuple[float | None, float | None], text: str) -> None:
+    """Both bounds times the load, or the one that says something; nothing for a layout that falls."""
+    document = small_scene() | {"loads": {"live": [{"element": "c1r0", "force": [-600, 800]}]}}
+    scene = parse_scene(document)
+    assert texts_of_bounds(scene, build_assembly(scene), [bracket]) == [[text]]
 
 
 def test_cases_have_loads_at_collapse_of_their_own(local: Local) -> None:

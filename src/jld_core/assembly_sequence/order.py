@@ -16,7 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.blocks import Blocks, blocks_of_labelling
 from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.standing import Parts, Stage, Standing
-from jld_core.assembly_sequence.start import LayingStart, Turn, turn_of
+from jld_core.assembly_sequence.start import LayingStart, Turn, turn_of, upwards
 from jld_core.scene.units import force_in_words
 
 SequenceRule = Literal["translation", "standing"]
@@ -27,6 +27,9 @@ GROUP: Final = 3
 
 MOST_STAGES: Final = 400
 """Largest number of stages examined in the search for an order whose stages stand."""
+
+_TRIED: Final = 6
+"""Number of removals, the first in order, of which one is chosen."""
 
 _SAME: Final = 1e-6
 """Difference of prop forces, relative to the weight, below which two stages need the same."""
@@ -157,7 +160,7 @@ def assembly_order(
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)
-    taken, there = _disassembly(freedom, standing, group, turn)
+    taken, there = _disassembly(freedom, standing, group, turn, by_courses=start == "ground")
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
     steps = _steps(blocks, standing, taken)
@@ -236,7 +239,27 @@ def _without(there: Bools, move: Move) -> Bools:
     return left
 
 
-def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, Bools]:
+def _course(blocks: Blocks, moves: list[Move]) -> list[Move]:
+    """Return the first moves, sorted from above, that belong to the course of the highest one.
+
+    A wall that grows from the ground needs its props when a course needs them: to put off a removal that needs one
+    would leave a tower of it, which needs the same prop at the end.
+    """
+    elements, up = blocks.assembly.elements, upwards(blocks)
+    reach = (np.maximum(elements.lower @ up, elements.upper @ up), np.minimum(elements.lower @ up, elements.upper @ up))
+
+    def middle_and_half(move: Move) -> tuple[float, float]:
+        chosen = np.isin(blocks.of, move[0])
+        top, bottom = float(reach[0][chosen].max()), float(reach[1][chosen].min())
+        return 0.5 * (top + bottom), 0.5 * (top - bottom)
+
+    highest, half = middle_and_half(moves[0])
+    return [move for move in moves[:_TRIED] if middle_and_half(move)[0] >= highest - half]
+
+
+def _disassembly(
+    freedom: Freedom, standing: Standing, group: int, turn: Turn, *, by_courses: bool
+) -> tuple[list[Move] | None, Bools]:
     """Take a structure apart; return the moves in order, and the blocks (k,) that remain.
 
     The moves are None if the remaining blocks lock one another. At each step the first few moves in the order of `turn`
@@ -251,12 +274,13 @@ def _disassembly(freedom: Freedom, standing: Standing, group: int, turn: Turn) -
         if not moves:
             return None, there
         moves.sort(key=lambda move: turn(there, move[0]))
-        choice = next((m for m in moves[:6] if standing.stage(_without(there, m)).stands), None)
+        first = _course(blocks, moves) if by_courses else moves[:_TRIED]
+        choice = next((m for m in first if standing.stage(_without(there, m)).stands), None)
         if choice is None:
-            stages = [standing.stage(_without(there, m)) for m in moves[:6]]
+            stages = [standing.stage(_without(there, m)) for m in first]
             least = min(float(stage.props.sum()) for stage in stages)
             # of removals that need the same props up to rounding the first in order is taken
-            pairs = zip(moves[:6], stages, strict=True)
+            pairs = zip(first, stages, strict=True)
             choice = next(m for m, stage in pairs if float(stage.props.sum()) <= least + _SAME * stage.weight)
         taken.append(choice)
         there = _without(there, choice)

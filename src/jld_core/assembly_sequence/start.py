@@ -30,11 +30,7 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
     """
     if start not in get_args(LayingStart):
         raise ParameterError("start", f"{start!r} is no start of laying", "one of " + ", ".join(get_args(LayingStart)))
-    elements = blocks.assembly.elements
-    total = elements.weight[elements.free].sum(axis=0)
-    if not np.any(total):
-        total = -np.eye(blocks.assembly.dimension)[-1]
-    up = -total / np.linalg.norm(total)
+    elements, up = blocks.assembly.elements, upwards(blocks)
     if start == "springings":
         far: Floats | None = _steps_from_supports(blocks)
     elif start == "ground":
@@ -56,6 +52,15 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
 
     scale = 1.0 if start == "springings" else blocks.assembly.size
     return key
+
+
+def upwards(blocks: Blocks) -> Floats:
+    """Return the unit vector (d,) against the weight of all blocks."""
+    elements = blocks.assembly.elements
+    total = elements.weight[elements.free].sum(axis=0)
+    if not np.any(total):
+        total = -np.eye(blocks.assembly.dimension)[-1]
+    return np.asarray(-total / np.linalg.norm(total))
 
 
 def _to_the_right(blocks: Blocks, up: Floats) -> Floats:

@@ -157,13 +157,14 @@ def verdict(work: Design) -> str:
         ending = "; nothing bounds it from above" if math.isinf(high) else ending
         told = f"{subject} at least {low:.4g} times {load} {model}{ending}."
         if low < 1.0:
-            told += " That is less than the load itself." if high < 1.0 else " That it carries the load is not proven."
+            told += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
+    told += drawn
     rivals = rivals_of(work)
     if rivals:
         most = "without a bound" if math.isinf(rivals[0].most) else f"at most {rivals[0].most:.4g}"
         count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
         told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {most})."
-    return told + drawn
+    return told
 
 
 _CLOSE: Final = 1e-3

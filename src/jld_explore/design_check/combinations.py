@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, LoadCase
-from jld_core.loads import Loads, resultants
+from jld_core.loads import Loads
 from jld_core.scene.design import PartialFactors
 
 Effect = Literal["unfavourable", "favourable", "parts"]
@@ -65,7 +65,9 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
         return [Combination("parts", "parts", effect) for effect in effects]
     varied = {name: there and len(set(getattr(factors, name))) > 1 for name, there in present.items()}
     choices = [_BOTH if varied[name] else _BOTH[:1] for name in present]
-    return [Combination(*chosen) for chosen in itertools.product(*choices)]
+    return [
+        Combination(self_weight, dead, prestressing) for self_weight, dead, prestressing in itertools.product(*choices)
+    ]
 
 
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
@@ -76,18 +78,11 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
     the characteristic weight.
     """
     chosen = combination.factors(factors)
-    weight = _weights(assembly)
-    of_weight, of_dead = (
-        _share(assembly, getattr(factors, name), combination.heavier, stated=name == "dead")
-        if getattr(combination, name) == "parts"
-        else np.full(len(assembly.elements), chosen[name])
-        for name in ("self_weight", "dead")
-    )
 
     def dead_of(dead: Loads) -> Loads:
         """Return a dead load with factors."""
-        stated = _stated(assembly, dead).weighted(of_dead)
-        return replace(stated, body=stated.body + of_weight[:, None] * weight)
+        stated = chosen["dead"] * _stated(assembly, dead)
+        return replace(stated, body=stated.body + chosen["self_weight"] * _weights(assembly))
 
     cases = tuple(
         replace(case, dead_loads=dead_of(case.dead_loads), live_loads=factors.live * case.live_loads)
@@ -95,54 +90,16 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
     )
     return replace(
         assembly,
-        elements=replace(assembly.elements, weight=of_weight[:, None] * assembly.elements.weight),
+        elements=replace(assembly.elements, weight=chosen["self_weight"] * assembly.elements.weight),
         dead_loads=dead_of(assembly.dead_loads),
         live_loads=factors.live * assembly.live_loads,
         cases=cases,
     )
 
 
-def _names(assembly: Assembly, *, stated: bool) -> list[str]:
-    """Return the name of the weight of each element, or of the stated dead load on it, as a part."""
-    return [f"dead load on {one}" if stated else one for one in assembly.elements.ids]
-
-
-def _share(assembly: Assembly, pair: tuple[float, float], heavier: tuple[str, ...], *, stated: bool) -> Floats:
-    """Return the factor (n,) of the weight of each element, or of the stated dead load on it."""
-    chosen = set(heavier)
-    return np.array([pair[name in chosen] for name in _names(assembly, stated=stated)])
-
-
-def parts_of(assembly: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case.
-
-    They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
-    factors (k, 2), favourable and unfavourable. Parts whose two factors are equal are left out.
-    """
-    names: list[str] = []
-    loads, ends = [], []
-    for stated, pair in ((False, factors.self_weight), (True, factors.dead)):
-        action = _stated(assembly, assembly.dead_loads) if stated else _weight_loads(assembly)
-        load = resultants(action, assembly.elements)
-        for element, name in enumerate(_names(assembly, stated=stated)):
-            if pair[0] < pair[1] and load[element].any() and not assembly.elements.support[element]:
-                part = np.zeros_like(load)
-                part[element] = load[element]
-                names.append(name)
-                loads.append(part)
-                ends.append(pair)
-    return tuple(names), np.array(loads).reshape(len(names), *assembly.dead.shape), np.array(ends).reshape(-1, 2)
-
-
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
     """Return the load cases; the single load of a structure without cases is one."""
     return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
-
-
-def _weight_loads(assembly: Assembly) -> Loads:
-    """Return the self-weights as loads."""
-    none = 0.0 * assembly.dead_loads
-    return replace(none, body=_weights(assembly))
 
 
 def _weights(assembly: Assembly) -> Floats:

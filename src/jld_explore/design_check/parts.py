@@ -7,9 +7,9 @@ upper bound; forces that are affine in the factors, and admissible under all of 
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -19,13 +19,13 @@ from scipy.sparse.linalg import splu
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import CaseBounds, SolveOptions, Status
-from jld_core.loads import Loads, resultants
+from jld_core.loads import Loads
 from jld_core.models import limit_analysis, solve_rigid
 from jld_core.program import ConicProgram, Template
 from jld_core.scene.design import PartialFactors
 from jld_core.solvers import make_solver
 from jld_core.threads import one_thread
-from jld_explore.design_check.combinations import Combination, at_design_loads, parts_of
+from jld_explore.design_check.combinations import Combination, at_design_loads
 from jld_explore.reliability.bounds import SampleBounds
 from jld_explore.reliability.form import LimitFunction
 from jld_explore.reliability.structure import Growth, RandomStructure
@@ -39,6 +39,9 @@ _STEPS: Final = 12
 
 _ROUNDS: Final = 6
 """Rounds in which forces that answer each part follow the room that the last state leaves."""
+
+_ROUNDING: Final = 1e-12
+"""Stated dead load over all dead load on an element up to which it is rounding of the self-weight."""
 
 _SAFE: Final = 1e-6
 """Relative share of a lower bound from affine forces that is left for rounding."""
@@ -65,8 +68,7 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
     search = _Search(structure, labels, factors, combination)
     few = len(search.names) <= _ALL
     (low, high, worst), stands = search.all_assignments() if few else search.by_mechanisms()
-    chosen = search.combination_of(worst)
-    loaded = at_design_loads(structure, factors, chosen)
+    chosen, loaded = search.combination_of(worst), search.loaded(worst)
     if low == high == -math.inf:
         return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), False)
     if low == math.inf:
@@ -77,13 +79,49 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
     return WorstParts(chosen, loaded, CaseBounds(status, ends[0], ends[1], value), stands)
 
 
+def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
+    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them.
+
+    They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
+    factors (k, 2), favourable and unfavourable. Beside them (n, q) are prestress and loads whose factors are equal.
+    """
+    elements, stress = structure.elements, structure.members.self_stress
+    weight = np.zeros_like(structure.dead)
+    weight[elements.free, : structure.dimension] = elements.weight[elements.free]
+    stated = structure.dead - weight - (0.0 if stress is None else stress)
+    size = np.abs(structure.dead) + np.abs(weight)
+    stated[np.abs(stated) <= _ROUNDING * np.maximum(size, size.max(axis=1, keepdims=True))] = 0.0
+    names: list[str] = []
+    loads, ends, rest = [], [], np.zeros_like(weight) if stress is None else np.array(stress)
+    for what, load, pair in (("", weight, factors.self_weight), ("dead load on ", stated, factors.dead)):
+        if pair[0] == pair[1]:
+            rest += pair[0] * load
+            continue
+        for element in np.flatnonzero(load.any(axis=1) & ~elements.support).tolist():
+            part = np.zeros_like(load)
+            part[element] = load[element]
+            names.append(what + elements.ids[element])
+            loads.append(part)
+            ends.append(pair)
+    shape = (len(names), *structure.dead.shape)
+    return tuple(names), np.array(loads).reshape(shape), np.array(ends).reshape(-1, 2), rest
+
+
 class _Search:
     """Assignments of one load case; factors (parts,) are values of random variables that its loads follow."""
 
     def __init__(self, structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> None:
-        self.structure, self.labels, self.factors, self.plain = structure, labels, factors, combination
-        self.names, self.loads, self.ends = parts_of(structure, factors)
+        self.labels, self.plain = labels, combination
+        self.names, self.loads, self.ends, self.rest = parts_of(structure, factors)
         self.middle = self.ends.mean(axis=1)
+        # live loads at design values; permanent loads follow by parts
+        self.base = at_design_loads(structure, factors, combination)
+
+    def loaded(self, values: Floats, direction: float = 1.0) -> Assembly:
+        """Return the structure with factors (parts,); direction: −1 to reverse its live load."""
+        dead, stress = self.rest + np.tensordot(values, self.loads, 1), self.base.members.self_stress
+        loads = Loads.of_resultants(dead if stress is None else dead - stress)
+        return replace(self.base, dead_loads=loads, live_loads=direction * self.base.live_loads, nominal=None)
 
     def combination_of(self, values: Floats) -> Combination:
         """Return the combination of factors (parts,), of which those above their mean are unfavourable."""
@@ -92,28 +130,14 @@ class _Search:
 
     def bounds(self, direction: float = 1.0) -> SampleBounds:
         """Return bounds on the factor of the live load, or of its opposite, for given factors of the parts."""
-        rest = at_design_loads(self.structure, self.factors, self.plain)
-        dead = resultants(rest.dead_loads, rest.elements)
-        dead += np.tensordot(self.middle, self.loads, 1) - self._plain_loads
-        base = replace(
-            rest,
-            dead_loads=Loads.of_resultants(dead),
-            live_loads=direction * rest.live_loads,
-            nominal=None,
-        )
-        count, none = len(self.names), np.zeros_like(base.live)
+        base, count = self.loaded(self.middle, direction), len(self.names)
         variables = Variables(self.names, self.middle, np.ones(count), np.zeros(count, dtype=bool))
-        growths = tuple(Growth((k,), load, none) for k, load in enumerate(self.loads))
+        growths = tuple(Growth((k,), load, np.zeros_like(base.live)) for k, load in enumerate(self.loads))
         return SampleBounds(RandomStructure(base, variables, (), (growths,)), self.labels)
-
-    @cached_property
-    def _plain_loads(self) -> Floats:
-        """Return the parts (n, q) with the factors of the combination without heavier parts: the lower ones."""
-        return np.asarray(np.tensordot(self.ends[:, 0], self.loads, 1))
 
     def all_assignments(self) -> tuple[tuple[float, float, Floats], bool | None]:
         """Return least bounds of all assignments with the worst one, and whether all stand without live load."""
-        grid = np.array(np.meshgrid(*self.ends, indexing="ij")).reshape(len(self.names), -1).T
+        grid = np.array(list(itertools.product(*self.ends))).reshape(2 ** len(self.names), -1)
         found, back = self.bounds().of(grid), self.bounds(-1.0).of(grid)
         worst = int(np.argmin(np.where(np.isnan(found.high), np.inf, found.high)))
         falls = np.isneginf(back.high) | np.isneginf(found.high)
@@ -175,8 +199,9 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
     weight, best = np.ones(resultants // template.assembly.freedoms), -math.inf
     for _ in range(_ROUNDS):
         spread = np.repeat(weight**2, template.assembly.freedoms)
-        system = sp.csc_array(equilibrium @ sp.diags_array(spread) @ equilibrium.T)
-        system += 1e-13 * float(system.diagonal().max()) * sp.eye_array(equations, format="csc")
+        stiffness = sp.csc_array(equilibrium @ sp.diags_array(spread) @ equilibrium.T)
+        more = 1e-13 * float(stiffness.diagonal().max()) * sp.eye_array(equations, format="csc")
+        system = sp.csc_array(stiffness + more)
         answer = spread[:, None] * (equilibrium.T @ splu(system).solve(np.asfortranarray(-parts.T)))
         if not np.isfinite(answer).all() or abs(equilibrium @ answer + parts.T).max() > _SAFE * abs(parts).max():
             break

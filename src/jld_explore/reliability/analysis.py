@@ -172,7 +172,8 @@ def estimate(function: LimitFunction, variables: Variables, options: Reliability
     """Compute the reliability of a limit function by both methods; see `analyse`."""
     samples, seed, jobs = options.samples, options.seed, options.jobs
     form = design_point(function)
-    points, unseen = ((form,) if form.found else ()), 0.0
+    points: tuple[Form, ...] = (form,) if form.found else ()
+    unseen = 0.0
     if is_rare(points, samples) or form.far:
         explored = explore_failures(function, form, max(1, samples // 2), seed, jobs)
         points, unseen = explored.points, explored.unseen
