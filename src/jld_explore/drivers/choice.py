@@ -152,6 +152,8 @@ def what_would_prove(
     by_exact = summary["driver"] == "exact"
     if open_ones and reason == "exhausted" and (whole or by_exact):
         return f"{open_ones} layouts are uncertified: another --solver may settle them"
+    if reason == "exhausted" and whole:
+        return "brackets of the best layouts overlap: another --solver may narrow them"
     if finite and reason != "exhausted":
         left = "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
         return f"--resume goes on to a proof{left}"
