@@ -19,6 +19,9 @@ from jld_core.scene.units import with_numbers
 DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
+_PLAIN: Final = {int, float, str}
+"""Types of JSON that most lists hold."""
+
 
 class NeedsImport(InputError):
     """Error for a drawing or a file of solids where a scene is expected.
@@ -47,7 +50,7 @@ def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
         drawing.
     """
     if isinstance(path, Mapping):
-        return parse_scene(path)
+        return parse_scene(dict(path))
     if not isinstance(path, str | Path):
         raise ParameterError("path", f"{type(path).__name__!r} is no scene", "the name of a scene file, or a dict")
     path = Path(path)
@@ -91,7 +94,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     Parameters
     ----------
     document : object
-        Nested dicts and lists as in the scene file.
+        Nested dicts and lists as in the scene file; tuples and numpy arrays count as lists, numpy numbers as numbers.
     file : str
         Name used in error messages.
 
@@ -105,16 +108,30 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     InputError
         One line that names the key or element and what is expected.
     """
-    if not isinstance(document, Mapping):
+    if not isinstance(document, dict):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
+    plain_document: dict[str, Any] = _as_json(document)
     try:
-        _refuse_extremes(document)
-        document = {key: _plain(value) for key, value in document.items() if key != "$schema"}  # for editors alone
-        return Scene.model_validate(with_numbers(document))
+        _refuse_extremes(plain_document)
+        plain_document.pop("$schema", None)  # only used by editors
+        return Scene.model_validate(with_numbers(plain_document))
     except InputError as error:
         raise error.within(file) from None
     except ValidationError as error:
         raise first_complaint(error, Scene).within(file) from None
+
+
+def _as_json(value: Any, depth: int = 0) -> Any:
+    """Return a value with lists in place of arrays and tuples, and plain numbers in place of those of numpy."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if depth > _DEPTH:  # refused afterwards
+        return value
+    if isinstance(value, dict):
+        return {key: _as_json(one, depth + 1) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [one if type(one) in _PLAIN else _as_json(one, depth + 1) for one in value]
+    return value
 
 
 def at_low(scene: Scene) -> Scene:
@@ -180,15 +197,6 @@ _Path = tuple[Any, "str | int"] | None
 """Path of a value within a scene: the path of what holds it, and its key or index; None for the scene."""
 
 
-def _plain(value: Any) -> Any:
-    """Return a value with dicts, lists and numbers of Python for mappings, tuples, arrays and numbers of numpy."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
-
-
 def _refuse_extremes(document: object) -> None:
     """Refuse JSON values that cannot be computed with or written again.
 
@@ -201,13 +209,11 @@ def _refuse_extremes(document: object) -> None:
             short = _words(where)
             short = short if len(short) <= 40 else short[:37] + "..."
             raise InputError(short, "it is nested too deeply", f"at most {_DEPTH} levels")
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
+        if isinstance(value, dict):
             for key in value:
                 _refuse_surrogates(where, key)
             pending += [((where, key), inner, depth + 1) for key, inner in value.items()]
-        elif isinstance(value, list | tuple):
+        elif isinstance(value, list):
             pending += [((where, index), inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
             _refuse_surrogates(where, value)
