@@ -50,7 +50,7 @@ def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
         drawing.
     """
     if isinstance(path, Mapping):
-        return parse_scene(path)
+        return parse_scene(dict(path))
     if not isinstance(path, str | Path):
         raise ParameterError("path", f"{type(path).__name__!r} is no scene", "the name of a scene file, or a dict")
     path = Path(path)
@@ -108,7 +108,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     InputError
         One line that names the key or element and what is expected.
     """
-    if not isinstance(document, Mapping):
+    if not isinstance(document, dict):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
     plain_document: dict[str, Any] = _as_json(document)
     try:
@@ -209,13 +209,11 @@ def _refuse_extremes(document: object) -> None:
             short = _words(where)
             short = short if len(short) <= 40 else short[:37] + "..."
             raise InputError(short, "it is nested too deeply", f"at most {_DEPTH} levels")
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
+        if isinstance(value, dict):
             for key in value:
                 _refuse_surrogates(where, key)
             pending += [((where, key), inner, depth + 1) for key, inner in value.items()]
-        elif isinstance(value, list | tuple):
+        elif isinstance(value, list):
             pending += [((where, index), inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
             _refuse_surrogates(where, value)
