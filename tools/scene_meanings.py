@@ -266,7 +266,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "about": Meaning("length", "Point that they turn about; the middle of their centroids where it is not given."),
     },
     search.Labels: {
-        "default": Meaning("", "Label of all faces between free elements that nothing else labels."),
+        "default": Meaning("", "Label of all faces that nothing else labels, those to supports too."),
         "inner": Meaning("", "Pairs of ids whose faces are inner."),
         "dry": Meaning("", "Pairs of ids whose faces are dry."),
     },

@@ -1,4 +1,4 @@
-"""Which label a face has: the interface's, else of the lists, else that of its place; supports are not glued."""
+"""Which label a face has: the interface's, else of the lists, else that of its place; a note says where supports are glued."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ def stack(labels: Document, interface: str | None = None) -> Document:
     ("labels", "interface", "support", "between"),
     [
         ({}, None, True, True),
-        ({"default": "inner"}, None, True, False),
+        ({"default": "inner"}, None, False, False),
         ({"default": "dry"}, None, True, True),
         ({"default": "inner", "inner": [["B", "S"]]}, None, False, False),
-        ({"default": "inner", "dry": [["B", "C"]]}, None, True, True),
+        ({"default": "inner", "dry": [["B", "C"]]}, None, False, True),
         ({"inner": [["S", "B"]]}, None, False, True),
         ({"default": "inner"}, "inner", False, False),
         ({"default": "inner", "inner": [["S", "B"]]}, "dry", True, False),
     ],
 )
 def test_labels_of_faces(labels: Document, interface: str | None, support: bool, between: bool) -> None:
-    """True = dry, at the support and between the blocks; a note says where a default leaves supports dry."""
+    """True = dry, at the support and between the blocks; a note says where a default glues supports."""
     built = build_assembly(parse_scene(stack(labels, interface)))
     found = {built.pair(face): bool(dry) for face, dry in enumerate(built.labels)}
     assert found == {"S–B": support, "B–C": between}
-    noted = labels.get("default") == "inner" and support and "dry" not in labels and interface is None
+    noted = labels.get("default") == "inner" and not support and "inner" not in labels and interface is None
     assert bool(built.notes) == noted
 
 
-def test_the_default_label_glues_no_support() -> None:
+def test_a_support_that_is_named_dry_stays_a_joint() -> None:
     """A stack of 2000 N slides at 0.5 · 2000 / 300."""
-    result = solve(build_assembly(parse_scene(stack({"default": "inner"}))))
+    result = solve(build_assembly(parse_scene(stack({"default": "inner", "dry": [["S", "B"]]}))))
     assert result.load_factor == pytest.approx(0.5 * 2000 / 300, rel=1e-6)

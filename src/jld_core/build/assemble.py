@@ -133,7 +133,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    notes = (*not_judged(scene), *_means(scene), *_dry_supports(scene, assembly))
+    notes = (*not_judged(scene), *_means(scene), *_glued_supports(scene, assembly))
     assembly = replace(assembly, warnings=warnings, notes=notes, cracks=scene.cracks, scene=scene)
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
@@ -162,15 +162,15 @@ def _means(scene: Scene) -> tuple[str, ...]:
     return (f"the means stand for values with uncertainty ({', '.join(named[:_NAMED])}{more}): see jld reliability",)
 
 
-def _dry_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
-    """Return a note that faces to supports stay dry where the default label is inner; () if no such face does."""
+def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
+    """Return a note that the default label glues supports which could be joints; () where none is."""
     elements, faces = assembly.elements, assembly.interfaces
-    count = int((assembly.labels & (elements.support[faces.a] | elements.support[faces.b])).sum())
-    named = scene.labels.dry or any(contact.label for contact in scene.interfaces or [])
-    if scene.labels.default != "inner" or named or not count:
+    count = int((~assembly.labels & (elements.support[faces.a] | elements.support[faces.b])).sum())
+    named = scene.labels.inner or any(contact.label for contact in scene.interfaces or [])
+    if scene.labels.default != "inner" or scene.materials.dry is None or named or not count:
         return ()
-    each = "1 face to a support stays" if count == 1 else f"{count} faces to supports stay"
-    return (f'labels.default is for faces between free elements: {each} dry; "labels.inner" glues their pairs',)
+    each = "1 face to a support" if count == 1 else f"{count} faces to supports"
+    return (f'labels.default "inner" glues {each} too; "labels.dry" lists pairs that are joints',)
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
@@ -209,16 +209,17 @@ def _check_paths(geometry: Geometry) -> None:
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
     """Return the labels (m,) of all interfaces that the scene states, True = dry.
 
-    The first of these that exists counts: label of the interface, lists "dry" and "inner". Then faces at supports are
-    dry, and the others have the default, without one inner in a named block and dry elsewhere. given: the scene's entry
-    for each interface. Raises InputError for unknown elements, or a pair in both lists.
+    The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
+    inside a named block are inner, except those at supports, and all others are dry. given: the scene's entry for each
+    interface. Raises InputError for unknown elements, or a pair in both lists.
     """
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])
     same = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
     support = elements.support[interfaces.a] | elements.support[interfaces.b]
-    default = scene.labels.default
-    labels = np.where(support, DRY, np.where(same, INNER, DRY) if default is None else LABELS[default])
+    labels = np.where(same & ~support, INNER, DRY)
+    if scene.labels.default is not None:
+        labels = np.full(len(interfaces), LABELS[scene.labels.default])
     inner = faces_of_pairs(scene.labels.inner, elements, interfaces, "labels.inner")
     dry = faces_of_pairs(scene.labels.dry, elements, interfaces, "labels.dry")
     if np.any(inner & dry):
