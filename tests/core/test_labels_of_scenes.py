@@ -1,4 +1,4 @@
-"""Which label a face has: the interface's, else of the lists, else that of its place; a note says where supports are glued."""
+"""Which label a face has: the interface's, else of the lists, the default, or its place; glued supports are said."""
 
 from __future__ import annotations
 
