@@ -23,7 +23,10 @@ from jld_core.models import solve
 from jld_core.models.rigid_blocks import rigid_blocks
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver
+from jld_core.strengths import Route
 from jld_core.views.figures import save_figure
+
+ROUTE = Route("a benchmark")
 
 ENOUGH: Final = 0.5
 """Processor seconds that runs of one measurement fill."""
@@ -177,7 +180,7 @@ def halved(courses: int = 8, half: int = 6) -> tuple[Assembly, Assembly]:
     both = [*load, {"element": f"c{half}r0", "force": [0, -1]}]
     entire = build_assembly(grid([*whole, bearing + bearing[::-1]], both))
     part = build_assembly(grid([*(line + "#" for line in left), bearing + "."], load))
-    faces, elements, strengths = part.interfaces, part.elements, part.strengths
+    faces, elements, strengths = part.interfaces, part.elements, part.strengths(ROUTE)
     plane = np.flatnonzero(np.isclose(faces.origin[:, 0], 0.1 * half) & (abs(faces.normal[:, 0]) > 0.5))
     pairs = zip(faces.a[plane], faces.b[plane], strict=True)
     row = np.array([int(elements.ids[b if elements.support[a] else a].split("r")[1]) for a, b in pairs])
@@ -187,7 +190,7 @@ def halved(courses: int = 8, half: int = 6) -> tuple[Assembly, Assembly]:
     friction[plane], shear[plane], tension[cut] = 0.0, 0.0, 1e9
     labels[plane], labels[cut] = True, False
     leaning = replace(strengths, friction=friction, tension=tension, shear=shear)
-    return entire, replace(part, strengths=leaning, labels=labels)
+    return entire, replace(part.with_strengths(leaning), labels=labels)
 
 
 _MIRROR: Final = str.maketrans("fghij", "vwxyz")

@@ -18,6 +18,7 @@ from jld_core.linalg import components
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.shape_loads import ShapeLoads
+from jld_core.strengths import FaceStrengths, Route, Strengths
 
 DRY: Final = True
 """Label of a joint."""
@@ -154,39 +155,6 @@ class Interfaces:
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
 
-@dataclass(frozen=True)
-class Strengths:
-    """Strengths of m interfaces, each as dry and as inner, in scene units.
-
-    The values of a material that the scene does not state are NaN.
-
-    Attributes
-    ----------
-    friction : (m,) array
-        Friction coefficient μ of dry faces.
-    tension, shear : (m,) arrays
-        Tensile and shear strength σt and τ of inner faces, stress.
-    crush_dry, crush_inner : (m,) arrays
-        Compressive strength, stress; inf where none is given.
-    cohesion : (m,) array
-        Cohesion of dry faces, stress; 0 where none is given.
-    inner_friction : (m,) array
-        Friction coefficient μ of inner faces; 0 where none is given.
-    """
-
-    friction: Floats
-    tension: Floats
-    shear: Floats
-    crush_dry: Floats
-    crush_inner: Floats
-    cohesion: Floats
-    inner_friction: Floats
-
-    def take(self, rows: Ints) -> Strengths:
-        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
-        return Strengths(**{name: values[rows] for name, values in vars(self).items()})
-
-
 Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
 """Positions and vectors of point forces."""
 
@@ -237,8 +205,8 @@ class Assembly(NotebookRepr):
         Units of length and force.
     elements, interfaces : Elements, Interfaces
         Rigid elements, and their plane contacts.
-    strengths : Strengths
-        Strengths of all interfaces under both labels.
+    face_strengths : FaceStrengths
+        Strengths of all interfaces under both labels, whose numbers `strengths` hands to the routes that know them.
     dead, live : (n, 3) or (n, 6) arrays
         Loads about centroids, planar (fx, fy, m) or spatial (f, m), scene units. Dead ones hold self-weight.
     labels : (m,) bool array
@@ -257,8 +225,6 @@ class Assembly(NotebookRepr):
         Load cases if there are several; `dead` and `live` are those of the first. Solvers use `by_case`.
     touching : tuple of (int, int)
         Pairs of supports that share a face; both belong to one block.
-    nominal : Strengths or None
-        Nominal strengths, where `strengths` holds the low values of materials.
     live_widths : tuple of float or None
         Lengths of the patches of the live point forces, as in `LoadCase`.
     shape_loads : ShapeLoads or None
@@ -274,7 +240,7 @@ class Assembly(NotebookRepr):
     units: tuple[str, str]
     elements: Elements
     interfaces: Interfaces
-    strengths: Strengths
+    face_strengths: FaceStrengths
     dead: Floats
     live: Floats
     labels: Bits
@@ -285,7 +251,6 @@ class Assembly(NotebookRepr):
     notes: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
-    nominal: Strengths | None = None
     live_widths: tuple[float | None, ...] = ()
     shape_loads: ShapeLoads | None = None
     members: Members = field(default_factory=Members)
@@ -315,10 +280,26 @@ class Assembly(NotebookRepr):
         titles = [f"{self.name}: {case.name}" for case in self.cases]
         return tuple(replace(self, name=title, cases=(), **own) for title, own in zip(titles, loads, strict=True))
 
+    def strengths(self, route: Route, labels: Bits | None = None) -> Strengths:
+        """Return the strengths of all interfaces for a route; raise InputError if it does not know a fact of them.
+
+        labels: (m,) True = dry, if the route reads the strengths of one labelling alone.
+        """
+        return self.face_strengths.numbers(route, ~self.of_members, labels)
+
+    def with_strengths(self, strengths: Strengths) -> Assembly:
+        """Return the structure with other strengths of its interfaces, and without low values."""
+        return replace(self, face_strengths=self.face_strengths.with_numbers(strengths))
+
+    @property
+    def has_low_values(self) -> bool:
+        """Return True if its strengths are the low values of materials."""
+        return self.face_strengths.has_low_values
+
     @cached_property
     def at_nominal(self) -> Assembly:
         """Return the structure at nominal strengths; this assembly if it has no low values."""
-        return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
+        return replace(self, face_strengths=self.face_strengths.at_nominal()) if self.has_low_values else self
 
     @property
     def required(self) -> Floats:

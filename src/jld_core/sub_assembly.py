@@ -41,8 +41,7 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         assembly,
         elements=assembly.elements.take(rows),
         interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
-        strengths=assembly.strengths.take(kept),
-        nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
+        face_strengths=assembly.face_strengths.take(kept),
         dead=assembly.dead[rows],
         live=assembly.live[rows],
         shape_loads=_of(assembly.shape_loads, rows),
@@ -75,8 +74,7 @@ def faces_of(assembly: Assembly) -> Assembly:
     return replace(
         assembly,
         interfaces=assembly.interfaces.take(rows),
-        strengths=assembly.strengths.take(rows),
-        nominal=None if assembly.nominal is None else assembly.nominal.take(rows),
+        face_strengths=assembly.face_strengths.take(rows),
         labels=assembly.labels[rows],
         members=replace(assembly.members, face=np.full(len(assembly.members), -1)),
     )

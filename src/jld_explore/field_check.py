@@ -79,7 +79,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         Plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by experiment
         or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
     """
-    plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
+    plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
         not settings.check_fields
         or not plain

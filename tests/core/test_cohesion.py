@@ -22,10 +22,13 @@ from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
+from jld_core.strengths import Route
 from jld_core.views import quantities
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.space import search_space
+
+ROUTE = Route("a test")
 
 WEIGHT, AREA = 40.0, 2.0
 
@@ -188,7 +191,7 @@ def test_an_interface_of_its_own() -> None:
     document = grid_document(["a", "#"], tension=0.0, shear=1e4)
     entry = {"elements": ["c0r0", "c0r1"], "polygon": [[0.0, 0.1], [0.1, 0.1]]}
     document["interfaces"] = [{**entry, "cohesion": 2e3, "inner_friction_angle": 45.0}]
-    strengths = build_assembly(parse_scene(document)).strengths
+    strengths = build_assembly(parse_scene(document)).strengths(ROUTE)
     assert strengths.cohesion.tolist() == [2e3]
     assert strengths.inner_friction == pytest.approx([1.0])
     document["interfaces"] = [{**entry, "inner_friction_coefficient": 1.0, "tensile_strength": 2e4}]

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Strengths
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, DryFace, FaceMaterial, Inner, InnerFace, Materials, lies_within_apex
 from jld_core.scene.schema import Contact, Element
+from jld_core.strengths import Strengths
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:

@@ -21,6 +21,9 @@ from jld_core.geometry_optimisation.spatial_mesh import SpatialMesh
 from jld_core.geometry_optimisation.spatial_rates import face_motion, held_forces, volume_rates
 from jld_core.geometry_optimisation.variables import Variables, ties_of, vertex_at
 from jld_core.scene.move import Move
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("joints that move in space")
 
 _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")
 """Keys of "move" that have a meaning in the plane alone."""
@@ -31,7 +34,7 @@ def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
 
     Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
     """
-    strengths = assembly.strengths
+    strengths = assembly.strengths(_ROUTE)
     if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
         problem = "in space only joints without cohesion and compressive strength move, and no inner faces"
         raise InputError("move", problem, "a scene of such joints alone")

@@ -77,7 +77,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         raise InputError(where, error.problem, error.expected) from None
     if len(refined.parent) == len(assembly.elements):
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
-    fine = build_assembly(refined.scene) if assembly.nominal is None else build_robust(refined.scene)
+    fine = build_assembly(refined.scene) if not assembly.has_low_values else build_robust(refined.scene)
     return CrackCells(fine, joint_faces(assembly, fine, refined.parent))
 
 

@@ -160,7 +160,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     front = tables.front_table(results, axes, wide=wide)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
-    if study.assembly.nominal is not None:
+    if study.assembly.has_low_values:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
     found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
     model = study.settings.model

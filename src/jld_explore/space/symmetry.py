@@ -173,8 +173,7 @@ def _image(
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
     if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
         return "its interfaces are not mapped onto interfaces"
-    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
-    table = np.column_stack([column for one in strengths for column in vars(one).values()]).reshape(len(faces), -1)
+    table = assembly.face_strengths.table()
     if not np.array_equal(table[face_to], table, equal_nan=True):
         return "its strengths are not mapped onto themselves"
     if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
@@ -191,8 +190,7 @@ def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floa
     to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
     """
     members = assembly.members
-    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
-    columns = [column for one in strengths for column in vars(one).values()]
+    strengths = assembly.face_strengths.table()
     table = np.column_stack([members.axial, members.prestress])
     image = np.arange(assembly.faces, len(assembly.interfaces))
     left = set(range(len(members)))
@@ -204,7 +202,7 @@ def _image_of_members(assembly: Assembly, to: Ints, matrix: Floats, centre: Floa
             one, other = int(members.face[k]), int(members.face[j])
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
-            if not alike or (one >= 0 and any(column[one] != column[other] for column in columns)):
+            if not alike or (one >= 0 and np.any(strengths[one] != strengths[other])):
                 return False
             for step in (1, -1):
                 there, at = members.elements[j][::step], members.points[j][::step]

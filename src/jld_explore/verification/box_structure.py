@@ -16,8 +16,11 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.scene.uncertain import with_means
+from jld_core.strengths import Route
 from jld_explore.verification.box_certificate import BoxClaim, Pair
 from jld_explore.verification.polynomials import Polynomial, add, product
+
+_ROUTE: Final = Route("certificates of boxes")
 
 Vector = tuple[Fraction, Fraction]
 """Exact vector or point in the plane."""
@@ -138,7 +141,7 @@ class BoxStructure:
         """
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
         assembly.members.refuse("a certificate of a box")
-        strengths = assembly.strengths
+        strengths = assembly.strengths(_ROUTE)
         plain = assembly.labels.all() and not strengths.cohesion.any() and not np.isfinite(strengths.crush_dry).any()
         if not plain:
             problem = "a face is inner, or has cohesion or compressive strength"
