@@ -7,12 +7,15 @@ so that a new fact is refused by every route that was not taught it.
 
 from __future__ import annotations
 
+import difflib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
 
@@ -34,6 +37,10 @@ CRITERIA: Final = frozenset({"dry criterion", "inner criterion"})
 
 STANDARD: Final = frozenset(FACTS) - CRITERIA
 """Facts of the standard criterion: friction, cohesion, tension, shear and crushing."""
+
+
+GROUP: Final = "jld.criteria"
+"""Group of entry points of yield criteria."""
 
 
 @dataclass(frozen=True)
@@ -217,3 +224,72 @@ class FaceStrengths:
         columns = [column for one in parts for column in vars(one).values()]
         columns += [one.faces.astype(float) for one in self.criteria]
         return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Parameter of a criterion.
+
+    Attributes
+    ----------
+    name : str
+        Key in a scene.
+    unit : str
+        Unit in words, such as "stress", "length" or "" for a number.
+    least, most : float
+        Bounds; a value may equal them.
+    default : float or None
+        Value where a scene states none; None: a scene must state it.
+    """
+
+    name: str
+    unit: str = ""
+    least: float = -math.inf
+    most: float = math.inf
+    default: float | None = None
+
+
+def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> tuple[tuple[str, float], ...]:
+    """Return the parameters of a criterion that a scene states, with defaults for the others.
+
+    Raises InputError for an unknown criterion, one of the other label, and parameters that are unknown, missing or out
+    of bounds. key: of the material in the scene.
+    """
+    criterion = criterion_of(name, key)
+    if criterion.label != label:
+        expected = f'"materials.{criterion.label}" for it'
+        raise InputError(f"{key}.criterion", f'"{name}" is for {criterion.label} faces', expected)
+    known = {one.name: one for one in criterion.parameters}
+    for given in parameters:
+        if given not in known:
+            near = difflib.get_close_matches(given, known, n=1) or known
+            names = ", ".join(f'"{one}"' for one in near) or "no parameters"
+            raise InputError(f"{key}.parameters.{given}", f'"{name}" has no such parameter', names)
+    values = []
+    for one in criterion.parameters:
+        value = parameters.get(one.name, one.default)
+        unit = f", {one.unit}" if one.unit else ""
+        bounds = f"a number from {one.least:g} to {one.most:g}{unit}"
+        if value is None:
+            raise InputError(f"{key}.parameters.{one.name}", f'missing, and "{name}" needs it', bounds)
+        if not one.least <= value <= one.most:
+            raise InputError(f"{key}.parameters.{one.name}", f"it is {value:g}", bounds)
+        values.append((one.name, float(value)))
+    return tuple(values)
+
+
+def criterion_of(name: str, key: str) -> Any:
+    """Return the criterion of an entry point, an instance or a class without arguments.
+
+    Raises InputError for a name that no package adds, and for an object that is no criterion. key: of the material.
+    """
+    known = list(plugins.entry_points(GROUP))
+    if name not in known:
+        expected = plugins.suggestion(name, known) if known else f"an installed package with an entry point in {GROUP}"
+        raise InputError(f"{key}.criterion", f'no installed package adds "{name}"', expected)
+    found = plugins.load(GROUP, name)
+    found = found() if isinstance(found, type) else found
+    lacking = [one for one in ("label", "parameters", "rows") if not hasattr(found, one)]
+    if lacking:
+        raise plugins.refuse_type(GROUP, name, f'an object with label, parameters and rows; it has no "{lacking[0]}"')
+    return found

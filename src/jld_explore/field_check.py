@@ -94,8 +94,9 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
         require_fields(assembly)
-    except InputError:
-        return None
+    except InputError as error:
+        # A criterion is news to those who know that faces of this kind are checked.
+        return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None
     triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / cases
     each = cases * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)

@@ -59,7 +59,8 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
-    ["jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
+    ["jld_core.strengths"],
+    ["jld_core.plugins", "jld_core.linalg", "jld_core.files", "jld_core.shape_loads", "jld_core.members"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",
@@ -154,7 +155,7 @@ def test_imports_run_downwards() -> None:
     assert against == []
 
 
-MOST_EXPORTED = 200
+MOST_EXPORTED = 260
 """Exported names of all packages together; version 0.2 had 439, of which most were used by one sub-package."""
 
 

@@ -121,7 +121,10 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         units=(scene.units.length, scene.units.force),
         elements=elements,
         interfaces=interfaces,
-        face_strengths=FaceStrengths(materials.strengths(scene.materials, given, of_faces)),
+        face_strengths=FaceStrengths(
+            materials.strengths(scene.materials, given, of_faces),
+            criteria=materials.criteria(scene.materials, given, of_faces),
+        ),
         dead=cases[0].dead,
         live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),

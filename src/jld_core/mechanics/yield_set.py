@@ -349,7 +349,8 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         ("materials.dry", dry, strengths.friction),
         ("materials.inner", inner, strengths.tension + strengths.shear),
     ):
-        lacking = np.flatnonzero(mask & np.isnan(values))
+        name = key.split(".")[1]
+        own = [one.faces for one in assembly.face_strengths.criteria if one.label == name]
+        lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
-            name = key.split(".")[1]
             raise InputError(key, "missing", f"this material, since face {assembly.pair(lacking[0])} may be {name}")

@@ -32,10 +32,10 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, is_large
-from jld_core.strengths import Route
+from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.threads import one_thread
 
-_ROUTE: Final = Route("rates of λ with strengths")
+_ROUTE: Final = Route("rates of λ with strengths", STANDARD | CRITERIA)  # faces with a criterion have none
 
 _STEP: Final = 1e-7
 """Step of the finite difference of program data, relative to the parameter."""

@@ -85,7 +85,7 @@ class SampleBounds:
         many = replace(
             assembly, interfaces=assembly.interfaces.take(faces), face_strengths=assembly.face_strengths.take(faces)
         )
-        return yield_set(many, template.scaling)
+        return yield_set(many, template.scaling).associative
 
     def _rows(self, case: int, values: Floats) -> BatchRows | None:
         """Return the yield rows of samples under a load case.

@@ -12,6 +12,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
+from jld_core.mechanics import maps_criteria
 from jld_core.scene import Search
 from jld_core.sub_assembly import faces_of
 
@@ -176,6 +177,8 @@ def _image(
     table = assembly.face_strengths.table()
     if not np.array_equal(table[face_to], table, equal_nan=True):
         return "its strengths are not mapped onto themselves"
+    if not maps_criteria(assembly, face_to, matrix):
+        return "its yield criteria are not mapped onto themselves"
     if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
         return "its candidates and fixed labels are not mapped onto themselves"
     members_to = _image_of_members(whole, to, matrix, centre, reach)

@@ -1,0 +1,80 @@
+"""Plug-ins: what packages installed beside jld add, found by their entry points (docs/guide/plugins.md)."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+from jld_core.errors import InputError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUPS: Final = {
+    "jld.drivers": "a search driver",
+    "jld.counts": "a count of layouts",
+    "jld.objectives": "an objective of a search",
+    "jld.criteria": "a yield criterion",
+    "jld.formats": "a file format",
+    "jld.commands": "a command",
+    "jld.steps": "a step after a search",
+}
+"""Group of entry points → what an object of it is."""
+
+
+@cache
+def entry_points(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name, in the order of their names.
+
+    Raises InputError where two packages give one name: which of them counts must not depend on an order.
+    """
+    from importlib import metadata  # takes as long to import as a small scene to solve
+
+    found: dict[str, EntryPoint] = {}
+    for point in sorted(metadata.entry_points(group=group), key=lambda one: (one.name, one.value)):
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
+            problem = f"two packages name {GROUPS[group]} so: {packages}"
+            raise InputError(f"plug-in {point.name!r}", problem, "one of them uninstalled")
+    return found
+
+
+@cache
+def load(group: str, name: str) -> Any:
+    """Import the object of an entry point; raise InputError where that fails."""
+    point = entry_points(group)[name]
+    try:
+        return point.load()
+    except Exception as error:  # whatever the code of a stranger raises
+        where = f"plug-in {name!r} of the package {package(point)}"
+        remedy = f"a package that imports; python -c 'import {point.module}' shows why"
+        raise InputError(where, f"{GROUPS[group]} at {point.value} cannot be loaded", remedy) from error
+
+
+def load_all(group: str, built_in: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Import all objects of a group by name; raise InputError where one has the name of a built-in object."""
+    for name, point in entry_points(group).items():
+        if name in built_in:
+            where = f"plug-in {name!r} of the package {package(point)}"
+            raise InputError(where, f"jld itself has {GROUPS[group]} of that name", "another name")
+    return {name: load(group, name) for name in entry_points(group)}
+
+
+def refuse_type(group: str, name: str, expected: str) -> InputError:
+    """Return the InputError, not raised, for an object of a group that is not what it must be."""
+    point = entry_points(group)[name]
+    where = f"plug-in {name!r} of the package {package(point)}"
+    return InputError(where, f"{point.value} is not {GROUPS[group]}", expected)
+
+
+def suggestion(name: str, known: list[str]) -> str:
+    """Return a list of names in words, the one that was hardly misspelt first."""
+    near = get_close_matches(name, known, 1)
+    return f"{near[0]!r}?" if near else "one of " + ", ".join(known)
+
+
+def package(point: EntryPoint) -> str:
+    """Return the name of the package that an entry point belongs to."""
+    return point.dist.name if point.dist is not None else point.module
