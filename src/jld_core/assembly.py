@@ -285,7 +285,7 @@ class Assembly(NotebookRepr):
 
         labels: (m,) True = dry, if the route reads the strengths of one labelling alone.
         """
-        return self.face_strengths.numbers(route, ~self.of_members, labels)
+        return self.face_strengths.numbers(route, ~self.of_members, labels, self.pair)
 
     def with_strengths(self, strengths: Strengths) -> Assembly:
         """Return the structure with other strengths of its interfaces, and without low values."""

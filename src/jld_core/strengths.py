@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
@@ -153,10 +153,13 @@ class FaceStrengths:
             found[fact] = found[fact] | one.faces if fact in found else one.faces
         return found
 
-    def numbers(self, route: Route, among: Bools, labels: Bits | None = None) -> Strengths:
+    def numbers(
+        self, route: Route, among: Bools, labels: Bits | None = None, name: Callable[[int], str] = str
+    ) -> Strengths:
         """Return the strengths for a route; raise InputError if it does not know a fact that they hold.
 
-        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts.
+        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts. name:
+        of an interface, for the message.
         """
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
@@ -166,16 +169,16 @@ class FaceStrengths:
             if labels is not None:
                 taken = taken & (labels if of_dry else ~labels)
             if taken.any():
-                raise self._unknown(fact, taken, route)
+                raise self._unknown(fact, taken, route, name(int(np.flatnonzero(taken)[0])))
         return self._stated_numbers
 
-    def _unknown(self, fact: str, taken: Bools, route: Route) -> InputError:
-        """Return the error of a fact of the interfaces `taken` (m,) that a route does not know."""
+    def _unknown(self, fact: str, taken: Bools, route: Route, face: str) -> InputError:
+        """Return the error of a fact of the interfaces `taken` (m,), `face` among them, that a route does not know."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
             names = [one.name for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any()]
             return InputError(key, f'"{names[0]}" is unknown to {route.name}', "standard strengths in place of it")
-        return InputError(key, f"the {words} is unknown to {route.name}", "faces without it")
+        return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
 
     def with_numbers(self, numbers: Strengths) -> FaceStrengths:
         """Return the same criteria with other strengths, and without nominal ones."""

@@ -17,14 +17,14 @@ from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
-from jld_core.strengths import Route
+from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.sub_assembly import with_members
 from jld_explore.report.page_contract import Solution
 from jld_explore.report.page_data import solution_of, within
 from jld_explore.space import from_string
 from jld_explore.space.void import cut
 
-_ROUTE: Final = Route("sliders of materials")
+_ROUTE: Final = Route("sliders of materials", STANDARD | CRITERIA)  # faces with a criterion have none
 
 _KEPT: Final = 8
 """Number of materials whose analyses are stored."""

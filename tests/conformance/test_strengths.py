@@ -67,5 +67,5 @@ def test_a_fact_that_a_route_does_not_know_is_refused(label: str) -> None:
 
 def test_a_standard_fact_is_refused_in_the_same_way() -> None:
     assembly = grid_assembly(["ab", "##"])
-    with pytest.raises(InputError, match="friction of joints is unknown to a printer; expected"):
+    with pytest.raises(InputError, match=r"friction of joints \(face c0r0–c1r0\) is unknown to a printer; expected"):
         assembly.strengths(Route("a printer", frozenset()))

@@ -165,7 +165,7 @@ def test_inner_faces_are_refused(tmp_path: Path, jld: Command) -> None:
     file.write_text(json.dumps(document))
     done = jld("move", file, "-o", tmp_path / "out.json", "--prove", "0.05")
     assert done.code == 2
-    assert "dry joints without cohesion" in done.err
+    assert "dry joints alone" in done.err
 
 
 def test_the_command_prints_both_bounds(tmp_path: Path, jld: Command) -> None:
