@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
@@ -10,12 +11,15 @@ from jld_core.models import require_model
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
+from jld_core.strengths import Route
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.reliability_study import refuse_beside_reliability
 from jld_explore.settings import ExploreSettings
+
+_ROUTE: Final = Route("the virtual experiment")
 
 
 def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
@@ -32,6 +36,8 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
         raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
+    if settings.by_experiment or settings.experiment is not None:
+        assembly.strengths(_ROUTE)  # refuses what experiments would refuse after the search has begun
     refuse_beside_own_objective(scene, settings)
     refuse_beside_reliability(scene, settings)
 

@@ -256,6 +256,7 @@ UNUSABLE: dict[str, tuple[Any, tuple[Gauge, ...], str, float]] = {
     "shifted": ([*BEND, *SHEAR], (), "zero inside the yield set", -2e3),
     "unlimited shear": (BEND, (), "leaves a force or moment without limit", 0.0),
     "unbounded below": ([(-1.0, 0.0, -3.0, 1e3), (-1.0, 0.0, 3.0, 1e3), *SHEAR], (), "lets N fall without limit", 0.0),
+    "another shape": ([[1.0, 2.0]], (), 'the rows of "stated" are unusable: ', 0.0),
     "not finite": ([*BEND, (0.0, np.nan, 0.0, 1.0)], (), "no finite numbers", 0.0),
     "gauges in the plane": ([*BEND, *SHEAR], ROUND, "gauges in the plane", 0.0),
 }
@@ -313,6 +314,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "fields": ("solve", "{scene}", "--cracks", "fields:0.05"),
     "moves": ("move", "{scene}", "-o", "{out}"),
     "experiment": ("experiment", "{scene}"),
+    "search by experiment": ("explore", "{scene}", "--out", "{out}", "--objective", "experiment"),
     "3dec": ("export", "{scene}", "--format", "3dec", "-o", "{out}"),
     "compas_dem": ("export", "{scene}", "--format", "compas_dem", "-o", "{out}"),
     "design check": ("check-design", "{scene}"),

@@ -165,15 +165,16 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
     Raises InputError if shapes are wrong, numbers are not finite, d is negative, or shear in space is not limited.
     """
     key, k = f"materials.{one.label}.criterion", len(geometry)
-    found = criterion_of(one.name, f"materials.{one.label}").rows(geometry, dict(one.values))
+    criterion = criterion_of(one.name, f"materials.{one.label}")
     try:
+        found = criterion.rows(geometry, dict(one.values))
         c = np.asarray(found.C, dtype=float)
         rows = np.array(np.broadcast_to(c, (k, *c.shape[-2:])))
         constants = np.array(np.broadcast_to(np.asarray(found.d, dtype=float), rows.shape[:2]))
         gauges = tuple(_arrays(gauge, k) for gauge in found.gauges)
-    except (ValueError, AttributeError, TypeError, IndexError) as error:
+    except Exception as error:  # whatever the code of a stranger raises
         shapes = "FaceRows with C (k, r, 3), d (k, r)"
-        raise InputError(key, f'the rows of "{one.name}" are unusable: {error}', shapes) from None
+        raise InputError(key, f'the rows of "{one.name}" are unusable: {error!r}', shapes) from error
     numbers = [rows, constants, *(part for gauge in gauges for part in vars(gauge).values() if part is not None)]
     if rows.shape[2:] != (3,) or not all(np.isfinite(part).all() for part in numbers):
         problem = f'the rows of "{one.name}" are no finite numbers of 3 columns'

@@ -40,7 +40,7 @@ def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
     return _corners(rows[used].tobytes(), constants[used].tobytes())
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=4096)
 def _corners(rows: bytes, constants: bytes) -> tuple[Floats, Floats]:
     """Return vertices and rays, as `corners`, of numbers given as bytes."""
     c, d = np.frombuffer(rows).reshape(-1, 3), np.frombuffer(constants)

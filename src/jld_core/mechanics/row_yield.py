@@ -3,7 +3,7 @@
 x are the three resultants of the core of a face, (N, V, m) in the plane and (N, m1, m2) in space, scaled. The set is
 C x + d ≥ 0, and in space also |B (V1, V2)| + k|mT| ≤ c + μN, or one such limit for shear and one for torsion. The
 dissipation of a jump is its greatest work over the vertices of the core, after its opening has lost μ g°(s, ω), where
-g° is the dual of the gauge. It is finite where no ray of the core works, docs/method.md (3.4).
+g° is the dual of the gauge. It is finite where no ray of the core works, docs/method.md (2.19), (2.20).
 """
 
 from __future__ import annotations
