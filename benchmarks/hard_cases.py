@@ -23,6 +23,9 @@ from benchmarks.scenes import box, brick_boxes, grid, strength
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
+from jld_core.strengths import Route
+
+ROUTE: Final = Route("a benchmark")
 
 Entry = dict[str, Any]
 PUSH: Final[list[Entry]] = [{"body": [1, 0]}]
@@ -109,8 +112,8 @@ def mixed_strengths(seed: int) -> Assembly:
     count = len(assembly.interfaces)
     tension, shear = 10.0 ** rng.uniform(0, 12, (2, count))
     tension[::7] = 0.0
-    strengths = replace(assembly.strengths, tension=tension, shear=shear)
-    return replace(assembly, strengths=strengths, labels=rng.random(count) < 0.5)
+    strengths = replace(assembly.strengths(ROUTE), tension=tension, shear=shear)
+    return replace(assembly.with_strengths(strengths), labels=rng.random(count) < 0.5)
 
 
 def mixed_weights(seed: int) -> Assembly:

@@ -10,6 +10,9 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits
 from jld_core.mechanics import equilibrium_matrix, load_vectors
+from jld_core.strengths import Route
+
+ROUTE = Route("a benchmark")
 
 CLARABEL_DEFAULT: Final = {"tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8, "tol_feas": 1e-8}
 
@@ -34,7 +37,7 @@ def stated(assembly: Assembly, labels: Bits, solver: str = "CLARABEL", **options
 
 
 def _planar(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
-    faces, strengths, unit = assembly.interfaces, assembly.strengths, assembly.total_dead
+    faces, strengths, unit = assembly.interfaces, assembly.strengths(ROUTE), assembly.total_dead
     n, v, m = forces[:, 0], forces[:, 1], forces[:, 2]
     half, dry, inner = 0.5 * faces.l1, np.flatnonzero(labels), np.flatnonzero(~labels)
     constraints = []
@@ -54,7 +57,7 @@ def _planar(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]
 
 
 def _spatial(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:
-    faces, strengths, unit = assembly.interfaces, assembly.strengths, assembly.total_dead
+    faces, strengths, unit = assembly.interfaces, assembly.strengths(ROUTE), assembly.total_dead
     constraints = []
     for kind, share in ((np.flatnonzero(labels), 0.5), (np.flatnonzero(~labels), 1.0 / 6.0)):
         if not kind.size:

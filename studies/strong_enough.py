@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.models import sensitivities
+from jld_core.strengths import Route
 from jld_core.views.figures import draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
@@ -30,6 +31,8 @@ from studies.report import (
     without_legend,
     write,
 )
+
+ROUTE = Route("a study")
 
 NAME: Final = "strong_enough"
 REQUIRED: Final = (1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0)
@@ -74,9 +77,9 @@ def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     result = solve(nominal, from_string(str(last.labelling)))
     rates = sensitivities(result)
     own = {
-        "friction_coefficient": float(nominal.strengths.friction[0]),
-        "shear_strength": float(nominal.strengths.shear[0]),
-        "tensile_strength": float(nominal.strengths.tension[0]),
+        "friction_coefficient": float(nominal.strengths(ROUTE).friction[0]),
+        "shear_strength": float(nominal.strengths(ROUTE).shear[0]),
+        "tensile_strength": float(nominal.strengths(ROUTE).tension[0]),
         "weight": 1.0,
     }
     shares = {name: rate.right * own[name] / result.load_factor for name, rate in rates.items()}

@@ -9,6 +9,9 @@ import numpy as np
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene
 from jld_core.limit.mechanism import face_jumps
 from jld_core.mechanics import equilibrium_matrix, load_vectors
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 
 def certify(result: LimitAnalysisResult) -> None:
@@ -22,7 +25,7 @@ def certify(result: LimitAnalysisResult) -> None:
     left = equilibrium_matrix(assembly) @ forces.ravel() + dead + result.load_factor * live
     assert abs(left).max() <= 1e-9 * max(abs(forces).max(), assembly.total_dead)
     n, v, m = forces.T
-    friction, half = assembly.strengths.friction, 0.5 * assembly.interfaces.l1
+    friction, half = assembly.strengths(ROUTE).friction, 0.5 * assembly.interfaces.l1
     largest = n.max()
     assert np.max((abs(v) - friction * n)[dry], initial=0.0) <= 1e-4 * largest
     assert np.max((abs(m) - half * n)[dry], initial=0.0) <= 1e-9 * largest

@@ -11,6 +11,9 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 
 def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.Variable]:
@@ -18,7 +21,7 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
 
     Conditions of all faces are stated together: CVXPY takes far longer over many small ones than the solver does.
     """
-    faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths
+    faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths(ROUTE)
     # a plain scale, so that the solver's absolute tolerances mean something; nothing else is scaled
     unit = assembly.total_dead / max(len(elements.free), 1) or assembly.total_live
     reach = assembly.size

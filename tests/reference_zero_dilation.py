@@ -13,6 +13,9 @@ from scipy.optimize import linprog
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 _ZERO = 1e-9
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -20,7 +23,7 @@ _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1
 
 def loads_without_dilation(assembly: Assembly, labels: Bits) -> list[tuple[float, float]]:
     """Intervals of λ, scene units, whose union is λ of all solutions; labels: (m,) True dry."""
-    faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths
+    faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths(ROUTE)
     count, free, reach = len(faces), elements.free, assembly.size
     force = assembly.total_dead
     live_unit = assembly.total_live

@@ -24,6 +24,10 @@ _FRICTION: Final = Meaning("", "μ of the dry face; instead of `friction_angle`.
 _ANGLE: Final = Meaning("degrees", "Angle of friction of the dry face; instead of `friction_coefficient`.")
 _TENSILE: Final = Meaning("stress", "σt of the inner face.")
 _SHEAR: Final = Meaning("stress", "τ of the inner face.")
+_CRITERION: Final = {
+    "criterion": Meaning("", "Name of a criterion that an installed package adds, in place of the standard strengths."),
+    "parameters": Meaning("", "Parameters of the criterion, scene units."),
+}
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
 _COHESION: Final = Meaning("stress", "Shear strength of a dry face where nothing presses it: c + μ N/A.")
 _BOND: Final = Meaning(
@@ -117,6 +121,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "inner": Meaning("", "Values as crack planes; what is left out is that of `materials.inner`."),
     },
     materials.DryFace: {
+        **_CRITERION,
         "friction_angle": _ANGLE,
         "friction_coefficient": _FRICTION,
         "compressive_strength": _CRUSHING,
@@ -124,6 +129,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "tensile_strength": _BOND,
     },
     materials.InnerFace: {
+        **_CRITERION,
         "tensile_strength": _TENSILE,
         "shear_strength": _SHEAR,
         "compressive_strength": _CRUSHING,
@@ -131,6 +137,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_coefficient": Meaning("", "μ of cracks; σt is at most τ/μ."),
     },
     materials.Dry: {
+        **_CRITERION,
         "friction_angle": Meaning("degrees", "Angle of friction; exactly one of this and `friction_coefficient`."),
         "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
         "compressive_strength": _CRUSHING,
@@ -138,6 +145,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "tensile_strength": _BOND,
     },
     materials.Inner: {
+        **_CRITERION,
         "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),
         "shear_strength": Meaning("stress", "τ, the mean shear stress at which a crack slides."),
         "compressive_strength": _CRUSHING,

@@ -24,6 +24,9 @@ from scipy.spatial import ConvexHull
 
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, InputError, LimitAnalysisResult, build_assembly, parse_scene, solve
+from jld_core.strengths import Route
+
+ROUTE = Route("a benchmark")
 
 CLAIM: Final = "Results are converged; forces and mechanisms give both ends of the bracket"
 GROUPS: Final = ("space", "plane", "effective areas")
@@ -268,7 +271,7 @@ def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysis
 
 def _nothing(assembly: Assembly) -> float:
     """Load factor that counts as zero: 1e-3 of the weight, without weight of the least strength, per live load."""
-    s, area = assembly.strengths, assembly.interfaces.area
+    s, area = assembly.strengths(ROUTE), assembly.interfaces.area
     strengths = np.concatenate([s.tension, s.shear, s.cohesion, s.crush_dry, s.crush_inner]) * np.tile(area, 5)
     usable = strengths[np.isfinite(strengths) & (strengths > 0.0)]
     return 1e-3 * float(assembly.total_dead or usable.min(initial=np.inf)) / assembly.total_live
@@ -313,7 +316,7 @@ def _left(assembly: Assembly, forces: Array, load: float) -> Array:
 
 def _room(assembly: Assembly, labels: NDArray[np.bool_], forces: Array, effective: bool) -> Array:
     """What is left of the strength of each face, in force: negative outside."""
-    faces, s = assembly.interfaces, assembly.strengths
+    faces, s = assembly.interfaces, assembly.strengths(ROUTE)
     n = forces[:, 0]
     mu = np.where(labels, s.friction, s.inner_friction)
     capacity = np.where(labels, s.cohesion, s.shear) * faces.area + mu * n
@@ -357,7 +360,7 @@ def _pressed(assembly: Assembly, k: int, forces: Array) -> float:
 def _work(assembly: Assembly, labels: NDArray[np.bool_], velocity: Array) -> tuple[float, float]:
     """Upper bound on the load factor by a mechanism (n, q), and the size of its terms; infinite jumps give infinity."""
     push, couple, arms = _arms(assembly)
-    faces, s, d = assembly.interfaces, assembly.strengths, assembly.dimension
+    faces, s, d = assembly.interfaces, assembly.strengths(ROUTE), assembly.dimension
     jump = np.zeros((len(faces), push.shape[1]))
     for arm, ends, sign in zip(arms, (faces.a, faces.b), (-1.0, 1.0), strict=True):
         turn = velocity[ends, d:]

@@ -26,6 +26,9 @@ from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import load_scale
 from jld_core.loads import Loads
+from jld_core.strengths import Route
+
+ROUTE: Final = Route("a benchmark")
 
 CLAIM: Final = "ten disturbances of 1e-15 under four kernels of OpenBLAS give one status and brackets that meet"
 KERNELS: Final = ("Haswell", "ZEN", "SKYLAKEX", "SANDYBRIDGE")
@@ -148,7 +151,7 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
     def changed_loads(loads: Loads) -> Loads:
         return loads.weighted(changed(np.ones(len(loads.body))))
 
-    strengths, elements = assembly.strengths, assembly.elements
+    strengths, elements = assembly.strengths(ROUTE), assembly.elements
     known = {one.name: getattr(strengths, one.name) for one in fields(strengths)}
     numbers = {
         name: changed(value)
@@ -156,10 +159,9 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
         if isinstance(value, np.ndarray) and value.dtype.kind == "f"
     }
     return replace(
-        assembly,
+        assembly.with_strengths(replace(strengths, **numbers)),
         dead_loads=changed_loads(assembly.dead_loads),
         live_loads=changed_loads(assembly.live_loads),
-        strengths=replace(strengths, **numbers),
         elements=replace(elements, centroid=changed(elements.centroid)),
     )
 

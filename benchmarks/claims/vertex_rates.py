@@ -23,6 +23,9 @@ from jld_core import Assembly, Status, build_assembly, geometry_sensitivities, p
 from jld_core.arrays import Floats
 from jld_core.geometry_optimisation.moved_scene import MovedScene
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
+from jld_core.strengths import Route
+
+ROUTE = Route("a benchmark")
 
 CLAIM: Final = "derivatives of λ by vertices agree with fourth-order differences to 1e-7 in the plane, 1e-6 in space"
 PLANAR: Final = 1e-7
@@ -116,7 +119,7 @@ def _of_plane(seed: int) -> tuple[float, float, float, float]:
 
     size = float(np.linalg.norm(found.derivative) * np.linalg.norm(way))
     # brackets of scenes that crush are wider, and steps have to be larger for rates to stand out
-    step = 3e-4 if np.isfinite(assembly.strengths.crush_dry).any() else 2e-5
+    step = 3e-4 if np.isfinite(assembly.strengths(ROUTE).crush_dry).any() else 2e-5
     return float((found.derivative * way).sum()), *_differences(load_factor, step * assembly.size), size
 
 

@@ -19,6 +19,7 @@ from jld_core.linalg.sums import summed
 from jld_core.loads import Loads, resultants
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.strengths import FaceStrengths, Route, Strengths
 
 if TYPE_CHECKING:
     from jld_core.scene.cracks import CrackModel
@@ -173,39 +174,6 @@ class Interfaces:
 
 
 @dataclass(frozen=True)
-class Strengths:
-    """Strengths of m interfaces, each as dry and as inner, in scene units.
-
-    The values of a material that the scene does not state are NaN.
-
-    Attributes
-    ----------
-    friction : (m,) array
-        Friction coefficient μ of dry faces.
-    tension, shear : (m,) arrays
-        Tensile and shear strength σt and τ of inner faces, stress.
-    crush_dry, crush_inner : (m,) arrays
-        Compressive strength, stress; inf where none is given.
-    cohesion : (m,) array
-        Cohesion of dry faces, stress; 0 where none is given.
-    inner_friction : (m,) array
-        Friction coefficient μ of inner faces; 0 where none is given.
-    """
-
-    friction: Floats
-    tension: Floats
-    shear: Floats
-    crush_dry: Floats
-    crush_inner: Floats
-    cohesion: Floats
-    inner_friction: Floats
-
-    def take(self, rows: Ints) -> Strengths:
-        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
-        return Strengths(**{name: values[rows] for name, values in vars(self).items()})
-
-
-@dataclass(frozen=True)
 class LoadCase:
     """One load case of an assembly: its loads, and the load factor required under them.
 
@@ -242,8 +210,8 @@ class Assembly(NotebookRepr):
         Units of length and force.
     elements, interfaces : Elements, Interfaces
         Rigid elements, and their plane contacts.
-    strengths : Strengths
-        Strengths of all interfaces under both labels.
+    face_strengths : FaceStrengths
+        Strengths of all interfaces under both labels, whose numbers `strengths` hands to the routes that know them.
     dead_loads, live_loads : Loads
         Loads as they act. Dead ones hold self-weight; prestress and bond are part of the members.
     labels : (m,) bool array
@@ -260,8 +228,6 @@ class Assembly(NotebookRepr):
         Load cases if there are several; the loads are those of the first. Solvers use `by_case`.
     touching : tuple of (int, int)
         Pairs of supports that share a face; both belong to one block.
-    nominal : Strengths or None
-        Nominal strengths, where `strengths` holds the low values of materials.
     members : Members
         Ties, tendons, pins and pressures of fill; their interfaces are the last ones.
     fill : tuple of (k, 2) arrays
@@ -279,7 +245,7 @@ class Assembly(NotebookRepr):
     units: tuple[str, str]
     elements: Elements
     interfaces: Interfaces
-    strengths: Strengths
+    face_strengths: FaceStrengths
     dead_loads: Loads
     live_loads: Loads
     labels: Bits
@@ -289,7 +255,6 @@ class Assembly(NotebookRepr):
     notes: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     touching: tuple[tuple[int, int], ...] = ()
-    nominal: Strengths | None = None
     members: Members = field(default_factory=Members)
     fill: tuple[Floats, ...] = ()
     cracks: CrackModel = "faces"
@@ -341,10 +306,26 @@ class Assembly(NotebookRepr):
             for case in self.cases
         )
 
+    def strengths(self, route: Route, labels: Bits | None = None) -> Strengths:
+        """Return the strengths of all interfaces for a route; raise InputError if it does not know a fact of them.
+
+        labels: (m,) True = dry, if the route reads the strengths of one labelling alone.
+        """
+        return self.face_strengths.numbers(route, ~self.of_members, labels, self.pair)
+
+    def with_strengths(self, strengths: Strengths) -> Assembly:
+        """Return the structure with other strengths of its interfaces, and without low values."""
+        return replace(self, face_strengths=self.face_strengths.with_numbers(strengths))
+
+    @property
+    def has_low_values(self) -> bool:
+        """Return True if its strengths are the low values of materials."""
+        return self.face_strengths.has_low_values
+
     @cached_property
     def at_nominal(self) -> Assembly:
         """Return the structure at nominal strengths; this assembly if it has no low values."""
-        return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
+        return replace(self, face_strengths=self.face_strengths.at_nominal()) if self.has_low_values else self
 
     @property
     def required(self) -> Floats:

@@ -40,8 +40,7 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         assembly,
         elements=assembly.elements.take(rows),
         interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
-        strengths=assembly.strengths.take(kept),
-        nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
+        face_strengths=assembly.face_strengths.take(kept),
         dead_loads=assembly.dead_loads.take(rows),
         live_loads=assembly.live_loads.take(rows),
         labels=assembly.labels[kept],
@@ -73,8 +72,7 @@ def faces_of(assembly: Assembly) -> Assembly:
     return replace(
         assembly,
         interfaces=assembly.interfaces.take(rows),
-        strengths=assembly.strengths.take(rows),
-        nominal=None if assembly.nominal is None else assembly.nominal.take(rows),
+        face_strengths=assembly.face_strengths.take(rows),
         labels=assembly.labels[rows],
         members=replace(assembly.members, face=np.full(len(assembly.members), -1)),
     )

@@ -12,10 +12,13 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
+from jld_core.strengths import Route
 from jld_experiment.bench import Bench, Motion
 from jld_experiment.compiled import compiled
 from jld_experiment.laws import numbers_of, record_loss, sub_contact
 from jld_experiment.subcontacts import SubContacts
+
+_ROUTE: Final = Route("the virtual experiment")
 
 CLEARANCE: Final = 1e-3
 """Depth beyond the largest elastic overlap at which a corner begins to press, in typical element sizes.
@@ -131,7 +134,8 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
     kn, ks: (m,) springs of the faces, stress per length. typical: size of an element, length.
     """
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
-    known = assembly.strengths.friction[np.isfinite(assembly.strengths.friction)]
+    known = assembly.strengths(_ROUTE).friction
+    known = known[np.isfinite(known)]
     friction = float(np.median(known)) if known.size else 0.0
     lengths = (CLEARANCE * typical, _NEAR * typical, 0.0)
     return np.array([float(np.median(kn)) * size, float(np.median(ks)) * size, friction, *lengths])

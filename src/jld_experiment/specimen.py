@@ -5,12 +5,14 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
+from jld_core.strengths import Route
 from jld_experiment.bench import HALF, Bench, Drive, Motion
 from jld_experiment.energy import EnergyBalance
 from jld_experiment.moving import Plane, plane_of
@@ -19,6 +21,8 @@ from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
 from jld_experiment.system import System, rounded, system_of
 from jld_experiment.time_stepping import march, march_in_plane, march_in_space
+
+_ROUTE: Final = Route("the virtual experiment")
 
 SETTLE = 20.0  # Slowest periods in which the dead loads are applied.
 PATIENCE = 600.0  # Slowest periods after which a structure that still moves counts as creeping.
@@ -300,7 +304,7 @@ def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Float
 
     Tension is limited by the apex of the friction cone. Raises InputError if a material is missing.
     """
-    strengths = assembly.strengths
+    strengths = assembly.strengths(_ROUTE)
     friction = np.where(labels, strengths.friction, strengths.inner_friction)
     cohesion = np.where(labels, strengths.cohesion, strengths.shear)
     tension = np.where(labels, 0.0, strengths.tension)

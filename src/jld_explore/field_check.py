@@ -78,7 +78,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         Plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by experiment
         or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
     """
-    plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
+    plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
         not settings.check_fields
         or not plain
@@ -93,8 +93,9 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
         return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
         require_fields(assembly)
-    except InputError:
-        return None
+    except InputError as error:
+        # A criterion is news to those who know that faces of this kind are checked.
+        return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None
     triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / cases
     each = cases * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)

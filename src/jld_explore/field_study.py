@@ -308,7 +308,7 @@ class FieldStudy(Study):
         labellings, required = pool.labellings, self.assembly.required
         low, most = pool.bounds[0], pool.high()[:, None] * required
         enough = self._aim(labellings).enough(pool.low())
-        nominal = self._nominal(pool) if self.assembly.nominal is not None else [None] * len(labellings)
+        nominal = self._nominal(pool) if self.assembly.has_low_values else [None] * len(labellings)
         rows = zip(low, most, enough.tolist(), nominal, strict=True)
         found: list[Evaluation] = [
             field_evaluation(least, high, required, best=best, nominal=value) for least, high, best, value in rows

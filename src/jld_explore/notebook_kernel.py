@@ -10,18 +10,21 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from jld_core.assembly import Assembly, Strengths
+from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
+from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.sub_assembly import with_members
 from jld_explore.report.page_contract import Solution
 from jld_explore.report.page_data import solution_of, within
 from jld_explore.space import from_string
 from jld_explore.space.void import cut
+
+_ROUTE: Final = Route("sliders of materials", STANDARD | CRITERIA)  # faces with a criterion have none
 
 _KEPT: Final = 8
 """Number of materials whose analyses are stored."""
@@ -70,8 +73,9 @@ class AssemblyStructure:
     def __init__(self, assembly: Assembly) -> None:
         self._assembly = assembly
         self.materials: dict[str, Any] = {}
+        strengths = assembly.strengths(_ROUTE)
         for (part, key), name in _STRENGTHS.items():
-            values = getattr(assembly.strengths, name)[: assembly.faces]
+            values = getattr(strengths, name)[: assembly.faces]
             stated = values[np.isfinite(values)]
             if stated.size and float(np.median(stated)) > 0.0:
                 self.materials.setdefault(part, {})[key] = float(np.median(stated))
@@ -89,16 +93,7 @@ class AssemblyStructure:
                 raise InputError(f"materials.{part}.{key}", f"it is {value!r}", "a number of at least 0")
             factors[name] = float(value) / usual
         faces = np.arange(len(assembly.interfaces)) < assembly.faces
-
-        def scaled(strengths: Strengths) -> Strengths:
-            """Return strengths times the factors; those of members stay."""
-            every = vars(strengths)
-            return Strengths(**{
-                name: np.where(faces, factors.get(name, 1.0) * values, values) for name, values in every.items()
-            })  # fmt: skip
-
-        nominal = None if assembly.nominal is None else scaled(assembly.nominal)
-        return replace(assembly, strengths=scaled(assembly.strengths), nominal=nominal)
+        return replace(assembly, face_strengths=assembly.face_strengths.scaled(factors, faces))
 
 
 def bonded(assembly: Assembly) -> bool:
@@ -112,7 +107,7 @@ def structure_of(scene: Scene | None, assembly: Assembly) -> Structure:
     scene: its scene, None where it is unknown. The scene serves where its materials are plain numbers and strengths are
     not taken at their low values, else the assembly.
     """
-    if scene is None or assembly.nominal is not None:
+    if scene is None or assembly.has_low_values:
         return AssemblyStructure(assembly)
     found = SceneStructure(scene)
     values = [value for part in ("dry", "inner") for value in found.materials.get(part, {}).values()]

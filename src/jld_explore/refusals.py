@@ -11,6 +11,7 @@ from jld_core.models import require_model
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
+from jld_core.strengths import Route
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
@@ -21,6 +22,7 @@ _SHARED: Final = (
     "proves by mechanisms at faces with a label each, and by cells or fields one label holds for many cracks"
 )
 """Why a driver with conflicts of single faces refuses other crack models."""
+_ROUTE: Final = Route("the virtual experiment")
 
 
 def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
@@ -37,6 +39,8 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
         raise ParameterError("objective", "spatial scenes have no bound without dilation", "zero-dilation")
     if settings.certificate is not None and settings.by_experiment:
         raise ParameterError("certificate", "an experiment is no proof", '`objective="associative"`')
+    if settings.by_experiment or settings.experiment is not None:
+        assembly.strengths(_ROUTE)  # refuses what experiments would refuse after the search has begun
     refuse_beside_own_objective(scene, settings)
 
 

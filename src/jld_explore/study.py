@@ -128,14 +128,14 @@ class Study:
             "objective": model.pop("friction") + ("-floor" if self.settings.model.ranks_by_lower_bound else ""),
             "bracket width": model.pop("gap"),
             **model,
-            **({"robust": True} if self.assembly.nominal is not None else {}),
+            **({"robust": True} if self.assembly.has_low_values else {}),
             "versions": versions(),
         }
 
     def open_records(self) -> Records:
         """Open the record in the folder, existing or new; errors are those of `Records`."""
         own = self.settings.own_objective is not None
-        values = len(self.assembly.cases) + (self.assembly.nominal is not None) + own
+        values = len(self.assembly.cases) + (self.assembly.has_low_values) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
     @cached_property

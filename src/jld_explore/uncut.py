@@ -39,7 +39,7 @@ def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> f
         Upper bound on the governing factor. None where it is not finite, beside other crack models, uncertain values or
         cells left out, and above MOST interfaces.
     """
-    plain = scene.cracks == "faces" and space.void is None and assembly.nominal is None
+    plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if not plain or len(assembly.labels) > MOST:
         return None
     high = solve_rigid(assembly, space.fixed & ~space.candidates).bracket[1]

@@ -62,6 +62,7 @@ ORDER = [
     ["jld_core.sub_assembly"],
     ["jld_core.assembly"],
     ["jld_core.scene"],
+    ["jld_core.strengths"],
     ["jld_core.linalg", "jld_core.plugins", "jld_core.files", "jld_core.parameters"],
     ["jld_core.loads", "jld_core.members"],
     [

@@ -12,7 +12,10 @@ from cases_spatial import assembly, box
 from jld_core import LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
 from jld_core.solvers import ClarabelSolver
+from jld_core.strengths import Route
 from noisy import noisy
+
+ROUTE = Route("a test")
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
 ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
@@ -78,7 +81,7 @@ def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:
         matrix, (dead, live) = equilibrium_matrix(assembly), load_vectors(assembly)
         left = matrix @ result.forces.ravel() + dead + result.bracket[0] * live
         assert abs(left).max() <= 1e-9 * abs(dead).max()
-        faces, s = assembly.interfaces, assembly.strengths
+        faces, s = assembly.interfaces, assembly.strengths(ROUTE)
         n, v, m = result.forces.T
         dry, inner = labels, ~labels
         assert np.all(abs(m[dry]) <= n[dry] * faces.l1[dry] / 2)

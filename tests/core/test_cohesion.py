@@ -22,10 +22,13 @@ from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
+from jld_core.strengths import Route
 from jld_core.views import quantities
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.space import search_space
+
+ROUTE = Route("a test")
 
 WEIGHT, AREA = 40.0, 2.0
 
@@ -163,7 +166,9 @@ def test_nothing_is_guessed_where_a_set_does_not_answer() -> None:
 @pytest.mark.parametrize("options", [SolveOptions(contact="concave"), SolveOptions(effective_area=True)])
 def test_cohesion_needs_an_area(options: SolveOptions) -> None:
     built = block([1.0, 0.0, 0.0], planar=False, dry={"cohesion": 3.0})
-    with pytest.raises(InputError, match="ground–block has cohesion"):
+    with pytest.raises(
+        InputError, match=r"cohesion of joints \(face ground–block\) is unknown to (contact at points|effective areas)"
+    ):
         solve(built, **vars(options))
     assert solve(built, np.zeros(1, dtype=bool), **vars(options)).status is Status.COLLAPSE
 
@@ -188,7 +193,7 @@ def test_an_interface_of_its_own() -> None:
     document = grid_document(["a", "#"], tension=0.0, shear=1e4)
     entry = {"elements": ["c0r0", "c0r1"], "polygon": [[0.0, 0.1], [0.1, 0.1]]}
     document["interfaces"] = [{**entry, "cohesion": 2e3, "inner_friction_angle": 45.0}]
-    strengths = build_assembly(parse_scene(document)).strengths
+    strengths = build_assembly(parse_scene(document)).strengths(ROUTE)
     assert strengths.cohesion.tolist() == [2e3]
     assert strengths.inner_friction == pytest.approx([1.0])
     document["interfaces"] = [{**entry, "inner_friction_coefficient": 1.0, "tensile_strength": 2e4}]

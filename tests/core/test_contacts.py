@@ -15,7 +15,10 @@ import pytest
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import find_planar_contacts
 from jld_core.geometry.planar_contacts import check_polygons
+from jld_core.strengths import Route
 from transforms import mirrored, rotated
+
+ROUTE = Route("a test")
 
 Document = dict[str, Any]
 Points = list[list[float]]
@@ -293,7 +296,7 @@ def test_given_interfaces_are_used_as_they_are() -> None:
     np.testing.assert_allclose(faces.l1, [0.6, 0.3, 0.2])
     np.testing.assert_allclose(faces.origin, [[0.5, 0], [0.15, 1], [0.5, 1]])
     assert found.labels.tolist() == [True, False, True]
-    np.testing.assert_allclose(found.strengths.friction, [0.5, 0.5, 0.1])
+    np.testing.assert_allclose(found.strengths(ROUTE).friction, [0.5, 0.5, 0.1])
 
 
 def test_interfaces_between_supports_are_left_out() -> None:

@@ -15,6 +15,9 @@ from jld_core.build import build_robust
 from jld_core.errors import InputError
 from jld_core.exchange import Layout, export, import_file
 from jld_core.refinement import refine
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 FACES: list[dict[str, Any]] = [
     {"between": ["c0r0", "c1r0"], "inner": {"tensile_strength": 1e3}},
@@ -66,8 +69,8 @@ def listed(faces: list[dict[str, Any]]) -> Scene:
 )
 def test_the_load_factor_is_that_of_all_interfaces_listed(entries: list[dict[str, Any]]) -> None:
     assembly, other = build_assembly(parse_scene(document(entries))), build_assembly(listed(entries))
-    for name, values in vars(assembly.strengths).items():
-        assert np.array_equal(values, getattr(other.strengths, name), equal_nan=True), name
+    for name, values in vars(assembly.strengths(ROUTE)).items():
+        assert np.array_equal(values, getattr(other.strengths(ROUTE), name), equal_nan=True), name
     plain, changed = build_assembly(parse_scene(document([]))), []
     for number in range(2 ** len(assembly.interfaces)):
         labels = (number >> np.arange(len(assembly.interfaces))) & 1 > 0
@@ -84,7 +87,7 @@ def test_crushing_is_stated_for_each_label_alone() -> None:
     assembly = build_assembly(parse_scene(document(FACES)))
     ids, faces = assembly.elements.ids, assembly.interfaces
     pairs = [{ids[a], ids[b]} for a, b in zip(faces.a, faces.b, strict=True)]
-    face, strengths = pairs.index({"c0r1", "c0r2"}), assembly.strengths
+    face, strengths = pairs.index({"c0r1", "c0r2"}), assembly.strengths(ROUTE)
     assert (strengths.crush_dry[face], strengths.crush_inner[face]) == (1e5, 2e5)
     assert strengths.friction[face] == pytest.approx(np.tan(np.radians(20)))
     assert (strengths.tension[face], strengths.shear[face], strengths.inner_friction[face]) == (9e2, 7e3, 0.1)
@@ -102,8 +105,7 @@ def test_low_values_of_faces_are_those_of_a_robust_search() -> None:
     low = {"nominal": 1e3, "low": 4e2}
     scene = parse_scene(document([{"between": ["c0r0", "c1r0"], "inner": {"tensile_strength": low}}]))
     robust = build_robust(scene)
-    assert robust.nominal is not None
-    assert (robust.strengths.tension.min(), robust.nominal.tension.min()) == (4e2, 1e3)
+    assert (robust.strengths(ROUTE).tension.min(), robust.at_nominal.strengths(ROUTE).tension.min()) == (4e2, 1e3)
     assert parse_scene(json.loads(scene.model_dump_json(exclude_defaults=True))) == scene
 
 

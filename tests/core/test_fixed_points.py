@@ -27,7 +27,10 @@ from jld_core.mechanics import scaling_of
 from jld_core.models.central_path import CentralPath
 from jld_core.models.fixed_points import barrier_weights, load_axes
 from jld_core.models.moving_rows import MovingRows, area_derivatives, areas_under, frozen_areas
+from jld_core.strengths import Route
 from paths import SCENES
+
+ROUTE = Route("a test")
 
 Array = NDArray[np.float64]
 
@@ -144,7 +147,7 @@ def effective(assembly: Assembly, forces: Array, k: int) -> tuple[float, Array]:
 
 def frozen_optimum(assembly: Assembly, labels: NDArray[np.bool_], forces: Array, load: float) -> float:
     """λ of the problem frozen at the areas of given forces, by CVXPY in scene units over `load`."""
-    faces, s = assembly.interfaces, assembly.strengths
+    faces, s = assembly.interfaces, assembly.strengths(ROUTE)
     count, unit = len(faces), assembly.total_dead
     none = np.zeros((count, 6))
     start = _left(assembly, none, 0.0)
@@ -187,7 +190,7 @@ def test_forces_are_an_optimum_under_their_own_areas(
     assert result.status is Status.COLLAPSE
     assert result.forces is not None
     assert result.facts["effective_area"]["fixed_point"] == 0.0
-    F, friction = result.forces, assembly.strengths.friction
+    F, friction = result.forces, assembly.strengths(ROUTE).friction
     largest = float(abs(F[:, 0]).max())
     for k in np.flatnonzero(labels & (F[:, 0] > 1e-3 * largest)):
         length, x = effective(assembly, F, k)

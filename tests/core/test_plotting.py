@@ -13,8 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.assembly import Assembly, Elements, Interfaces, Strengths, blocks_of
+from jld_core.assembly import Assembly, Elements, Interfaces, blocks_of
 from jld_core.loads import Loads
+from jld_core.strengths import FaceStrengths, Strengths
 from jld_core.views import quantities as marks
 from jld_core.views.annotations import legend_inches
 from jld_core.views.figures import (
@@ -129,7 +130,9 @@ def stack_of_boxes() -> Assembly:
         units=("m", "N"),
         elements=elements,
         interfaces=faces,
-        strengths=Strengths(np.full(2, 0.5), nothing, nothing, *np.full((2, 2), np.inf), *np.zeros((2, 2))),
+        face_strengths=FaceStrengths(
+            Strengths(np.full(2, 0.5), nothing, nothing, *np.full((2, 2), np.inf), *np.zeros((2, 2)))
+        ),
         dead_loads=Loads.of_resultants(six),
         live_loads=Loads.of_resultants(live),
         labels=np.array([True, True]),

@@ -13,6 +13,9 @@ import pytest
 from command import call
 from jld_core import InputError, Status, build_assembly, load_scene, samples, solve
 from jld_core.samples import bonds
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)
@@ -29,7 +32,7 @@ def test_every_sample_stands_on_its_supports_and_is_written_as_it_is_made(
     assert load_scene(target).search.block_cells == [1, 4]
     assembly = build_assembly(made)
     assert solve(assembly).status is not Status.UNCERTIFIED
-    assert assembly.strengths.friction == pytest.approx(0.7)
+    assert assembly.strengths(ROUTE).friction == pytest.approx(0.7)
 
 
 def test_an_arch_stands_from_the_thickness_of_couplet_and_heyman_on() -> None:

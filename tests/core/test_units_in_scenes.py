@@ -7,6 +7,9 @@ from typing import Any
 import pytest
 
 from jld_core import InputError, build_assembly, parse_scene
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 PLAIN: dict[str, Any] = {
     "elements": [
@@ -43,7 +46,7 @@ def scene(units: dict[str, str] | None = None, cohesion: Any = 5000.0, **load: A
 def test_texts_are_the_numbers_that_they_state(written: dict[str, Any]) -> None:
     one, other = (build_assembly(parse_scene(document)) for document in (PLAIN, scene(**written)))
     assert one.live == pytest.approx(other.live, rel=1e-14)
-    assert one.strengths.cohesion == pytest.approx(other.strengths.cohesion, rel=1e-14)
+    assert one.strengths(ROUTE).cohesion == pytest.approx(other.strengths(ROUTE).cohesion, rel=1e-14)
 
 
 def test_texts_become_numbers_of_the_units_of_the_scene() -> None:

@@ -407,7 +407,7 @@ def test_bracket_of_the_cubes(direction: str) -> None:
 
 def test_points_cannot_be_crushed() -> None:
     built = stools([OBLONG], materials=MATERIALS["crushable"])
-    with pytest.raises(InputError, match=r"p0.slab has a compressive strength"):
+    with pytest.raises(InputError, match=r"strength of joints \(face p0.slab\) is unknown to contact at points"):
         point_contact_assembly(built, built.labels)
 
 

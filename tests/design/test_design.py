@@ -18,6 +18,7 @@ from jld_core.deadline import Deadline
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
+from jld_core.strengths import Route
 from jld_explore.cli import layout
 from jld_explore.design import checks, run, tessellations
 from jld_explore.design.loads import with_loads
@@ -31,6 +32,8 @@ from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
 from solids import solid_of
+
+ROUTE = Route("a test")
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
 ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}
@@ -187,7 +190,7 @@ def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
     assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-9)
     case = list(expected.cases.values())[1]
     assert solve(one_case(again, 1)).load_factor == pytest.approx(case.load_factor, rel=1e-9)
-    friction = build_assembly(at_low_friction(again, 0.25)).strengths.friction
+    friction = build_assembly(at_low_friction(again, 0.25)).strengths(ROUTE).friction
     assert friction[labels] == pytest.approx(0.25)
 
 

@@ -13,12 +13,15 @@ from jld_core import build_assembly, parse_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.fields.governing import governing_bounds
 from jld_core.scene import Scene
+from jld_core.strengths import Route
 from jld_explore.design.crushing import uniaxial_strength, with_crushing, with_materials_of
 from jld_explore.design.moving import Task, move_in_rounds, moved_trial
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import Outline
 from jld_explore.design.tessellations import Tessellation
 from jld_explore.design.trials import NONE, Design, Trial
+
+ROUTE = Route("a test")
 
 FRICTION = 0.9
 
@@ -40,10 +43,10 @@ def test_blocks_fail_in_uniaxial_compression_at_the_closed_form(wall: Scene, fri
     scene = parse_scene(document)
     assert uniaxial_strength(scene) == pytest.approx(expected, rel=1e-12)
     for share in (1.0, 0.5):
-        strengths = build_assembly(with_crushing(scene, share)).strengths
+        strengths = build_assembly(with_crushing(scene, share)).strengths(ROUTE)
         assert strengths.crush_dry == pytest.approx(share * expected, rel=1e-12)
     document["materials"]["dry"]["compressive_strength"] = 0.1 * expected
-    kept = build_assembly(with_crushing(parse_scene(document))).strengths
+    kept = build_assembly(with_crushing(parse_scene(document))).strengths(ROUTE)
     assert kept.crush_dry == pytest.approx(0.1 * expected, rel=1e-12)
 
 

@@ -14,7 +14,10 @@ from command import call
 from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import Layout, export, import_file
 from jld_core.limit import displacement
+from jld_core.strengths import Route
 from paths import SCENES
+
+ROUTE = Route("a test")
 
 PROBLEM = Path(__file__).parent / "data" / "compas_dem_problem.json"
 """Written by compas_dem 0.6: three blocks on one another, loads of every kind, and a support that sinks."""
@@ -240,7 +243,7 @@ def test_compas_dem_opens_what_is_written(tmp_path: Path) -> None:
     problem = analysis.problems[0]
     problem.load_model(analysis.model)
     assert len(list(analysis.model.elements())) == len(layout.assembly.elements)
-    strengths = layout.assembly.strengths
+    strengths = layout.assembly.strengths(ROUTE)
     assert problem._contact_properties.contact_model.mu == pytest.approx(strengths.friction[0])
     (group,) = problem.boundary_conditions
     assert group.g == 9.81

@@ -23,8 +23,11 @@ from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export
 from jld_core.geometry.congruence import alike
 from jld_core.geometry.outlines import Outline
 from jld_core.geometry.unions import extrude, union_outlines
+from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore, read_folder
 from paths import SCENES
+
+ROUTE = Route("a test")
 
 pytest.importorskip("ezdxf")
 meshio = pytest.importorskip("meshio")
@@ -191,11 +194,11 @@ def test_strengths_of_one_face_come_back_from_compas(tmp_path: Path) -> None:
     pairs = zip(back.interfaces.a, back.interfaces.b, strict=True)
     order = [names[frozenset((back.elements.ids[a], back.elements.ids[b]))] for a, b in pairs]
     assert sorted(order) == list(range(len(faces)))
-    for field, values in vars(there.assembly.strengths).items():
-        np.testing.assert_array_equal(getattr(back.strengths, field), values[order], err_msg=field)
-    assert len(np.unique(back.strengths.cohesion)) == 2
+    for field, values in vars(there.assembly.strengths(ROUTE)).items():
+        np.testing.assert_array_equal(getattr(back.strengths(ROUTE), field), values[order], err_msg=field)
+    assert len(np.unique(back.strengths(ROUTE).cohesion)) == 2
     low = build_robust(found)
-    np.testing.assert_array_equal(low.strengths.tension, build_robust(scene).strengths.tension[order])
+    np.testing.assert_array_equal(low.strengths(ROUTE).tension, build_robust(scene).strengths(ROUTE).tension[order])
 
 
 @pytest.mark.parametrize(("kind", "name"), [("obj", "cross"), ("stl", "dome"), ("ply", "dome"), ("dxf", "dome")])

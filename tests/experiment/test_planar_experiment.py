@@ -11,11 +11,14 @@ from cases import grid_document
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
+from jld_core.strengths import Route
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.driving import scout
 from jld_experiment.report import summary
 from paths import SCENES
 from transforms import as_elements, in_units, renumbered, rotated
+
+ROUTE = Route("a test")
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")
@@ -166,7 +169,7 @@ def outside(assembly: Assembly, labels: Bits, forces: Floats) -> float:
     """Largest violation of METHOD's planar yield sets, written down anew: a force, or a moment over l/2."""
     n, v, m = forces.T
     arm = assembly.interfaces.l1 / 2.0
-    area, strengths = assembly.interfaces.area, assembly.strengths
+    area, strengths = assembly.interfaces.area, assembly.strengths(ROUTE)
     dry = np.maximum(abs(v) - strengths.friction * n, abs(m) / arm - n)
     inner = np.maximum(abs(v) - strengths.shear * area, abs(m) / arm - (n + strengths.tension * area) / 3.0)
     return float(np.where(labels, dry, inner).max())

@@ -16,11 +16,14 @@ from cases import grid_document
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.errors import ParameterError
 from jld_core.scene.cracks import CellCracks
+from jld_core.strengths import Route
 from jld_explore import Exploration, explore, notebook
 from jld_explore.notebook import NotebookPage
 from jld_explore.notebook_kernel import AssemblyStructure, LayoutSolver, structure_of
 from jld_explore.space import from_string
 from paths import SCENES
+
+ROUTE = Route("a test")
 
 ARCH = SCENES / "flat_beam_arch.json"
 
@@ -136,9 +139,9 @@ def test_values_of_single_faces_keep_their_ratio() -> None:
     structure = AssemblyStructure(assembly)
     usual = structure.materials["dry"]["friction_coefficient"]
     changed = structure.with_materials({"dry": {"friction_coefficient": 0.5 * usual}})
-    assert changed.strengths.friction == pytest.approx(0.5 * assembly.strengths.friction)
-    assert changed.strengths.tension == pytest.approx(assembly.strengths.tension)
-    assert len(set(assembly.strengths.friction.tolist())) == 2
+    assert changed.strengths(ROUTE).friction == pytest.approx(0.5 * assembly.strengths(ROUTE).friction)
+    assert changed.strengths(ROUTE).tension == pytest.approx(assembly.strengths(ROUTE).tension)
+    assert len(set(assembly.strengths(ROUTE).friction.tolist())) == 2
 
 
 def test_bond_fixes_the_sliders_of_a_result(unpictured: None) -> None:

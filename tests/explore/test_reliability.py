@@ -18,6 +18,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
+from jld_core.strengths import Route
 from jld_explore.reliability.analysis import ReliabilityOptions, analyse, estimate, structure_of
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
 from jld_explore.reliability.exploration import explore_failures
@@ -25,6 +26,8 @@ from jld_explore.reliability.form import Form, Limit, LimitFunction, design_poin
 from jld_explore.reliability.monte_carlo import _Drawing, compare, simulate
 from jld_explore.reliability.structure import RandomStructure, random_structure
 from jld_explore.reliability.variables import Variables
+
+ROUTE = Route("a test")
 
 WEIGHT = 2000.0 * 9.81
 """Weight of the sliding block, N."""
@@ -208,8 +211,8 @@ def test_samples_are_the_scene_with_other_numbers(name: str) -> None:
     rebuilt = build_assembly(parse_scene(plain))
     for case, expected in enumerate(rebuilt.by_case):
         own = found.at(values, case)
-        for field, numbers in vars(expected.strengths).items():
-            assert getattr(own.strengths, field) == pytest.approx(numbers, rel=1e-12, nan_ok=True), field
+        for field, numbers in vars(expected.strengths(ROUTE)).items():
+            assert getattr(own.strengths(ROUTE), field) == pytest.approx(numbers, rel=1e-12, nan_ok=True), field
         scale = abs(expected.dead).max()
         assert own.dead == pytest.approx(expected.dead, rel=1e-9, abs=1e-12 * scale)
         assert own.live == pytest.approx(expected.live, rel=1e-9, abs=1e-12 * scale)

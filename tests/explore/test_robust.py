@@ -14,9 +14,12 @@ from command import call
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.scene.reading import at_low
+from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import read_folder
 from jld_explore.space import from_string
+
+ROUTE = Route("a test")
 
 ROWS = ["aaa", "aaa", "###"]
 
@@ -42,7 +45,7 @@ def test_the_nominal_value_is_built_and_the_low_one_kept() -> None:
     assert solve(robust).load_factor == solve(build_assembly(plain(True))).load_factor
     assert solve(robust.at_nominal).load_factor == solve(nominal).load_factor
     angle = parse_scene(document({"friction_angle": {"nominal": 40, "low": 30}}))
-    assert build_robust(angle).strengths.friction == pytest.approx(np.tan(np.radians(30)))
+    assert build_robust(angle).strengths(ROUTE).friction == pytest.approx(np.tan(np.radians(30)))
     assert at_low(scene).materials.dry == plain(True).materials.dry
 
 

@@ -20,6 +20,9 @@ from jld_core.fields.material import Material, material_of
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.problem import problem_of, units_of
 from jld_core.fields.upper import UpperBound
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 
 def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
@@ -65,7 +68,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
                 rules += [pull == factor * tractions(assembly, mesh, loads, edge, end) / unit]
             if 0 <= face < count and labels[face]:
                 pressure, shear = -(pull[0] * nx + pull[1] * ny), -pull[0] * ny + pull[1] * nx
-                strengths = assembly.strengths
+                strengths = assembly.strengths(ROUTE)
                 rules += [pressure >= 0]
                 rules += [cp.abs(shear) <= strengths.cohesion[face] / unit + strengths.friction[face] * pressure]
                 if math.isfinite(strengths.crush_dry[face]):
@@ -115,7 +118,7 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
             opening, slip = normal @ jump, along @ jump
             half = 0.5 * e.length[edge]
             if 0 <= face < count and labels[face]:
-                strengths = assembly.strengths
+                strengths = assembly.strengths(ROUTE)
                 lack = strengths.friction[face] * cp.abs(slip) - opening
                 power += half * strengths.cohesion[face] / unit * cp.abs(slip)
                 if math.isfinite(strengths.crush_dry[face]):

@@ -15,6 +15,9 @@ from command import Command
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.geometry_optimisation.box_search import _Search, prove_box
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""
@@ -87,7 +90,7 @@ def test_one_mechanism_proves_the_bound_in_rational_arithmetic() -> None:
         for face in range(len(faces)):
             p, q = outline_of(search, mesh.ends[face].tolist(), at)
             edge = (q[0] - p[0], q[1] - p[1])
-            friction = Fraction(float(assembly.strengths.friction[face]))
+            friction = Fraction(float(assembly.strengths(ROUTE).friction[face]))
             for end in (p, q):
                 jumps = [speed(int(side[face]), end) for side in (faces.a, faces.b)]
                 gap = (jumps[1][0] - jumps[0][0], jumps[1][1] - jumps[0][1])
@@ -162,7 +165,7 @@ def test_inner_faces_are_refused(tmp_path: Path, jld: Command) -> None:
     file.write_text(json.dumps(document))
     done = jld("move", file, "-o", tmp_path / "out.json", "--prove", "0.05")
     assert done.code == 2
-    assert "dry joints without cohesion" in done.err
+    assert "dry joints alone" in done.err
 
 
 def test_the_command_prints_both_bounds(tmp_path: Path, jld: Command) -> None:

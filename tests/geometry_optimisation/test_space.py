@@ -135,7 +135,7 @@ def test_joints_stay_plane_within_their_limits() -> None:
         ({"move": {"along": [{"at": [0, 0], "direction": [0, 1]}]}}, "it has 2 numbers"),
         ({"move": {"along": [{"at": [0, 0, 9], "direction": [0, 0, 1]}]}}, "no vertex lies at"),
         ({"move": {"vertices": "along"}}, "no corner of a joint can move"),
-        ({"cohesion": 100.0}, "without cohesion"),
+        ({"cohesion": 100.0}, ") is unknown to joints that move in space"),
     ],
 )
 def test_scenes_whose_joints_cannot_move_are_refused_in_one_line(

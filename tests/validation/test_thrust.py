@@ -23,7 +23,10 @@ from jld_core.limit.thrust import (
 )
 from jld_core.samples import arch
 from jld_core.scene import Scene
+from jld_core.strengths import Route
 from transforms import as_elements, rotated
+
+ROUTE = Route("a test")
 
 
 def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], ResultantRange]:
@@ -96,7 +99,7 @@ def by_linear_program(scene: Scene, weights: Any) -> tuple[float, float]:
             rows[3 * element + 2, 3 * k + 2] = sign
     kept = np.repeat(~elements.support, 3)
     limits = np.zeros((4 * count, 3 * count))
-    mu = assembly.strengths.friction
+    mu = assembly.strengths(ROUTE).friction
     for k in range(count):
         limits[4 * k : 4 * k + 2, 3 * k : 3 * k + 2] = [[-mu[k], 1.0], [-mu[k], -1.0]]
         limits[4 * k + 2, [3 * k, 3 * k + 2]] = [-faces.l1[k] / 2.0, 1.0]

@@ -31,6 +31,7 @@ from jld_core.scene.materials import FaceMaterial
 from jld_core.scene.reading import at_low
 from jld_core.scene.schema import Contact
 from jld_core.scene.uncertain import in_words, uncertain_values
+from jld_core.strengths import FaceStrengths
 
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
@@ -75,7 +76,7 @@ def build_robust(scene: Scene) -> Assembly:
     Returns
     -------
     Assembly
-        Assembly with low `strengths`; the nominal strengths are in `nominal`.
+        Assembly with low strengths; `at_nominal` has the nominal ones.
 
     Raises
     ------
@@ -86,7 +87,8 @@ def build_robust(scene: Scene) -> Assembly:
     nominal, weak = build_assembly(scene), build_assembly(low)
     if len(weak.interfaces) != len(nominal.interfaces):
         raise InputError("members", "a low tension equals the prestress", "a low tension above it")
-    return replace(nominal, strengths=weak.strengths, nominal=nominal.strengths, members=weak.members)
+    low_values = nominal.face_strengths.low_of(weak.face_strengths)
+    return replace(nominal, face_strengths=low_values, members=weak.members)
 
 
 def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geometry | None = None) -> Assembly:
@@ -123,7 +125,10 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         units=(scene.units.length, scene.units.force),
         elements=elements,
         interfaces=interfaces,
-        strengths=materials.strengths(scene.materials, given, of_faces),
+        face_strengths=FaceStrengths(
+            materials.strengths(scene.materials, given, of_faces),
+            criteria=materials.criteria(scene.materials, given, of_faces),
+        ),
         dead_loads=cases[0].dead_loads,
         live_loads=cases[0].live_loads,
         labels=_own_labels(scene, elements, interfaces, given),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import resultants
 from jld_core.scene.materials import FaceMaterial, Materials
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("the bond of joints")
 
 _KEY = "materials.dry.tensile_strength"
 
@@ -49,7 +53,7 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     strength = np.array([usual if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly
-    own, faces, d = assembly.strengths, assembly.interfaces, assembly.dimension
+    own, faces, d = assembly.strengths(_ROUTE), assembly.interfaces, assembly.dimension
     with np.errstate(invalid="ignore"):
         over = strength * own.friction > own.cohesion * (1.0 + 1e-12)
         weak = strength > own.tension * (1.0 + 1e-12)
@@ -79,7 +83,6 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     pull = resultants(len(assembly.elements), owner, loads, arm)
     pull[assembly.elements.support] = 0.0
     return replace(
-        assembly,
-        strengths=strengths,
+        assembly.with_strengths(strengths),
         members=replace(assembly.members, bond=force, self_stress=pull),
     )

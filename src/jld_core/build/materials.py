@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Strengths
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, DryFace, FaceMaterial, Inner, InnerFace, Materials, lies_within_apex
 from jld_core.scene.schema import Contact, Element
+from jld_core.strengths import StatedCriterion, Strengths, stated
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:
@@ -99,6 +99,44 @@ def _of_face(face: FaceMaterial) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
+def criteria(
+    materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None]
+) -> tuple[StatedCriterion, ...]:
+    """Return the criteria of plug-ins that a scene states, each with the interfaces (m,) that have it.
+
+    contacts, faces: as for `strengths`. Raises InputError for a criterion or parameters that are unknown or out of
+    bounds, and for an interface with standard strengths of its own beside a criterion.
+    """
+    found: dict[tuple[str, str, tuple[tuple[str, float], ...]], list[int]] = {}
+    for label in ("dry", "inner"):
+        usual, keys = getattr(materials, label), _OF_CONTACTS[label]
+        for number, (contact, face) in enumerate(zip(contacts, faces, strict=True)):
+            source, key = usual, f"materials.{label}"
+            own = getattr(face, label) if face is not None else None
+            if face is not None and own is not None and own.model_fields_set:
+                source, key = own, f"materials.faces of {'–'.join(face.between)}: {label}"
+            if source is None or source.criterion is None:
+                continue
+            given = [one for one in keys if contact is not None and getattr(contact, one) is not None]
+            if contact is not None and given:
+                where = f"interface {'–'.join(contact.elements)}: {given[0]}"
+                raise InputError(where, f'{key} has the criterion "{source.criterion}"', "no strength of its own")
+            values = stated(label, source.criterion, source.parameters, key)
+            found.setdefault((label, source.criterion, values), []).append(number)
+    mask = np.arange(len(contacts))
+    return tuple(StatedCriterion(*key, np.isin(mask, places)) for key, places in found.items())
+
+
+_OF_CONTACTS = {
+    "dry": ("friction_coefficient", "friction_angle", "cohesion", "compressive_strength"),
+    "inner": (
+        *("tensile_strength", "shear_strength", "compressive_strength"),
+        *("inner_friction_coefficient", "inner_friction_angle"),
+    ),
+}
+"""Keys of "interfaces" that state strengths of one label."""
+
+
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
@@ -126,6 +164,10 @@ def strengths(
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
         if face is not None:
+            if face.dry is not None and face.dry.criterion is not None:
+                own |= dict.fromkeys(("friction", "crush_dry", "cohesion"))
+            if face.inner is not None and face.inner.criterion is not None:
+                own |= dict.fromkeys(("tension", "shear", "crush_inner", "inner_friction"))
             own |= _of_face(face)
             where = f"materials.faces of {'–'.join(face.between)}"
             lies_within_apex(own["tension"], own["shear"], own["inner_friction"], where)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import INNER, Assembly, Interfaces, Strengths
+from jld_core.assembly import INNER, Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry.inside import contains, distance_from_face
 from jld_core.geometry.vectors import across, resultants
 from jld_core.linalg.sums import summed
 from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
+from jld_core.strengths import Strengths
 
 
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
@@ -58,21 +59,18 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
         assembly,
         members=members,
         interfaces=_joined(assembly.interfaces, _interfaces(assembly, members, varying)),
-        strengths=_joined(assembly.strengths, strengths),
+        face_strengths=assembly.face_strengths.joined(strengths),
         labels=np.append(assembly.labels, np.full(len(varying), INNER)).astype(bool),
     )
 
 
-_Arrays = TypeVar("_Arrays", Interfaces, Strengths)
-
-
-def _joined(one: _Arrays, other: _Arrays) -> _Arrays:
-    """Concatenate two sets of interfaces, or two sets of strengths."""
+def _joined(one: Interfaces, other: Interfaces) -> Interfaces:
+    """Concatenate two sets of interfaces."""
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
         parts[part.name] = first + second if isinstance(first, tuple) else np.concatenate([first, second])
-    return type(one)(**parts)
+    return Interfaces(**parts)
 
 
 def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:

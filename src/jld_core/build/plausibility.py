@@ -20,6 +20,9 @@ from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, Inner
 from jld_core.scene.schema import Contact
 from jld_core.scene.units import GRAVITY, METRES, NEWTONS, USUAL_GRAVITY, UnitSystem
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("plausibility")
 
 _FRICTION: Final = 2.0  # above this friction coefficient, an angle in degrees was probably meant
 _ANGLE: Final = 2.0  # degrees: below, radians or the coefficient were probably given
@@ -251,7 +254,9 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
 
 def _of_crushing(assembly: Assembly) -> Iterator[str]:
     """Warn about compressive strengths that blocks which crack anywhere do not have, docs/method.md (9.1)."""
-    strengths, (length, force) = assembly.strengths, assembly.units
+    if assembly.face_strengths.criteria:
+        return  # what such faces bear is for the criterion to say
+    strengths, (length, force) = assembly.strengths(_ROUTE), assembly.units
     friction = strengths.inner_friction
     implied = 2.0 * strengths.shear * (friction + np.hypot(1.0, friction))
     for name, stated in (("inner", strengths.crush_inner), ("dry", strengths.crush_dry)):

@@ -5,6 +5,8 @@ The commands follow the manual of 3DEC 7; the output has not been run in 3DEC.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from jld_core.build.materials import gravity_vector
@@ -12,6 +14,9 @@ from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 from jld_core.geometry import area_vector, solids
 from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("files of 3DEC")
 
 
 def command_text(layout: Layout) -> str:
@@ -21,7 +26,7 @@ def command_text(layout: Layout) -> str:
     define them for the user to edit. Raises InputError for an element that is not convex.
     """
     assembly = layout.assembly
-    elements, strengths = assembly.elements, assembly.strengths
+    elements, strengths = assembly.elements, assembly.strengths(_ROUTE)
     length, force = assembly.units
     vector = gravity_vector(layout.scene.materials, assembly.dimension).tolist()
     vector = [vector[0], 0.0, vector[1]] if assembly.dimension == 2 else vector

@@ -16,7 +16,10 @@ from jld_core.exchange.write_compas import mesh_data, named_faces, point_in_spac
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement
+from jld_core.strengths import Route
 from jld_core.views.quantities import mechanism_scale
+
+_ROUTE: Final = Route("files of COMPAS")
 
 _SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
 """Namespace of the name-based guids of written objects."""
@@ -248,7 +251,7 @@ class _Dem:
 
     def _law(self) -> dict[str, Any]:
         """Return the Mohr–Coulomb law of the dry joints; raise InputError where joints differ."""
-        strengths = self._layout.assembly.strengths
+        strengths = self._layout.assembly.strengths(_ROUTE)
         dry = self._layout.labels
         if not dry.any():
             return {"name": "MohrCoulomb", "phi": 0.0, "mu": 0.0, "c": None, "t_c": None}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("cracks by fields")
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ def material_of(assembly: Assembly) -> Material:
         No inner strengths, strengths of 0, strengths that differ between faces, or members.
     """
     assembly.members.refuse("an analysis by fields")
-    given = assembly.strengths
+    given = assembly.strengths(_ROUTE)
     values = np.column_stack([given.tension, given.shear, given.inner_friction, given.crush_inner])
     named = values[~np.isnan(values[:, :2]).any(axis=1)]
     if not len(named):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from jld_core.fields.loads import FieldLoads, thickness_of
 from jld_core.fields.material import Material
 from jld_core.fields.mesh import Edges, Mesh
 from jld_core.fields.outlines import FREE
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("cracks by fields")
 
 
 @dataclass(frozen=True)
@@ -165,7 +169,7 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
     Problem
         Stresses, lengths and loads of order one.
     """
-    faces, strengths, support = assembly.interfaces, assembly.strengths, assembly.elements.support
+    faces, strengths, support = assembly.interfaces, assembly.strengths(_ROUTE), assembly.elements.support
     scaled = replace(mesh, points=(mesh.points - units.origin) / units.length)
     density = units.length / units.stress
     joints = Joints(

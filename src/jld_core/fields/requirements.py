@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from jld_core.arrays import Bits
@@ -9,6 +11,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.material import material_of
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("cracks by fields")
 
 
 def require_fields(assembly: Assembly) -> None:
@@ -46,7 +51,7 @@ def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
     given = np.asarray(assembly.labels if labels is None else labels)
     if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
         raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
-    missing = np.flatnonzero(given & np.isnan(assembly.strengths.friction))
+    missing = np.flatnonzero(given & np.isnan(assembly.strengths(_ROUTE).friction))
     if missing.size:
         raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
     return given

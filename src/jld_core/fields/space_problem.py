@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from jld_core.fields.material import Material
 from jld_core.fields.problem import Joints, Units
 from jld_core.fields.space_loads import SpatialLoads
 from jld_core.fields.space_mesh import Sides, SolidMesh, patch_tag
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("cracks by fields")
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def spatial_problem(
     labels: (m,) True = dry. material, units: of the assembly, scene units. mesh: scene coordinates, refined from the
     coarsest one. loads: over that coarsest mesh, scene units.
     """
-    strengths = assembly.strengths
+    strengths = assembly.strengths(_ROUTE)
     density = units.length / units.stress
     joints = Joints(
         friction=np.nan_to_num(strengths.friction, nan=0.0),

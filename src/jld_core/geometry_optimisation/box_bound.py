@@ -18,6 +18,9 @@ from jld_core.geometry_optimisation.planar_rates import shape_loads
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.mechanics import scaling_of
 from jld_core.solvers.highs import highs_of
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("a bound over a box of positions", frozenset({"friction"}))
 
 _TO_BERNSTEIN: Final = np.array(
     [[6.0, 0.0, 0.0, 0.0], [-5.0, 18.0, -9.0, 2.0], [2.0, -9.0, 18.0, -5.0], [0.0, 0.0, 0.0, 6.0]]
@@ -189,7 +192,7 @@ class BoxProblem:
         """
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
-        friction = self._assembly.strengths.friction
+        friction = self._assembly.strengths(_ROUTE, np.ones_like(self._assembly.labels)).friction
         rows, sizes = [], []
         for face in range(len(faces)):
             ends = places[:, self._mesh.ends[face]]
@@ -281,11 +284,10 @@ class BoxProblem:
 
 
 def _require_dry(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for faces that are inner, have cohesion or can crush."""
-    strengths = assembly.strengths
-    if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
-        problem = "a bound over a box of positions knows dry joints without cohesion and compressive strength alone"
-        raise ParameterError("prove", problem, "a scene with such joints, or no proof")
+    """Raise InputError for faces that are inner, or have more than friction."""
+    if not labels.all():
+        raise ParameterError("prove", "a bound over a box of positions knows dry joints alone", "no proof")
+    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
 
 
 def _extremes(force: Floats) -> Floats | None:

@@ -131,7 +131,7 @@ class _Search:
         loads_that_move(scene)
         if scene.cracks != "faces":
             raise ParameterError("prove", "it bounds λ of blocks that crack along faces alone", '"cracks": "faces"')
-        if assembly.nominal is not None:
+        if assembly.has_low_values:
             raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
         move = scene.move or Move()
         mesh = vertex_mesh(assembly)

@@ -25,6 +25,9 @@ from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve_rigid
 from jld_core.program import Template
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("joints that move")
 
 _ROUNDS: Final = 12
 """Largest number of Newton steps to the least friction or thickness of one geometry."""
@@ -314,8 +317,8 @@ class Evaluator:
 
 def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
     """Return an assembly with all friction coefficients multiplied by a factor."""
-    strengths = replace(assembly.strengths, friction=assembly.strengths.friction * factor)
-    return replace(assembly, strengths=strengths)
+    strengths = assembly.strengths(_ROUTE)
+    return assembly.with_strengths(replace(strengths, friction=strengths.friction * factor))
 
 
 def stands(result: LimitAnalysisResult) -> bool:

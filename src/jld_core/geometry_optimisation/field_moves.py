@@ -63,7 +63,7 @@ def move_by_fields(
         raise InputError("cracks", "joints in space move by faces alone", '"faces"')
     if scene.move is not None and scene.move.maximise != "load_factor":
         raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
-    if assembly.nominal is not None:
+    if assembly.has_low_values:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
     require_fields(assembly)
     search = GeometrySearch(scene, assembly, labels, run.trust)

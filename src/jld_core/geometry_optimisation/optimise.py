@@ -193,7 +193,7 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
     found = parse_scene({**document, "labels": {"default": "dry"}})
-    again = solve_rigid(build_assembly(found) if result.assembly.nominal is None else build_robust(found)).load_factor
+    again = solve_rigid(build_robust(found) if result.assembly.has_low_values else build_assembly(found)).load_factor
     if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
     return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]

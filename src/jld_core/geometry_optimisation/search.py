@@ -23,6 +23,9 @@ from jld_core.geometry_optimisation.variables import Variables, variables_of
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh, vertex_mesh
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("joints that move")
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class GeometrySearch:
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
-        robust = assembly.nominal is not None
+        robust = assembly.has_low_values
         if robust and self.goal == "friction":
             problem = '"least_friction" has no low values, since friction is what it seeks'
             raise InputError("move.maximise", problem, '"load_factor", or nominal values')
@@ -121,7 +124,7 @@ class GeometrySearch:
             self.moved = MovedScene(scene, assembly, labels, mesh)
         self.evaluator = Evaluator(self.moved, mesh, labels, self.variables, limits, self.unit, robust)
         self.required = assembly.required
-        self._friction = float(np.nan_to_num(assembly.strengths.friction[labels]).max(initial=0.0))
+        self._friction = float(np.nan_to_num(assembly.strengths(_ROUTE).friction[labels]).max(initial=0.0))
 
     # --- points -----------------------------------------------------------------------------------------
 

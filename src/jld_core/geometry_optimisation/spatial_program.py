@@ -21,6 +21,9 @@ from jld_core.geometry_optimisation.spatial_mesh import SpatialMesh
 from jld_core.geometry_optimisation.spatial_rates import face_motion, held_forces, volume_rates
 from jld_core.geometry_optimisation.variables import Variables, ties_of, vertex_at
 from jld_core.scene.move import Move
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("joints that move in space", frozenset({"friction"}))
 
 _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")
 """Keys of "move" that have a meaning in the plane alone."""
@@ -31,10 +34,9 @@ def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
 
     Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
     """
-    strengths = assembly.strengths
-    if not labels.all() or strengths.cohesion.any() or np.isfinite(strengths.crush_dry).any():
-        problem = "in space only joints without cohesion and compressive strength move, and no inner faces"
-        raise InputError("move", problem, "a scene of such joints alone")
+    if not labels.all():
+        raise InputError("move", "in space only joints move, and no inner faces", "a scene of joints alone")
+    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
     for key in _PLANAR_KEYS:
         if key in move.model_fields_set:
             raise InputError(f"move.{key}", "it has no meaning in space", '"edge", "box", "block_mass" or "ties"')

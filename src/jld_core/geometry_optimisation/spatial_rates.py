@@ -20,6 +20,9 @@ from jld_core.geometry_optimisation.planar_rates import shape_loads
 from jld_core.geometry_optimisation.spatial_mesh import spatial_mesh
 from jld_core.limit import LimitAnalysisResult
 from jld_core.solvers.highs import highs_of
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("rates by the vertices of solids")
 
 _STEP: Final = 1e-5
 """Step of central differences of explicit functions of a polygon, relative to its size; their error is its square."""
@@ -36,7 +39,7 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1.
     """
     assembly = result.assembly
-    if not result.labels.all() or np.isfinite(assembly.strengths.crush_dry).any():
+    if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).crush_dry).any():
         return None
     mesh = spatial_mesh(assembly)
     rates = np.zeros_like(mesh.places)
@@ -183,7 +186,7 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
     held = held_forces(assembly, face, polygon, forces, (velocity + spun(spin, polygon)) @ normal)
     rates = -held.rates(polygon) @ np.concatenate([velocity, spin])
     slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(normal @ spin)))
-    stuck = float(assembly.strengths.cohesion[face]) * slip
+    stuck = float(assembly.strengths(_ROUTE).cohesion[face]) * slip
     # dA/dx_i = ½ (x_{i+1} − x_{i−1}) × n, with the polygon counter-clockwise about n
     sign = np.sign(area_vector(polygon) @ normal)
     after = np.roll(polygon, -1, axis=0) - np.roll(polygon, 1, axis=0)

@@ -49,11 +49,8 @@ class YieldSetFaces:
 
         dry: True for the dry label, False for the inner one.
         """
-        assembly, scaling = template.assembly, template.scaling
-        known = assembly.strengths
-        per_area = (known.cohesion, known.crush_dry) if dry else (known.tension, known.shear, known.crush_inner)
-        size = sum(np.where(np.isfinite(one), one, 0.0) for one in per_area)
-        return cls(template.yield_set, dry, np.asarray(size * assembly.interfaces.area / scaling.force))
+        labels = np.full(len(template.assembly.interfaces), dry)
+        return cls(template.yield_set, dry, template.yield_set.strength(labels))
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the margins (k,) of jumps (k, q) at faces (k,), see `BlockFaces.margin`."""

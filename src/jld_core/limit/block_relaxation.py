@@ -387,5 +387,5 @@ def applies_to(analysis: LimitAnalysis) -> bool:
         return False
     if analysis.repair.opening() is not None:
         return True
-    strengths = analysis.template.assembly.strengths
-    return bool(np.isfinite(strengths.crush_dry).all() and np.isfinite(strengths.crush_inner).all())
+    dry = np.ones(len(analysis.assembly.interfaces), dtype=bool)
+    return not (sets.recession_active(dry).any() or sets.recession_active(~dry).any())

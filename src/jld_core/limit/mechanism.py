@@ -15,6 +15,9 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.mechanics import equilibrium_matrix
+from jld_core.strengths import CRITERIA, STANDARD, Route
+
+_ROUTE: Final = Route("movements of faces", STANDARD | CRITERIA)
 
 SMALL: Final = 0.01
 """Share of the largest movement of a mechanism below which a face counts as closed."""
@@ -132,7 +135,7 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
         raise ValueError("the result holds no mechanism")
     assembly, faces = result.assembly, result.assembly.interfaces
     jumps = face_jumps(assembly, result.mechanism)
-    friction = np.nan_to_num(assembly.strengths.friction)
+    friction = np.nan_to_num(assembly.strengths(_ROUTE).friction)
     dilates = friction if result.friction == "associative" else np.zeros(len(faces))
     parts = [_parts(assembly, result.mechanism, jumps, k) for k in range(len(faces))]
     size = np.array([max(abs(gap).max(), slip, spin) for gap, slip, spin in parts])

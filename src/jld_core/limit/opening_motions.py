@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from jld_core import tolerances
+from jld_core.arrays import Floats
 from jld_core.limit.admissible import Motion
 from jld_core.limit.auxiliary_programs import (
     interior_motion,
 )
 from jld_core.limit.bounds import Prover
 from jld_core.program import Template
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("opening motions")
 
 _TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
 _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
@@ -53,9 +58,15 @@ class OpeningMotions:
             template = self._steepest()
             program = template.program(every)
             inside = interior_motion(program, program.structure.shape[1] - 1)
-            self._opening = None if inside is None else self.prover.motion(inside, every, normalise=False)
+            self._opening = None if inside is None else self._under_both(inside)
             self._opening_known = True
         return self._opening
+
+    def _under_both(self, velocity: Floats) -> Motion:
+        """Return a motion with its margin under the label that has the lesser one; velocity: scaled."""
+        every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
+        motions = [self.prover.motion(velocity, labels, normalise=False) for labels in (every, ~every)]
+        return min(motions, key=lambda motion: motion.margin)
 
     def expansion(self) -> Motion | None:
         """Find an opening motion of simple form, without solving a program.
@@ -102,7 +113,10 @@ class OpeningMotions:
         labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members stay.
         """
         assembly, scaling = self.template.assembly, self.template.scaling
-        strengths = assembly.strengths
+        if assembly.face_strengths.criteria:
+            rows = self.template.yield_set.hull()
+            return self.template if rows is None else self.template.with_rows(rows)
+        strengths = assembly.strengths(_ROUTE)
         # A member has finite dissipation for every jump, as it stands.
         bounded = assembly.of_members
         crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
@@ -113,4 +127,4 @@ class OpeningMotions:
         endless = np.full(len(assembly.interfaces), np.inf)
         inner = np.where(bounded, strengths.crush_inner, endless)
         strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=inner)
-        return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)
+        return Template(assembly.with_strengths(strengths), scaling, beside=self.template.beside)

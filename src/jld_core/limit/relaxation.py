@@ -62,9 +62,9 @@ class Relaxation(PartialLabellingBounds):
         if hull is None:
             raise TypeError("the hull of these yield sets is not known")
         self._open = self.template.with_rows(hull)
-        strengths, planar = self.template.assembly.strengths, self.template.assembly.dimension == 2
         # The hull has exact rows only as long as dry joints never crush.
-        self._shared = SharedHull(self.template) if planar and np.isfinite(strengths.crush_dry).any() else None
+        planar = self.template.assembly.dimension == 2
+        self._shared = SharedHull(self.template) if planar and self.template.yield_set.pattern.cones else None
         self._batch: BatchSolver | None = None
         if chosen() is not None and fits(self.template, hull):
             opening = analysis.repair.opening()

@@ -19,7 +19,10 @@ from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.member_results import without_idle
 from jld_core.mechanics import Scaling, require_materials, scaling_of, yield_set
 from jld_core.mechanics.yield_set import used
+from jld_core.strengths import Route
 from jld_core.threads import one_thread
+
+_ROUTE: Final = Route("the geometric reserve")
 
 _WIDTH: Final = 2e-3
 """Width of the bracket of the share at which its bisection ends."""
@@ -102,7 +105,7 @@ def shrunk(assembly: Assembly, share: float) -> Assembly:
 
     Forces act where they did; members have the share of their capacity. share: above 0, up to 1.
     """
-    faces, strengths = assembly.interfaces, assembly.strengths
+    faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     members = assembly.of_members
     size = np.where(members, 1.0, share)
     area = size if assembly.dimension == 2 else size**2
@@ -122,7 +125,7 @@ def shrunk(assembly: Assembly, share: float) -> Assembly:
         name: getattr(strengths, name) * stress for name in ("tension", "shear", "crush_dry", "crush_inner", "cohesion")
     }
     friction = {name: getattr(strengths, name) * share for name in ("friction", "inner_friction")}
-    return replace(assembly, interfaces=smaller, strengths=replace(strengths, **stresses, **friction))
+    return replace(assembly, interfaces=smaller).with_strengths(replace(strengths, **stresses, **friction))
 
 
 def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scaling] | None:

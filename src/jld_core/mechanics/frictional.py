@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Strengths
 from jld_core.mechanics.yield_set import RowPattern
+from jld_core.strengths import Strengths
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,15 @@ class Frictional(Strengths):
         else:
             inner = np.where(self.shear > 0.0, self.shear, np.inf)
         return dry, inner
+
+    def strength(self, labels: Bits) -> Floats:
+        """Return the largest dissipation (m,) of a jump of size 1, up to a factor of order one.
+
+        labels: (m,) True = dry.
+        """
+        crushing = np.where(labels, self.crush_dry, self.crush_inner)
+        held = np.where(labels, self.cohesion, self.tension + self.shear)
+        return np.asarray(held + np.where(np.isfinite(crushing), crushing, 0.0))
 
     def with_friction(self, share: float) -> Self:
         """Return a copy of the set with all friction coefficients multiplied by `share`.

@@ -268,6 +268,10 @@ class PrescribedFriction:
         """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
+    def strength(self, labels: Bits) -> Floats:
+        """Return the strength (m,) of the faces with associative friction, see `YieldSet.strength`."""
+        return self.base.strength(labels)
+
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
         """Return None: the shear capacity depends on N_prev, not on the forces given."""
         return None

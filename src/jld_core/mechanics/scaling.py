@@ -8,6 +8,7 @@ relative residuals of a solver measure the error of λ.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -15,6 +16,9 @@ from scipy.sparse.csgraph import shortest_path
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
+from jld_core.strengths import CRITERIA, STANDARD, Route
+
+_ROUTE: Final = Route("scales", STANDARD | CRITERIA)
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ def reference_load(assembly: Assembly) -> float:
     """
     if assembly.total_dead:
         return assembly.total_dead
-    s = assembly.strengths
+    s = assembly.strengths(_ROUTE)
     usable = _usable(assembly, s.tension, s.shear, s.cohesion, s.crush_dry, s.crush_inner)
     return float(usable.min()) if usable.size else assembly.total_live
 

@@ -9,15 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, Strengths
+from jld_core.assembly import Assembly
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import hull_rows, parabolic_hull
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, RowPattern, Rows, used
+from jld_core.strengths import Route, Strengths
+
+_ROUTE: Final = Route("the standard yield set")
 
 
 @dataclass(frozen=True)
@@ -219,7 +223,7 @@ def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
 
     scaling: scales of the assembly, by which strengths are divided.
     """
-    sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
+    sets = scaled_strengths(assembly.strengths(_ROUTE), assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, Strengths
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.strengths import CRITERIA, STANDARD, Route, Strengths
+
+_ROUTE: Final = Route("labels", STANDARD | CRITERIA)
 
 
 @dataclass(frozen=True)
@@ -208,6 +211,12 @@ class YieldSet(Rows, Protocol):
         jump. jumps: (m, q) scaled velocity jumps. labels: (m,) True = dry.
         """
 
+    def strength(self, labels: Bits) -> Floats:
+        """Return the largest dissipation (m,) of a jump of size 1, up to a factor of order one.
+
+        labels: (m,) True = dry.
+        """
+
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
         """Return the share of its strength (m,) that each face uses, or None if unknown.
 
@@ -335,12 +344,13 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
     InputError
         A material is missing; the message names the first such face.
     """
-    strengths = assembly.strengths
+    strengths = assembly.strengths(_ROUTE)
     for key, mask, values in (
         ("materials.dry", dry, strengths.friction),
         ("materials.inner", inner, strengths.tension + strengths.shear),
     ):
-        lacking = np.flatnonzero(mask & np.isnan(values))
+        name = key.split(".")[1]
+        own = [one.faces for one in assembly.face_strengths.criteria if one.label == name]
+        lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
-            name = key.split(".")[1]
             raise InputError(key, "missing", f"this material, since face {assembly.pair(lacking[0])} may be {name}")

@@ -8,19 +8,24 @@ has one form for every shape. With a list of rows c per face, a dry face require
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly, Strengths
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import Bending, InnerBending, bending_of
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import hull_rows
+from jld_core.mechanics.row_yield import row_yield
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_planar import planar_yield
-from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, Hull, ParabolicBending, Rows, used
+from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, Rows, YieldSet, used
 from jld_core.mechanics.yield_spatial_rows import spatial_rows, without_crushing
+from jld_core.strengths import Route, Strengths
+
+_ROUTE: Final = Route("the standard yield set")
 
 
 @dataclass(frozen=True)
@@ -290,7 +295,7 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     InputError
         A dry compressive strength is given for a face that is no rectangle.
     """
-    faces, strengths = assembly.interfaces, assembly.strengths
+    faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
     odd = np.flatnonzero(np.isfinite(strengths.crush_dry) & ~np.isnan(strengths.friction) & ~faces.rectangle)
     if odd.size:
@@ -301,7 +306,7 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     return SpatialYield(**vars(sets), point=point, bending=bending, pattern=spatial_rows(sets, point, bending))
 
 
-def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> FrictionSet:
+def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> YieldSet:
     """Make the yield sets of all faces of a planar or spatial assembly.
 
     Parameters
@@ -315,14 +320,16 @@ def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending 
 
     Returns
     -------
-    FrictionSet
-        `PlanarYield` or `SpatialYield`.
+    YieldSet
+        `PlanarYield` or `SpatialYield`; `RowYield` where plug-ins state a criterion.
 
     Raises
     ------
     InputError
-        A dry compressive strength is given for a spatial face that is no rectangle.
+        A dry compressive strength is given for a spatial face that is no rectangle, or a criterion is unusable.
     """
+    if assembly.face_strengths.criteria:
+        return row_yield(assembly, scaling, inner_bending)
     if assembly.dimension == 2:
         return planar_yield(assembly, scaling)
     return spatial_yield(assembly, scaling, inner_bending)

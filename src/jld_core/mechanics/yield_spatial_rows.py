@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.assembly import Strengths
 from jld_core.mechanics.bending import Bending
 from jld_core.mechanics.yield_set import RowPattern
+from jld_core.strengths import Strengths
 
 Coefficient = tuple[Ints, Floats, Floats]
 """Columns of a family of rows, and their coefficients under dry and under inner."""

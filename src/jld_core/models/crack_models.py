@@ -59,7 +59,7 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
     for name in asked:
         raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
-    if assembly.nominal is not None:
+    if assembly.has_low_values:
         raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
     # Local imports: `jld check` and `jld solve` without fields are to start quickly.
     if assembly.dimension == 3:

@@ -24,6 +24,9 @@ from jld_core.mechanics.prescribed_friction import EffectiveAreas
 from jld_core.models.fixed_points import FixedPoint, find_fixed_point, under_own_areas
 from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.solvers import ClarabelSolver
+from jld_core.strengths import STANDARD, Route
+
+_ROUTE: Final = Route("effective areas", STANDARD - {"cohesion"})
 
 _STEPS = 5
 """Number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`."""
@@ -61,10 +64,7 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     if odd.size and odd.size == np.count_nonzero(labels):
         problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
         raise ParameterError("effective_area", problem, "a scene with dry rectangles")
-    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if cohesive.size:
-        problem = f"dry face {assembly.pair(cohesive[0])} has cohesion"
-        raise ParameterError("effective_area", problem, "friction alone, which acts where N does")
+    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
 
 
 def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
@@ -276,7 +276,7 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
     turned = np.abs(jumps[:, 5])
-    crushes = np.isfinite(analysis.assembly.strengths.crush_dry)
+    crushes = np.isfinite(analysis.assembly.strengths(_ROUTE, labels).crush_dry)
     concerned = labels & faces.rectangle & (turned > 0.0)
     for one in (-1.0, 1.0):
         for two in (-1.0, 1.0):

@@ -22,6 +22,9 @@ from jld_core.models.loaded_part import prove_loaded_part
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import cracked, prove_condensed, worth_condensing
 from jld_core.solvers import RawStatus, is_large
+from jld_core.strengths import Route
+
+_PRESCRIBED: Final = Route("prescribed friction")
 
 
 def limit_analysis(
@@ -75,10 +78,12 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
     Raises
     ------
     InputError
-        If effective areas do not apply, or the solver does not accept programs of this structure.
+        If effective areas or prescribed friction do not apply, or the solver rejects programs of this structure.
     """
     if options.effective_area:
         require_rectangles(assembly, dry)
+    if options.friction != "associative":
+        assembly.strengths(_PRESCRIBED)  # refuses a criterion, whose rows have no cohesion and μ of their own
     if options.solver != "auto":  # spares the analysis
         for case in assembly.by_case:
             require_solver_accepts(limit_analysis(case, options), options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Proof, State
 from jld_core.limit.result_building import element_velocities
 from jld_core.mechanics.bending import local_hulls
+from jld_core.strengths import STANDARD, Route
+
+_ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing"})
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
@@ -46,13 +50,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     faces = assembly.interfaces
     if assembly.members.bond is not None:
         raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")
-    hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))
-    if hard.size:
-        problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
-        raise ParameterError("contact", problem, "convex contact there")
-    cohesive = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
-    if cohesive.size:
-        raise ParameterError("contact", f"dry face {assembly.pair(cohesive[0])} has cohesion", "convex contact there")
+    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
@@ -68,11 +66,10 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
         rectangle=spread.rectangle & ~is_point,
         polygon=tuple(place[[k]] if is_point[k] else outline for k, outline in enumerate(spread.polygon)),
     )
-    strengths = assembly.strengths.take(parent)
     expanded = replace(
         assembly,
         interfaces=spread,
-        strengths=strengths,
+        face_strengths=assembly.face_strengths.take(parent),
         labels=np.where(is_point, DRY, INNER).astype(bool),
         members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
     )

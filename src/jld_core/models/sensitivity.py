@@ -32,7 +32,10 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, is_large
+from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.threads import one_thread
+
+_ROUTE: Final = Route("rates of λ with strengths", STANDARD | CRITERIA)  # faces with a criterion have none
 
 _STEP: Final = 1e-7
 """Step of the finite difference of program data, relative to the parameter."""
@@ -148,8 +151,9 @@ class _Change:
         A strength increases at all faces that are no members. Weight increases by this share of itself.
         """
         if self.strength:
-            values = getattr(assembly.strengths, self.strength) + step * ~assembly.of_members
-            return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
+            strengths = assembly.strengths(_ROUTE)
+            values = getattr(strengths, self.strength) + step * ~assembly.of_members
+            return assembly.with_strengths(replace(strengths, **{self.strength: values}))
         more = np.where(assembly.elements.support[:, None], 0.0, step * assembly.elements.weight)
         dead = assembly.dead_loads
         return replace(assembly, dead_loads=replace(dead, body=dead.body + more))
@@ -167,7 +171,7 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
         ("shear_strength", "shear", ~labels, stress),
         ("tensile_strength", "tension", ~labels, stress),
     ):
-        values = getattr(assembly.strengths, strength)[faces & ~assembly.of_members]
+        values = getattr(assembly.strengths(_ROUTE), strength)[faces & ~assembly.of_members]
         if len(values) and np.isfinite(values).all() and values.min() > 0.0:
             found.append((name, _Change(float(values.min()), strength), unit))
     if np.any(assembly.elements.weight[assembly.elements.free]):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,7 +30,10 @@ from jld_core.mechanics import (
 )
 from jld_core.program.bodies import Bodies
 from jld_core.program.conic import ConicProgram, Structure
+from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.tolerances import Precision
+
+_ROUTE: Final = Route("programs", STANDARD | CRITERIA)
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ class Template:
         """Return the accuracy that an interior-point method should reach on these programs."""
         if not self.structure.cones:
             return tolerances.LINEAR
-        strengths = self.assembly.strengths
+        strengths = self.assembly.strengths(_ROUTE)
         crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
         return tolerances.CRUSHING if (crushing & ~self.assembly.of_members).any() else tolerances.FRICTION_CONES
 

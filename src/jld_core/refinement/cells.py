@@ -85,7 +85,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     if len(refined.parent) == len(assembly.elements):
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     plain = refined.scene.model_copy(update={"cracks": "faces"})
-    fine = build_assembly(plain) if assembly.nominal is None else build_robust(plain)
+    fine = build_robust(plain) if assembly.has_low_values else build_assembly(plain)
     places = [one.place for one in placed] or [None] * len(fine.cases)
     cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
@@ -113,7 +113,7 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     """
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
-    whole = (build_assembly if assembly.nominal is None else build_robust)(assembly.scene)
+    whole = (build_robust if assembly.has_low_values else build_assembly)(assembly.scene)
     for place, one in ((None, whole), *enumerate(whole.by_case)):
         if len(one.cases) == len(assembly.cases) and _same(one, assembly):
             found = crack_cells(assembly.scene, assembly, cell)
@@ -127,7 +127,7 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
 
 def _same(one: Assembly, other: Assembly) -> bool:
     """Return True if two assemblies have the same elements, loads and strengths."""
-    pairs = list(zip(vars(one.strengths).values(), vars(other.strengths).values(), strict=True))
+    pairs = [(one.face_strengths.table(), other.face_strengths.table())]
     for a, b in zip(one.by_case, other.by_case, strict=True):
         pairs += [(a.dead, b.dead), (a.live, b.live)]
     alike = one.elements.ids == other.elements.ids

@@ -63,6 +63,10 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
     materials = document.get("materials", {})
     parts = [materials, *materials.get("faces", [])]
     values = [part[key] for part in parts for key in ("dry", "inner") if part.get(key)]
+    own = [value["criterion"] for value in values if "criterion" in value]
+    if own:
+        problem = f'the design check has no partial factors of the criterion "{own[0]}"'
+        raise InputError("materials", problem, "standard strengths in place of it")
     for entry in [*values, *document.get("interfaces", [])]:
         for key in _STRENGTHS:
             _apply(entry, key, lambda value: value / factors.strength)

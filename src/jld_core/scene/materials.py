@@ -11,8 +11,35 @@ from jld_core.errors import InputError
 from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, Value, Vector, Weighing
 
 
-class Dry(Part):
-    """Material of dry joints: Mohr–Coulomb friction, optional cohesion and tensile bond.
+class StatedMaterial(Part):
+    """Material of one label, which may be a criterion of a plug-in.
+
+    Attributes
+    ----------
+    criterion : str or None
+        Name of a criterion that an installed package adds; no other key but its parameters then applies.
+    parameters : dict of str to float
+        Parameters of the criterion.
+    """
+
+    criterion: str | None = None
+    parameters: dict[str, float] = {}
+
+    @model_validator(mode="after")
+    def _criterion_alone(self) -> Self:
+        """Check that a criterion stands alone, and parameters with a criterion."""
+        others = sorted(self.model_fields_set - {"criterion", "parameters"})
+        if self.criterion is not None and others:
+            raise InputError(
+                f".{others[0]}", f'it is no part of the criterion "{self.criterion}"', '"parameters" alone'
+            )
+        if self.criterion is None and self.parameters:
+            raise InputError(".parameters", 'they belong to a "criterion", which is missing', '"criterion"')
+        return self
+
+
+class Dry(StatedMaterial):
+    """Material of dry joints: Mohr–Coulomb friction, optional cohesion and tensile bond; or a criterion.
 
     Attributes
     ----------
@@ -35,7 +62,7 @@ class Dry(Part):
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
         """Check that friction is given exactly once."""
-        if (self.friction_angle is None) == (self.friction_coefficient is None):
+        if self.criterion is None and (self.friction_angle is None) == (self.friction_coefficient is None):
             how = "friction is missing" if self.friction_angle is None else "friction is given twice"
             raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
         return self
@@ -66,28 +93,31 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
         )
 
 
-class Inner(Part):
-    """Material of inner faces (potential cracks): tensile and shear strength, friction.
+class Inner(StatedMaterial):
+    """Material of inner faces (potential cracks): tensile and shear strength, friction; or a criterion.
 
     Attributes
     ----------
-    tensile_strength, shear_strength : float
-        Strengths, stress.
+    tensile_strength, shear_strength : float or None
+        Strengths, stress; needed without a criterion.
     compressive_strength : float or None
         Compressive strength, stress; None for unlimited.
     friction_angle, friction_coefficient : float or None
         Friction, as an angle in degrees or a coefficient; at most one is given.
     """
 
-    tensile_strength: Annotated[Value, Field(description="a stress of at least 0")]
-    shear_strength: Annotated[Value, Field(description="a stress of at least 0")]
+    tensile_strength: Annotated[Value | None, Field(description="a stress of at least 0")] = None
+    shear_strength: Annotated[Value | None, Field(description="a stress of at least 0")] = None
     compressive_strength: PositiveValue | None = None
     friction_angle: Angle | None = None
     friction_coefficient: Value | None = None
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        """Check that friction is given at most once and its apex allows the tensile strength."""
+        """Check that both strengths are given, friction at most once, and that its apex allows the tensile strength."""
+        for key in ("tensile_strength", "shear_strength"):
+            if self.criterion is None and getattr(self, key) is None:
+                raise InputError(f".{key}", "missing", "a stress of at least 0")
         if self.friction_angle is not None and self.friction_coefficient is not None:
             raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
         angle, coefficient = self.friction_angle, self.friction_coefficient
@@ -96,7 +126,7 @@ class Inner(Part):
         return self
 
 
-class DryFace(Part):
+class DryFace(StatedMaterial):
     """Joint values that override "materials.dry" for the faces between two elements.
 
     Attributes
@@ -120,7 +150,7 @@ class DryFace(Part):
         return self
 
 
-class InnerFace(Part):
+class InnerFace(StatedMaterial):
     """Inner-face values that override "materials.inner" for the faces between two elements.
 
     Attributes

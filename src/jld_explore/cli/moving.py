@@ -129,7 +129,7 @@ def move(
     assembly = replace(assembly, cracks=scene.cracks)
     if by_fields and robust:
         raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces")
-    if robust and assembly.nominal is None:
+    if robust and not assembly.has_low_values:
         with error_context(source):
             assembly = build_robust(scene)
 
@@ -179,7 +179,7 @@ def _finish(
     assembly: before the move. labels: (m,) True = dry. until: deadline of the checks. out: file of the scene.
     """
     facts = _facts(done)
-    if assembly.nominal is not None and done.after is not None:
+    if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = json_number(nominal)
     check = _bounded if by_fields else _check_by_fields

@@ -89,7 +89,7 @@ def solve(
     own = not (scene.is_dir() or rank is not None)
     laid = _own_layout(scene, strict) if own else _layout_of(scene, rank)
     model = _model(laid.model, asked(context, values))
-    assembly = build_robust(laid.scene) if robust and laid.assembly.nominal is None else laid.assembly
+    assembly = build_robust(laid.scene) if robust and not laid.assembly.has_low_values else laid.assembly
     assembly = under(assembly, model)
     if "search" in laid.scene.model_fields_set:
         check_search(scene, laid.scene, laid.assembly)
@@ -110,7 +110,7 @@ def solve(
         else:
             result = replace(solve_rigid(elements, labels, model), cracks=assembly.cracks)
     if isinstance(result, LimitAnalysisResult):
-        result = _with_nominal(result) if elements.nominal is not None else result
+        result = _with_nominal(result) if elements.has_low_values else result
         result = with_rates(result, vertices=as_json or out is not None)
     if out is not None:
         _write_result(result, out)

@@ -12,6 +12,9 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldBounds, FieldRefinement
 from jld_core.refinement.aligned import TriangleStresses
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("the stresses of an uncut body")
 
 _TENSION: Final = (0.1, 1.0)
 """Shares of the tensile strength that are tried: a weak body shows its thrust, but may not stand."""
@@ -29,8 +32,9 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     assembly: planar, with loads; labels as stated. until: deadline, after which no further mesh is begun. Raises
     InputError if fields do not apply, or no stresses in equilibrium with the loads are found.
     """
+    strengths = assembly.strengths(_ROUTE)
     for share in _TENSION:
-        weak = replace(assembly, strengths=replace(assembly.strengths, tension=share * assembly.strengths.tension))
+        weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
         found = [_refined(case, until) for case in weak.by_case]
         # the case with the least lower bound governs
         lower = [one.lower / factor for one, factor in zip(found, assembly.required.tolist(), strict=True)]

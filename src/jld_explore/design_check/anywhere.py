@@ -13,7 +13,7 @@ from jld_core.errors import InputError
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
-from jld_explore.design_check.combinations import Combination
+from jld_explore.design_check.combinations import ROUTE, Combination
 
 COARSE: Final = 0.9
 """Gap of the first bounds of every load case: one mesh."""
@@ -84,6 +84,6 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
 def loaded_cases(structure: Assembly, labels: Bits, combination: Combination) -> list[Loaded]:
     """Return the load cases of a structure under the design loads of a combination."""
     return [
-        Loaded(number, replace(alone, nominal=None), labels, float(required), combination)
+        Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), labels, float(required), combination)
         for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
     ]

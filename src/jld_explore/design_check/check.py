@@ -24,7 +24,7 @@ from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.design_values import at_design_values
 from jld_explore.design_check.anywhere import assess_all, loaded_cases, why_not_anywhere
-from jld_explore.design_check.combinations import Combination, at_design_loads, combinations_of
+from jld_explore.design_check.combinations import ROUTE, Combination, at_design_loads, combinations_of
 from jld_explore.design_check.parts import worst_parts
 
 LISTED: Final = 8
@@ -214,6 +214,7 @@ def design_check(
     if factors.by_parts and isinstance(scene.cracks, FieldCracks):
         problem = "EN 1990, 6.4.3.1(4) factors parts of the weight one by one, which fields do not"
         raise InputError("cracks", problem, '"faces" or {"kind": "cells"}')
+    assembly.strengths(ROUTE)  # refuses criteria, whose parameters have no partial factors
     combinations = combinations_of(assembly, factors)
     structures = _structures(scene, own, factors, combinations)
     tried: list[list[CaseCheck]] = []

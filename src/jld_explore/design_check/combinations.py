@@ -12,6 +12,10 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, LoadCase
 from jld_core.loads import Loads
 from jld_core.scene.design import PartialFactors
+from jld_core.strengths import Route
+
+ROUTE: Final = Route("the design check")
+"""Reader of strengths: partial factors are known for the standard ones alone."""
 
 Effect = Literal["unfavourable", "favourable", "parts"]
 """Which of both factors of a permanent action counts; "parts" where each of its parts has its own."""

@@ -25,7 +25,7 @@ from jld_core.program import ConicProgram, Template
 from jld_core.scene.design import PartialFactors
 from jld_core.solvers import make_solver
 from jld_core.threads import one_thread
-from jld_explore.design_check.combinations import Combination, at_design_loads
+from jld_explore.design_check.combinations import ROUTE, Combination, at_design_loads
 from jld_explore.reliability.bounds import SampleBounds
 from jld_explore.reliability.form import LimitFunction
 from jld_explore.reliability.structure import Growth, RandomStructure
@@ -121,7 +121,8 @@ class _Search:
         """Return the structure with factors (parts,); direction: −1 to reverse its live load."""
         dead, stress = self.rest + np.tensordot(values, self.loads, 1), self.base.members.self_stress
         loads = Loads.of_resultants(dead if stress is None else dead - stress)
-        return replace(self.base, dead_loads=loads, live_loads=direction * self.base.live_loads, nominal=None)
+        base = self.base.with_strengths(self.base.strengths(ROUTE))
+        return replace(base, dead_loads=loads, live_loads=direction * base.live_loads)
 
     def combination_of(self, values: Floats) -> Combination:
         """Return the combination of factors (parts,), of which those above their mean are unfavourable."""

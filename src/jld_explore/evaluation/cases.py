@@ -177,7 +177,8 @@ class RobustEvaluator(SharedEvaluator):
     ) -> None:
         self.assembly, self.settings = assembly, settings
         if share_batch_solver_with is None:
-            self._low = evaluator_of(replace(assembly, nominal=None), settings)
+            low = replace(assembly, face_strengths=assembly.face_strengths.without_nominal())
+            self._low = evaluator_of(low, settings)
             self._nominal = evaluator_of(assembly.at_nominal, settings)
         else:
             self._low, self._nominal = share_batch_solver_with._low.twin(), share_batch_solver_with._nominal.twin()
@@ -236,6 +237,6 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvalu
     SharedEvaluator
         `RobustEvaluator` with nominal material values, else `CasesEvaluator` with load cases, else `Evaluator`.
     """
-    if assembly.nominal is not None:
+    if assembly.has_low_values:
         return RobustEvaluator(assembly, settings)
     return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)

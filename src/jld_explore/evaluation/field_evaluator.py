@@ -93,7 +93,7 @@ class FieldEvaluator(LabellingEvaluator):
         self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
         self._required, self._count = assembly.required, 1
         self._nominal: list[CoarseBounds] | None = None
-        if assembly.nominal is not None:
+        if assembly.has_low_values:
             self._nominal = [CoarseBounds(FieldSetting.of(case)) for case in assembly.at_nominal.by_case]
 
     def evaluate_all(

@@ -82,8 +82,10 @@ class SampleBounds:
         """Return yield sets of the faces of all samples of a call, to receive their strengths."""
         assembly, template = self.structure.assembly, self.analyses[0].template
         faces = np.tile(np.arange(len(self.labels)), SAMPLES_OF_A_CALL)
-        many = replace(assembly, interfaces=assembly.interfaces.take(faces), strengths=assembly.strengths.take(faces))
-        return yield_set(many, template.scaling)
+        many = replace(
+            assembly, interfaces=assembly.interfaces.take(faces), face_strengths=assembly.face_strengths.take(faces)
+        )
+        return yield_set(many, template.scaling).associative
 
     def _rows(self, case: int, values: Floats) -> BatchRows | None:
         """Return the yield rows of samples under a load case.

@@ -13,14 +13,17 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Assembly, Strengths
+from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.loads import Loads
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
+from jld_core.strengths import Route, Strengths
 from jld_explore.reliability.variables import Variables
+
+_ROUTE: Final = Route("the reliability of a layout")
 
 _STEP: Final = 2.0**-6
 """Relative change of a value by which the dependence of a structure on it is measured."""
@@ -100,7 +103,7 @@ class RandomStructure:
         values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts
         as at most that at the apex of its friction.
         """
-        own, mean = self.assembly.strengths, self.variables.mean
+        own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in _FIELDS}
         for one in self.followers:
             x, m = values[:, one.variables], mean[one.variables]
@@ -151,11 +154,9 @@ class RandomStructure:
         dead, live = self.loads(values[None], case)
         stress = self.cases[case].members.self_stress
         return replace(
-            self.cases[case],
-            strengths=self.strengths(values[None]),
+            self.cases[case].with_strengths(self.strengths(values[None])),
             dead_loads=Loads.of_resultants(dead[0] if stress is None else dead[0] - stress),
             live_loads=Loads.of_resultants(live[0]),
-            nominal=None,
         )
 
     def rates(
@@ -279,7 +280,7 @@ class _Measurement:
         if key.endswith("friction_angle"):
             expected = float(_tangent(np.array(mean + change)) - _tangent(np.array(mean)))
         for name in _FIELDS:
-            before, after = getattr(self.base.strengths, name), getattr(other.strengths, name)
+            before, after = getattr(self.base.strengths(_ROUTE), name), getattr(other.strengths(_ROUTE), name)
             mask = ~((before == after) | (np.isnan(before) & np.isnan(after)))
             if not mask.any():
                 continue

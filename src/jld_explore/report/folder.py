@@ -163,7 +163,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     front = tables.front_table(results, axes)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
-    if study.assembly.nominal is not None:
+    if study.assembly.has_low_values:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
     found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
     found["warnings"] += without_parquet(len(results))

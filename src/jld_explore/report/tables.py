@@ -133,7 +133,7 @@ def results_table(
         **counts(assembly, unpack(packed, records.faces), space.graph, space.limits.block_shapes, without=late),
         "load_factor_associative": associative,
         "load_factor_zero_dilation": zero,
-        **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
+        **({} if not assembly.has_low_values else {"load_factor_nominal": rows["cases"][:, -1]}),
         **_of_cases(rows, assembly),
         **required.column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
         "seconds": rows["seconds"],

@@ -16,6 +16,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
+from jld_core.mechanics import maps_criteria
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks
 from jld_core.sub_assembly import faces_of
@@ -234,10 +235,11 @@ def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signat
         return "its interfaces are not mapped onto interfaces"
     if assembly.dimension == 3 and not _same_axes(faces, face_to, matrix):
         return "the axes of its faces are not mapped onto themselves"
-    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
-    table = np.column_stack([column for one in strengths for column in vars(one).values()]).reshape(len(faces), -1)
+    table = assembly.face_strengths.table()
     if not np.array_equal(table[face_to], table, equal_nan=True):
         return "its strengths are not mapped onto themselves"
+    if not maps_criteria(assembly, face_to, matrix):
+        return "its yield criteria are not mapped onto themselves"
     if signature is not None and not (same_tags(signature.elements, to) and same_tags(signature.faces, face_to)):
         return "distributions of its values are not mapped onto themselves"
     members_to = _image_of_members(whole, signature, to, matrix, centre, reach)
@@ -272,8 +274,7 @@ def _image_of_members(
     """
     members = assembly.members
     tags = () if signature is None else signature.members
-    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
-    columns = [column for one in strengths for column in vars(one).values()]
+    strengths = assembly.face_strengths.table()
     table = np.column_stack([members.axial, members.prestress])
     image = np.arange(assembly.faces, len(assembly.interfaces))
     left = set(range(len(members)))
@@ -286,7 +287,7 @@ def _image_of_members(
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
             alike = alike and tags[k : k + 1] == tags[j : j + 1]
-            if not alike or (one >= 0 and any(column[one] != column[other] for column in columns)):
+            if not alike or (one >= 0 and np.any(strengths[one] != strengths[other])):
                 return False
             for step in (1, -1):
                 there, at = members.elements[j][::step], members.points[j][::step]

@@ -15,10 +15,11 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import DRY, Assembly, LoadCase, Strengths
+from jld_core.assembly import DRY, Assembly, LoadCase
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import FaceLoad
+from jld_core.strengths import Strengths
 from jld_core.sub_assembly import with_members, without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
@@ -241,10 +242,6 @@ def with_sink(void: Void) -> Assembly:
         **{name: longer(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
     )
 
-    def stretched(strengths: Strengths) -> Strengths:
-        """Return strengths with zeros appended for the faces to the sink."""
-        return replace(strengths, **{name: longer(values) for name, values in vars(strengths).items()})
-
     cases: tuple[LoadCase, ...] = tuple(
         replace(case, dead_loads=case.dead_loads.padded(), live_loads=case.live_loads.padded()) for case in real.cases
     )
@@ -252,8 +249,7 @@ def with_sink(void: Void) -> Assembly:
         real,
         elements=more,
         interfaces=grown,
-        strengths=stretched(real.strengths),
-        nominal=None if real.nominal is None else stretched(real.nominal),
+        face_strengths=real.face_strengths.joined(Strengths(*np.zeros((7, count)))),
         dead_loads=real.dead_loads.padded(),
         live_loads=real.live_loads.padded(),
         labels=np.concatenate([real.labels, np.full(count, DRY)]),

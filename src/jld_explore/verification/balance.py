@@ -19,6 +19,9 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.strengths import Route
+
+_ROUTE: Final = Route("certificates")
 
 Moves = Mapping[int, Sequence[int]]
 """Velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move."""
@@ -71,7 +74,7 @@ class Balances:
         self._count = len(assembly.interfaces)
         self._planar = assembly.dimension == 2
         self._of_member = assembly.of_members.tolist()
-        strengths, faces = assembly.strengths, assembly.interfaces
+        strengths, faces = assembly.strengths(_ROUTE), assembly.interfaces
         if not self._planar:
             crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
             if (crushing & ~assembly.of_members).any():

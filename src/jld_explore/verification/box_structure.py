@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final
 
-import numpy as np
-
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.scene.uncertain import with_means
+from jld_core.strengths import Route
 from jld_explore.verification.box_certificate import BoxClaim, Pair
 from jld_explore.verification.polynomials import Polynomial, add, product
+
+_ROUTE: Final = Route("certificates of boxes", frozenset({"friction"}))
 
 Vector = tuple[Fraction, Fraction]
 """Exact vector or point in the plane."""
@@ -138,11 +139,9 @@ class BoxStructure:
         """
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
         assembly.members.refuse("a certificate of a box")
-        strengths = assembly.strengths
-        plain = assembly.labels.all() and not strengths.cohesion.any() and not np.isfinite(strengths.crush_dry).any()
-        if not plain:
-            problem = "a face is inner, or has cohesion or compressive strength"
-            raise InputError("interfaces", problem, "dry joints without them")
+        if not assembly.labels.all():
+            raise InputError("interfaces", "a face is inner", "dry joints alone")
+        strengths = assembly.strengths(_ROUTE, assembly.labels)
         found: list[Joint] = []
         for entry in scene.interfaces or []:
             a, b = (self._names[name] for name in entry.elements)

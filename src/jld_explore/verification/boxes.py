@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -18,9 +19,12 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
+from jld_core.strengths import Route
 from jld_explore.verification.box_certificate import BoxClaim, Leaf, Node, Split, read
 from jld_explore.verification.box_structure import BoxStructure, Loads
 from jld_explore.verification.polynomials import Polynomial, add, is_at_least_zero, product
+
+_ROUTE: Final = Route("certificates of boxes")
 
 Velocity = tuple[Fraction, Fraction, Fraction]
 """Exact velocity (ux, uy, ω) about the origin of coordinates."""
@@ -97,7 +101,7 @@ def _numbers(assembly: Assembly) -> Floats:
     largest = np.array([abs(load).max(initial=0.0) for load in loads])
     scaled = [load / (most or 1.0) for load, most in zip(loads, largest.tolist(), strict=True)]
     parts = [elements.centroid / size, elements.volume, faces.origin / size, faces.l1, largest, *scaled]
-    parts += [assembly.strengths.friction, assembly.required]
+    parts += [assembly.strengths(_ROUTE).friction, assembly.required]
     parts += [one.astype(float) for one in (faces.a, faces.b, assembly.labels)]
     return np.concatenate([part.ravel() for part in parts])
 

@@ -80,7 +80,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
             raise ParameterError("certificate", f"it cannot express search.{key}", "a search without that")
-    if driver.space.assembly.nominal is not None:
+    if driver.space.assembly.has_low_values:
         raise ParameterError(
             "certificate", "it proves λ at nominal values of materials, not at low ones", "`robust=False`"
         )

@@ -1,0 +1,299 @@
+"""Strengths of faces: the structure owns the numbers, and a route reads them only if it knows every fact in them.
+
+A **fact** is a kind of statement about strengths, such as cohesion or a criterion of a plug-in. A **route** is what
+reads the numbers: programs, fields, an exported file. A route that does not know a fact of the structure is refused,
+so that a new fact is refused by every route that was not taught it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import plugins
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.errors import InputError
+from jld_core.parameters import near
+
+FACTS: Final[Mapping[str, tuple[str, str]]] = {
+    "friction": ("materials.dry", "friction of joints"),
+    "cohesion": ("materials.dry.cohesion", "cohesion of joints"),
+    "dry crushing": ("materials.dry.compressive_strength", "compressive strength of joints"),
+    "tension": ("materials.inner.tensile_strength", "tensile strength of inner faces"),
+    "shear": ("materials.inner.shear_strength", "shear strength of inner faces"),
+    "inner friction": ("materials.inner.friction_coefficient", "friction of inner faces"),
+    "inner crushing": ("materials.inner.compressive_strength", "compressive strength of inner faces"),
+    "dry criterion": ("materials.dry.criterion", "criterion"),
+    "inner criterion": ("materials.inner.criterion", "criterion"),
+}
+"""Key of a scene and a name in words for each fact about strengths."""
+
+CRITERIA: Final = frozenset({"dry criterion", "inner criterion"})
+"""Facts of yield criteria that plug-ins add."""
+
+STANDARD: Final = frozenset(FACTS) - CRITERIA
+"""Facts of the standard criterion: friction, cohesion, tension, shear and crushing."""
+
+
+GROUP: Final = "jld.criteria"
+"""Group of entry points of yield criteria."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """One reader of strengths: its name in messages, and the facts that it knows."""
+
+    name: str
+    KNOWS: frozenset[str] = STANDARD
+
+
+@dataclass(frozen=True)
+class Strengths:
+    """Strengths of m interfaces, each as dry and as inner, in scene units.
+
+    The values of a material that the scene does not state are NaN.
+
+    Attributes
+    ----------
+    friction : (m,) array
+        Friction coefficient μ of dry faces.
+    tension, shear : (m,) arrays
+        Tensile and shear strength σt and τ of inner faces, stress.
+    crush_dry, crush_inner : (m,) arrays
+        Compressive strength, stress; inf where none is given.
+    cohesion : (m,) array
+        Cohesion of dry faces, stress; 0 where none is given.
+    inner_friction : (m,) array
+        Friction coefficient μ of inner faces; 0 where none is given.
+    """
+
+    friction: Floats
+    tension: Floats
+    shear: Floats
+    crush_dry: Floats
+    crush_inner: Floats
+    cohesion: Floats
+    inner_friction: Floats
+
+    def take(self, rows: Ints) -> Strengths:
+        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
+        return Strengths(**{name: values[rows] for name, values in vars(self).items()})
+
+    def joined(self, more: Strengths) -> Strengths:
+        """Return these strengths, followed by those of further interfaces."""
+        return Strengths(**{
+            one.name: np.concatenate([getattr(self, one.name), getattr(more, one.name)]) for one in fields(Strengths)
+        })  # fmt: skip
+
+    def facts(self) -> dict[str, Bools]:
+        """Return for each fact of the standard criterion a mask (m,) of the interfaces that state it."""
+        return {
+            "friction": self.friction > 0.0,
+            "cohesion": self.cohesion > 0.0,
+            "dry crushing": np.isfinite(self.crush_dry),
+            "tension": self.tension > 0.0,
+            "shear": self.shear > 0.0,
+            "inner friction": self.inner_friction > 0.0,
+            "inner crushing": np.isfinite(self.crush_inner),
+        }
+
+
+@dataclass(frozen=True)
+class StatedCriterion:
+    """Yield criterion of a plug-in for some interfaces under one label, as a scene states it.
+
+    Attributes
+    ----------
+    label : {"dry", "inner"}
+        Label of the faces.
+    name : str
+        Name of its entry point.
+    values : tuple of (str, float)
+        Parameters, scene units.
+    faces : (m,) bool array
+        Interfaces that have this criterion.
+    """
+
+    label: str
+    name: str
+    values: tuple[tuple[str, float], ...]
+    faces: Bools
+
+    def take(self, rows: Ints) -> StatedCriterion:
+        """Return the criterion of the interfaces of the indices `rows` (k,)."""
+        return replace(self, faces=self.faces[rows])
+
+
+@dataclass(frozen=True)
+class FaceStrengths:
+    """Owner of the strengths of m interfaces.
+
+    Its fields with an underscore are read here alone; `Assembly.strengths` hands the numbers out. There are nominal
+    numbers where the stated ones are the low values of materials.
+    """
+
+    _stated_numbers: Strengths
+    _nominal_numbers: Strengths | None = None
+    criteria: tuple[StatedCriterion, ...] = field(default=())
+
+    @property
+    def has_low_values(self) -> bool:
+        """Return True if the strengths are the low values of materials, beside nominal ones."""
+        return self._nominal_numbers is not None
+
+    def facts(self) -> dict[str, Bools]:
+        """Return for each fact a mask (m,) of the interfaces that state it."""
+        found = self._stated_numbers.facts()
+        for one in self.criteria:
+            fact = f"{one.label} criterion"
+            found[fact] = found[fact] | one.faces if fact in found else one.faces
+        return found
+
+    def numbers(
+        self, route: Route, among: Bools, labels: Bits | None = None, name: Callable[[int], str] = str
+    ) -> Strengths:
+        """Return the strengths for a route; raise InputError if it does not know a fact that they hold.
+
+        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts. name:
+        of an interface, for the message.
+        """
+        for fact, stated in self.facts().items():
+            if fact in route.KNOWS:
+                continue
+            of_dry = fact in ("friction", "cohesion", "dry crushing", "dry criterion")
+            taken = stated & among
+            if labels is not None:
+                taken = taken & (labels if of_dry else ~labels)
+            if taken.any():
+                raise self._unknown(fact, taken, route, name(int(np.flatnonzero(taken)[0])))
+        return self._stated_numbers
+
+    def _unknown(self, fact: str, taken: Bools, route: Route, face: str) -> InputError:
+        """Return the error of a fact of the interfaces `taken` (m,), `face` among them, that a route does not know."""
+        key, words = FACTS[fact]
+        if fact in CRITERIA:
+            names = [one.name for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any()]
+            return InputError(key, f'"{names[0]}" is unknown to {route.name}', "standard strengths in place of it")
+        return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
+
+    def with_numbers(self, numbers: Strengths) -> FaceStrengths:
+        """Return the same criteria with other strengths, and without nominal ones."""
+        return replace(self, _stated_numbers=numbers, _nominal_numbers=None)
+
+    def low_of(self, weak: FaceStrengths) -> FaceStrengths:
+        """Return the strengths of `weak`, with these as nominal ones."""
+        return replace(weak, _nominal_numbers=self._stated_numbers)
+
+    def at_nominal(self) -> FaceStrengths:
+        """Return the nominal strengths alone; these themselves without low values."""
+        return replace(self, _stated_numbers=self._nominal_numbers or self._stated_numbers, _nominal_numbers=None)
+
+    def without_nominal(self) -> FaceStrengths:
+        """Return the strengths without nominal ones beside them."""
+        return replace(self, _nominal_numbers=None)
+
+    def take(self, rows: Ints) -> FaceStrengths:
+        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
+        nominal = None if self._nominal_numbers is None else self._nominal_numbers.take(rows)
+        return FaceStrengths(self._stated_numbers.take(rows), nominal, tuple(one.take(rows) for one in self.criteria))
+
+    def joined(self, more: Strengths) -> FaceStrengths:
+        """Return these strengths, followed by those of further interfaces, which have the standard criterion."""
+        nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(more)
+        none = np.zeros(len(more.friction), dtype=bool)
+        criteria = tuple(replace(one, faces=np.append(one.faces, none)) for one in self.criteria)
+        return FaceStrengths(self._stated_numbers.joined(more), nominal, criteria)
+
+    def scaled(self, factors: Mapping[str, float], faces: Bools) -> FaceStrengths:
+        """Return the strengths of some faces times factors, by names of fields; others stay. faces: (m,) bool."""
+
+        def times(numbers: Strengths) -> Strengths:
+            every = vars(numbers).items()
+            return Strengths(**{name: np.where(faces, factors.get(name, 1.0) * old, old) for name, old in every})
+
+        nominal = None if self._nominal_numbers is None else times(self._nominal_numbers)
+        return replace(self, _stated_numbers=times(self._stated_numbers), _nominal_numbers=nominal)
+
+    def table(self) -> Floats:
+        """Return one row (m, k) of numbers for each interface: equal rows are equal strengths and criteria.
+
+        NaN stands for a material that is missing.
+        """
+        parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
+        columns = [column for one in parts for column in vars(one).values()]
+        columns += [one.faces.astype(float) for one in self.criteria]
+        return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Parameter of a criterion.
+
+    Attributes
+    ----------
+    name : str
+        Key in a scene.
+    unit : str
+        Unit in words, such as "stress", "length" or "" for a number.
+    least, most : float
+        Bounds; a value may equal them.
+    default : float or None
+        Value where a scene states none; None: a scene must state it.
+    """
+
+    name: str
+    unit: str = ""
+    least: float = -math.inf
+    most: float = math.inf
+    default: float | None = None
+
+
+def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> tuple[tuple[str, float], ...]:
+    """Return the parameters of a criterion that a scene states, with defaults for the others.
+
+    Raises InputError for an unknown criterion, one of the other label, and parameters that are unknown, missing or out
+    of bounds. key: of the material in the scene.
+    """
+    criterion = criterion_of(name, key)
+    if criterion.label != label:
+        expected = f'"materials.{criterion.label}" for it'
+        raise InputError(f"{key}.criterion", f'"{name}" is for {criterion.label} faces', expected)
+    known = {one.name: one for one in criterion.parameters}
+    for given in parameters:
+        if given not in known:
+            near = difflib.get_close_matches(given, known, n=1) or known
+            names = ", ".join(f'"{one}"' for one in near) or "no parameters"
+            raise InputError(f"{key}.parameters.{given}", f'"{name}" has no such parameter', names)
+    values = []
+    for one in criterion.parameters:
+        value = parameters.get(one.name, one.default)
+        unit = f", {one.unit}" if one.unit else ""
+        bounds = f"a number from {one.least:g} to {one.most:g}{unit}"
+        if value is None:
+            raise InputError(f"{key}.parameters.{one.name}", f'missing, and "{name}" needs it', bounds)
+        if not one.least <= value <= one.most:
+            raise InputError(f"{key}.parameters.{one.name}", f"it is {value:g}", bounds)
+        values.append((one.name, float(value)))
+    return tuple(values)
+
+
+def criterion_of(name: str, key: str) -> Any:
+    """Return the criterion of an entry point, an instance or a class without arguments.
+
+    Raises InputError for a name that no package adds, and for an object that is no criterion. key: of the material.
+    """
+    known = list(plugins.entry_points(GROUP))
+    if name not in known:
+        expected = near(name, known) if known else f"an installed package with an entry point in {GROUP}"
+        raise InputError(f"{key}.criterion", f'no installed package adds "{name}"', expected)
+    found = plugins.load(GROUP, name)
+    found = found() if isinstance(found, type) else found
+    lacking = [one for one in ("label", "parameters", "rows") if not hasattr(found, one)]
+    if lacking:
+        raise plugins.refuse_type(GROUP, name, f'an object with label, parameters and rows; it has no "{lacking[0]}"')
+    return found
