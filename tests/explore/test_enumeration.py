@@ -79,7 +79,7 @@ def brute_force(space: SearchSpace) -> list[str]:
 
 
 def everything(space: SearchSpace, rows: int | None = None) -> tuple[Bits, list[int]]:
-    parts = list(Enumeration(space, rows).batches())
+    parts = list(Enumeration(space, rows=rows).batches())
     labellings = [labels for labels, _ in parts] or [np.empty((0, len(space.fixed)), dtype=bool)]
     return np.concatenate(labellings), [n for _, multiplicity in parts for n in multiplicity.tolist()]
 

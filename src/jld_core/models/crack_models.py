@@ -47,8 +47,8 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     Raises
     ------
     InputError
-        If the cells do not divide the grid. With cracks by fields: if an option asks for another model or solver, for
-        low values, or as `require_fields` (planar) or `require_spatial_fields`.
+        If the cells do not divide the grid. With cracks by fields: if an option asks for another model or solver,
+        or as `require_fields` (planar) or `require_spatial_fields`.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)
@@ -59,8 +59,6 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
     for name in asked:
         raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
-    if assembly.has_low_values:
-        raise ParameterError("robust", "cracks by fields take one value of each strength", "cracks by faces or cells")
     # Local imports: `jld check` and `jld solve` without fields are to start quickly.
     if assembly.dimension == 3:
         from jld_core.fields.space_bounds import require_spatial_fields

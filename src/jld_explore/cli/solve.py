@@ -12,7 +12,7 @@ import typer
 
 from jld_core.build import build_robust
 from jld_core.build.settlements import settlements_of
-from jld_core.errors import error_context
+from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, Model, Result, Status
 from jld_core.mechanics import require_materials
@@ -99,6 +99,9 @@ def solve(
         require_model(assembly, model, laid.labels)
         require_cracks(assembly, model)
         by_fields = isinstance(assembly.cracks, FieldCracks)
+        if robust and by_fields:
+            problem = "cracks by fields take one value of each strength"
+            raise ParameterError("robust", problem, "cracks by faces or cells")
         elements, labels = rigid(assembly, laid.labels)
         if own and not as_json:
             warn_of(scene, assembly)
