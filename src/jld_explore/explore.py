@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
@@ -48,7 +48,7 @@ from jld_explore.report import Exploration, check_folder, write_pictures, write_
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
-from jld_explore.steps import StepContext, run_steps, steps_of
+from jld_explore.steps import Step, StepContext, run_steps, steps_of
 from jld_explore.study import Study
 from jld_explore.study_run import STOPPING, run_study
 from jld_explore.study_state import Interrupted, Progress
@@ -244,9 +244,7 @@ def _search(
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
-    steps = steps_of(settings, STEPS)
-    for step in steps:
-        step.refuse(scene, space.assembly, settings)
+    steps = steps_of(settings, STEPS, scene, space.assembly)
     kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
         refuse_beside_void(settings, chosen)
@@ -278,7 +276,7 @@ def _search(
         with deferred_signals():  # a signal waits until the tables are whole
             done = write_tables(study, reason, later(deadline, settings, TABLES))
             say()  # of a resumed search without a new layout
-        return _completed(study, done, checked, deadline, until, announce)
+        return _completed(study, done, checked, steps, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
@@ -308,13 +306,14 @@ def _completed(
     study: Study,
     done: Exploration,
     checked: CheckPlan | None,
+    steps: Sequence[Step],
     deadline: Deadline,
     late: Deadline,
     announce: Callable[[str], None] | None,
 ) -> Exploration:
     """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
 
-    checked: plan of the check by fields, None for none. deadline: time limit of the command. late: deadline of what is
+    checked: plan of the check by fields, None for none. steps: what follows, in order. deadline: time limit of the command. late: deadline of what is
     added to tables. announce: as in `explore`.
     """
     settings = study.settings
@@ -323,7 +322,7 @@ def _completed(
     if checked is not None:
         done = add_check(done, study.space, checked, late)
     done = add_uncut(done, study.space, settings, late)
-    done = run_steps(done, steps_of(settings, STEPS), StepContext(study.space, settings, late))
+    done = run_steps(done, steps, StepContext(study.space, settings, late))
     if settings.pictures:
         _draw(done, deadline, settings, announce)
     return done

@@ -245,7 +245,7 @@ IN_WALL: list[Row] = [
     (("search",), {"dry_faces": [None, 2], "blocks": [6, 6]}, ("search", "satisfies the constraints")),
     (("search",), {"symmetry": "mirror"}, ('search.symmetry: "mirror"', '"mirror-x"')),
     (("search",), {"symmetry": "mirror-x"}, ("search.symmetry", "no mirror-x symmetry", '"auto"')),
-    (("search",), {"front": {"count": "x"}}, ('search.front.count: "x"', 'dry_length')),
+    (("search",), {"front": {"count": "x"}}, ('search.front.count: "x"', "dry_length")),
     (("search",), {"front": {"counts": ["blocks", "x"]}}, ('search.front.counts[1]: "x" is no count',)),
     (("search",), {"front": {"counts": ["blocks"]}}, ("search.front.counts: it has 1 entry", "two names of counts")),
     (("search",), {"front": {"counts": ["blocks", "blocks"]}}, ("search.front.counts: 'blocks' is given twice",)),

@@ -75,7 +75,7 @@ def test_a_driver_is_found_by_its_name_with_its_options(tmp_path: Path) -> None:
     space = search_space(jc.load_scene(SCENE), jc.build_assembly(jc.load_scene(SCENE)))
     with pytest.raises(jc.InputError, match="step: 0 is wrong"):
         make_driver("sweep", space, 0, step=0)
-    with pytest.raises(jc.InputError, match=r"driver: no driver is named 'sweeep'; expected 'sweep'"):
+    with pytest.raises(jc.InputError, match=r"driver: no driver is named 'sweeep'; expected \"sweep\""):
         make_driver("sweeep", space, 0)
 
 

@@ -62,9 +62,8 @@ ORDER = [
     ["jld_core.sub_assembly"],
     ["jld_core.assembly"],
     ["jld_core.scene"],
-    ["jld_core.strengths"],
-    ["jld_core.linalg", "jld_core.plugins", "jld_core.files", "jld_core.parameters"],
-    ["jld_core.loads", "jld_core.members"],
+    ["jld_core.strengths", "jld_core.loads", "jld_core.members"],
+    ["jld_core.plugins", "jld_core.linalg", "jld_core.files", "jld_core.parameters"],
     [
         "jld_core.notebook_repr",
         "jld_core.arrays",

@@ -225,7 +225,10 @@ def test_load_cases_and_faces_of_their_own() -> None:
 
 
 BAD: dict[str, tuple[Any, str]] = {
-    "unknown": ({"criterion": "ribed"}, r"materials.inner.criterion: no installed package adds \"ribed\"; .*'ribbed'"),
+    "unknown": (
+        {"criterion": "ribed"},
+        r"materials.inner.criterion: no installed package adds \"ribed\"; .*\"ribbed\"",
+    ),
     "other label": ({"criterion": "orthotropic"}, r'"orthotropic" is for dry faces; expected "materials.dry"'),
     "missing": ({"criterion": "ribbed"}, 'parameters.tensile_strength: missing, and "ribbed" needs it'),
     "no such": (

@@ -31,7 +31,7 @@ from jld_explore.__main__ import main
 try:
     main()
 finally:
-    light = {"jld_core", "jld_core._version", "jld_core.lazy_exports"}
+    light = {"jld_core", "jld_core._version", "jld_core.lazy_exports", "jld_core.errors", "jld_core.plugins"}
     ours = {name for name in sys.modules if name.startswith("jld_core")} - light
     loaded = [name for name in ("numpy", "scipy", "pandas", "typer", *ours) if name in sys.modules]
     assert not loaded, loaded
