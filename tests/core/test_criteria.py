@@ -10,15 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from cases import grid_document
 from cases_spatial import box, scene
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, plugins, solve, solve_many
-from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, scaling_of, yield_set
+from jld_core.batch.rows import rows_of_sets
+from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, maps_criteria, scaling_of, yield_set
 from jld_core.mechanics.row_yield import row_yield
+from jld_core.scene.reading import load_scene
 from jld_explore import explore
 from jld_explore.space import search_space
+from paths import SCENES
 
 SOURCES = Path(__file__).parents[1] / "plugin" / "src"
 EXAMPLES = {"ribbed": "Ribbed", "hoek_brown": "HoekBrown", "orthotropic": "Orthotropic"}
@@ -118,6 +122,54 @@ def test_rows_state_the_standard_criterion(
         one, other = rows.slack(forces, labels), closed.slack(forces, labels)
         clear = abs(other) > 1e-9
         assert np.array_equal(one[clear] > 0.0, other[clear] > 0.0)
+
+
+@pytest.mark.parametrize("scene_name", ["flat_beam_arch", "ferris_tinloi_1", "spatial_shelf", "wall_in_two_winds"])
+def test_rows_have_the_coefficients_of_the_batch_solver(scene_name: str) -> None:
+    assembly = build_assembly(load_scene(SCENES / f"{scene_name}.json"))
+    scaling, size = scaling_of(assembly), (len(assembly.interfaces), assembly.dimension)
+    closed, rows = (rows_of_sets(one(assembly, scaling), *size) for one in (yield_set, row_yield))
+    assert closed is not None
+    assert rows is not None
+    assert rows.rows == pytest.approx(closed.rows, rel=0.0, abs=1e-15)
+    assert np.array_equal(rows.keep, closed.keep)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_of_no_symmetry_have_the_dissipation_of_a_linear_program(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """max −F·J over C F + d ≥ 0, infeasible dual where the margin is negative; rows of undecided faces enclose F."""
+    rng = np.random.default_rng(seed)
+    table = rng.normal(size=(8, 4))
+    table[:, 0], table[:, 3] = abs(table[:, 0]), 1e3 * rng.random(8)
+    table[:4, 1:3] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+    monkeypatch.setattr(plugins.load("jld.criteria", "stated"), "table", table)
+    document = grid_document(["a", "#"])
+    assembly = build_assembly(parse_scene(with_criterion(document, "inner", "stated")))
+    scaling = scaling_of(assembly)
+    rows, unit = row_yield(assembly, scaling), float(assembly.interfaces.area[0] / scaling.force)
+    inner, pattern = np.array([False]), rows.hull().pattern
+    for _ in range(20):
+        jump = rng.normal(loc=(2.0, 0.0, 0.0), size=(1, 3))
+        margin = float(rows.margin(jump, inner)[0])
+        found = linprog(jump[0], A_ub=-table[:, :3], b_ub=unit * table[:, 3], bounds=[(None, None)] * 3)
+        if abs(margin) > 1e-9:
+            assert (found.status == 0) == (margin > 0.0)
+        if found.status == 0:
+            assert rows.dissipation(jump, inner)[0] == pytest.approx(-found.fun, rel=1e-8, abs=1e-10)
+            spare = pattern.h_dry.copy()
+            np.subtract.at(spare, pattern.row, pattern.dry * found.x[pattern.column])
+            assert spare.min() >= -1e-9
+
+
+@pytest.mark.parametrize(("second", "symmetric"), [(0.6, True), (0.3, False)])
+def test_a_turn_maps_joints_that_slide_alike_along_both_axes_alone(second: float, symmetric: bool) -> None:
+    document = scene([box("s", [-2, -2, -1], [2, 2, 0], support=True), box("a", [-1, -1, 0], [1, 1, 1])])
+    assembly = build_assembly(parse_scene(with_criterion(document, "dry", "orthotropic", first=0.6, second=second)))
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert maps_criteria(assembly, np.array([0]), turn) is symmetric
+    assert maps_criteria(assembly, np.array([0]), np.diag([-1.0, 1.0, 1.0]))
 
 
 @pytest.mark.parametrize("seed", range(6))
