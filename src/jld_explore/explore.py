@@ -313,8 +313,8 @@ def _completed(
 ) -> Exploration:
     """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
 
-    checked: plan of the check by fields, None for none. steps: what follows, in order. deadline: time limit of the command. late: deadline of what is
-    added to tables. announce: as in `explore`.
+    checked: plan of the check by fields, None for none. steps: what follows, in order. deadline: time limit of the
+    command. late: deadline of what is added to tables. announce: as in `explore`.
     """
     settings = study.settings
     if settings.certificate is not None and isinstance(study.driver, Exact):
