@@ -14,7 +14,6 @@ WEAK, ROUGH = {"tensile_strength": 1e3, "shear_strength": 2e3}, {"friction_coeff
 STRONG = {"tensile_strength": 1e5, "shear_strength": 2e5}
 LAYOUTS: list[tuple[list[str], str, list[float], dict[str, float], dict[str, float], str]] = [
     # rows, element and force, dry and inner material, labels of the joints
-    (["abc", "###"], "c2r0", [0, -1e3], {"friction_coefficient": 1.2}, WEAK, "iiiid"),
     (["abc", "###"], "c0r0", [0, -1e3], {"friction_coefficient": 0.0}, STRONG | ROUGH, "iiiid"),
     (
         ["abc", "###"],
@@ -39,14 +38,6 @@ LAYOUTS: list[tuple[list[str], str, list[float], dict[str, float], dict[str, flo
         {"friction_coefficient": 1.2, "compressive_strength": 1e5},
         STRONG | ROUGH,
         "iiiii",
-    ),
-    (
-        ["ab", "cd", "##"],
-        "c0r1",
-        [-1, -2],
-        {"friction_coefficient": 0.5, "compressive_strength": 1e6},
-        STRONG | ROUGH,
-        "ddddii",
     ),
 ]
 

@@ -205,7 +205,7 @@ def test_a_file_that_was_altered_is_refused(done: ProvenBox, tmp_path: Path) -> 
     for changed in ({"dry": {**head["scene"]["materials"]["dry"], "cohesion": 5.0}},):
         scene = {**head["scene"], "materials": {**head["scene"]["materials"], **changed}}
         file.write_bytes(whole_again([{**head, "scene": scene}, *lines[1:]]))
-        with pytest.raises(InputError, match="dry joints without"):
+        with pytest.raises(InputError, match="unknown to certificates of boxes"):
             verify_box(file)
 
 

@@ -183,7 +183,9 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
     points = np.concatenate(corners + middles)
     count = sum(len(ring) for ring in corners)
     aspect, lines = float(sides.max() / sides.min()), different_lines(np.concatenate(edges_of))
-    return Outline(points, count, float(region.area), aspect, inwards, lines)
+    # Elements do not overlap; the area of a union would hold the rounding of its grid.
+    size = math.fsum(shapely.Polygon(polygon).area for polygon in polygons)
+    return Outline(points, count, size, aspect, inwards, lines)
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:

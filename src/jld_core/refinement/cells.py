@@ -128,7 +128,7 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
 def _same(one: Assembly, other: Assembly) -> bool:
     """Return True if two assemblies have the same elements, loads and strengths."""
     pairs = [(one.face_strengths.table(), other.face_strengths.table())]
-    for a, b in zip(one.by_case, other.by_case, strict=True):
+    for a, b in ((one, other), *zip(one.by_case, other.by_case, strict=True)):
         pairs += [(a.dead, b.dead), (a.live, b.live)]
     alike = one.elements.ids == other.elements.ids
     return alike and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
