@@ -629,7 +629,7 @@ def by_studio(document: Document, jld: Any, folder: Path) -> Answer:
 def by_notebook(document: Document, jld: Any, folder: Path) -> Answer:
     page = make_page(jc.load_scene(document))
     found = jc.solve(document)  # a page of cells takes a label of every cell face
-    letters = "".join("d" if dry else "i" for dry in found.labels)
+    letters = "".join("d" if dry else "i" for dry in found.labels[: found.assembly.faces])
     asked = {"kind": "solve", "labelling": letters, "materials": document["materials"]}
     return answer(page.answer(asked)["solution"])
 
