@@ -15,7 +15,6 @@ GROUPS: Final = {
     "jld.counts": "a count of layouts",
     "jld.objectives": "an objective of a search",
     "jld.criteria": "a yield criterion",
-    "jld.formats": "a file format",
     "jld.commands": "a command",
     "jld.steps": "a step after a search",
 }

@@ -67,7 +67,6 @@ def text() -> str:
         "Objectives of plug-ins (--objective)": _added("jld.objectives"),
         "Counts of plug-ins (search.front, search.limits)": _added("jld.counts"),
         "Criteria of plug-ins (materials.inner.criterion, materials.dry.criterion)": _added("jld.criteria"),
-        "Formats of plug-ins (jld import, jld export --format)": _added("jld.formats"),
         "Steps of plug-ins (after jld explore)": _added("jld.steps"),
     }
     for title, lines in tables.items():
