@@ -34,28 +34,12 @@ INNER: Final = False
 class Elements:
     """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial).
 
-    Attributes
-    ----------
-    ids : tuple of str
-        Names.
-    blocks : tuple of str or None
-        The scene's block names, None where none is given.
-    support : (n,) bool array
-        True for supports, which do not move; they have no equations of equilibrium.
-    centroid : (n, d) array
-        Centroids.
-    volume : (n,) array
-        Volumes; planar: area × thickness.
-    weight : (n, d) array
-        Self-weight as a force.
-    shape : tuple of arrays
-        Boundary of each element: planar (k, 2), counter-clockwise; spatial the (k, 3) vertices.
-    faces : tuple of tuples
-        Vertex indices of each face of each element, outward; empty in the plane.
-    gravity : float
-        Magnitude of the acceleration from which the weights were computed.
-    stated : tuple of frozenset of str
-        Which of "weight", "volume" and "centroid" the scene states for each element; () for none.
+    ids: names. blocks: the scene's block names, None where none is given. support: (n,) True for supports, which do not
+    move; they have no equations of equilibrium. centroid: (n, d) centroids. volume: (n,) volumes; planar: area ×
+    thickness. weight: (n, d) self-weight as a force. shape: boundary of each element: planar (k, 2), counter-clockwise;
+    spatial the (k, 3) vertices. faces: vertex indices of each face of each element, outward; empty in the plane.
+    gravity: magnitude of the acceleration from which the weights were computed. stated: which of "weight", "volume" and
+    "centroid" the scene states for each element; () for none.
     """
 
     ids: tuple[str, ...]
@@ -131,24 +115,10 @@ class Elements:
 class Interfaces:
     """Arrays over m interfaces; the normal points from element a to element b.
 
-    Attributes
-    ----------
-    a, b : (m,) int arrays
-        Elements on both sides.
-    origin : (m, d) array
-        Centroids.
-    normal, e1, e2 : (m, d) arrays
-        Unit frame. In the plane e1 is the normal turned by +90° and e2 is empty.
-    l1, l2 : (m,) arrays
-        Sizes along e1 and e2; planar: length and thickness.
-    area : (m,) array
-        Areas.
-    c_t : (m,) array
-        Torsion lengths c_T; planar: zeros.
-    rectangle : (m,) bool array
-        True where the polygon is a rectangle along e1, e2.
-    polygon : tuple of (k, d) arrays
-        Corner points of each interface.
+    a, b: (m,) elements on both sides. origin: (m, d) centroids. normal, e1, e2: (m, d) unit frame. In the plane e1 is
+    the normal turned by +90° and e2 is empty. l1, l2: (m,) sizes along e1 and e2; planar: length and thickness. area:
+    (m,) areas. c_t: (m,) torsion lengths c_T; planar: zeros. rectangle: (m,) True where the polygon is a rectangle
+    along e1, e2. polygon: corner points of each interface.
     """
 
     a: Ints
@@ -177,16 +147,9 @@ class Interfaces:
 class LoadCase:
     """One load case of an assembly: its loads, and the load factor required under them.
 
-    Attributes
-    ----------
-    name : str
-        Name.
-    dead_loads, live_loads : Loads
-        Loads as those of `Assembly`; the dead load includes the part that is common to all cases.
-    required : float
-        Required load factor; λ is divided by it, so that 1 is just enough.
-    place : (str, float) or None
-        Of a moving load: its name and direction, and the distance of its first axle along the path; else None.
+    dead_loads, live_loads: loads as those of `Assembly`; the dead load includes the part that is common to all cases.
+    required: required load factor; λ is divided by it, so that 1 is just enough. place: (str, float) of a moving load:
+    its name and direction, and the distance of its first axle along the path; else None.
     """
 
     name: str

@@ -22,12 +22,8 @@ class Deadline:
 
     A deadline pickled for another process or machine ends there at the same time of day.
 
-    Parameters
-    ----------
-    seconds : float or None
-        Time from `started` to the end, s; None: no end.
-    started : float or None
-        Start, a value of `time.perf_counter` in this process, s; None: now.
+    seconds: time from `started` to the end, s; None: no end. started: start, a value of `time.perf_counter` in this
+    process, s; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -109,10 +105,7 @@ def checkpoint() -> None:
 def time_left() -> float:
     """Return the time left until the enforced deadline ends.
 
-    Returns
-    -------
-    float
-        Seconds, 0 after the end; inf where no deadline is enforced.
+    Result: seconds, 0 after the end; inf where no deadline is enforced.
     """
     deadline = _enforced.get()
     return math.inf if deadline is None else deadline.remaining()

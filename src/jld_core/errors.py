@@ -61,14 +61,8 @@ class ParameterError(InputError):
 
     In Python the message names the parameter; the command line names its flag instead.
 
-    Parameters
-    ----------
-    parameter : str
-        Name of the parameter: ``inner_bending``.
-    problem : str
-        The fault, such as "it is negative".
-    expected : str
-        Description of a valid value.
+    parameter: name of the parameter: ``inner_bending``. problem: the fault, such as "it is negative". expected:
+    description of a valid value.
     """
 
     def __init__(self, parameter: str, problem: str, expected: str) -> None:
@@ -82,17 +76,8 @@ def error_context(file: str | Path, *outside: str) -> Iterator[None]:
 
     Errors about parameters, or about paths that begin with one of `outside`, stay unchanged.
 
-    Parameters
-    ----------
-    file : str or Path
-        File whose content is used within the context.
-    *outside : str
-        Paths of other files and folders.
-
-    Raises
-    ------
-    InputError
-        The error raised within the context.
+    file: file whose content is used within the context. *outside: paths of other files and folders. Raises InputError:
+    the error raised within the context.
     """
     try:
         yield

@@ -13,22 +13,14 @@ from typing import Final
 
 from jld_core.errors import InputError
 
+# Control characters and non-characters, except line feed: no font shows them and XML rejects them
 _UNPRINTABLE: Final = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]")
-"""Control characters and non-characters, except line feed: no font shows them and XML rejects them."""
 
 
 def printable(text: str) -> str:
     """Replace each character that no font shows or that XML rejects by a blank.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        Text of the same number of characters.
+    text: any text. Result: text of the same number of characters.
     """
     return _UNPRINTABLE.sub(" ", text)
 
@@ -38,15 +30,8 @@ def require_writable(path: Path) -> None:
 
     Permissions alone are not reliable on every file system. The check leaves no file and no folder behind.
 
-    Parameters
-    ----------
-    path : Path
-        File to be written later; neither the file nor its folder need exist.
-
-    Raises
-    ------
-    OSError
-        The file or its folder cannot be written.
+    path: file to be written later; neither the file nor its folder need exist. Raises OSError: the file or its folder
+    cannot be written.
     """
     path = Path(os.path.realpath(path))
     missing = list(itertools.takewhile(lambda parent: not parent.exists(), path.parents))
@@ -64,15 +49,8 @@ def require_writable(path: Path) -> None:
 def require_folder(folder: Path) -> None:
     """Raise InputError unless a folder exists or can be made, and is writable.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; its parents need not exist.
-
-    Raises
-    ------
-    InputError
-        If the path is a file or a broken link, or the folder is not writable.
+    folder: folder; its parents need not exist. Raises InputError if the path is a file or a broken link, or the folder
+    is not writable.
     """
     missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
     for place in missing:
@@ -99,20 +77,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file that
     it points to is replaced.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; its folder must exist.
-
-    Yields
-    ------
-    Path
-        Temporary name in the same folder.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written; the error names the file.
+    path: file to write; its folder must exist. Raises OSError: the file cannot be written; the error names the file.
     """
     path = Path(os.path.realpath(path))
     fresh = _fresh(path)
@@ -128,17 +93,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 def write_text(path: Path, text: str) -> None:
     """Write a text file completely or not at all, replacing an existing one.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; its folder must exist.
-    text : str
-        Content, encoded as UTF-8.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written; the error names the file.
+    path: file to write; its folder must exist. text: content, encoded as UTF-8. Raises OSError: the file cannot be
+    written; the error names the file.
     """
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

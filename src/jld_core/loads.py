@@ -79,16 +79,9 @@ class PointForces:
 class Loads:
     """Loads of one kind, dead or live, on n elements, scene units.
 
-    Attributes
-    ----------
-    body : (n, d) array
-        Forces that are uniform over the volume of each element: self-weight and body loads.
-    couples : (n, 1) or (n, 3) array
-        Moments that act on elements without a place.
-    points : PointForces
-        Forces at points.
-    tractions : tuple of Traction
-        Pressures, line loads and loads on patches.
+    body: (n, d) forces that are uniform over the volume of each element: self-weight and body loads. couples: (n, 1)
+    moments that act on elements without a place. points: forces at points. tractions: pressures, line loads and loads
+    on patches.
     """
 
     body: Floats

@@ -23,25 +23,13 @@ class Members:
     interface is always inner, begins and ends at one element, and has neither bending nor torsion. Its N, and a pin's
     V, act at the points that stand here. Its N is the compression beyond the prestress.
 
-    Attributes
-    ----------
-    names, kinds : tuple of str
-        Names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill.
-    face : (k,) int array
-        Interface of each member; −1 for a constant force, which only loads the assembly.
-    elements : tuple of (r,) int arrays
-        Elements to which each member is fixed, in order.
-    points : tuple of (r, d) arrays
-        Points of these elements.
-    axis : (k, d) array
-        Unit vector of each member from its first point to the next.
-    tension, compression, shear, prestress : (k,) arrays
-        Capacities, and prestress: the tension that always acts; forces.
-    bond : (f,) array or None
-        Tensile strength times area of the faces as dry joints; None where no joint has any. N of the program is the
-        normal force plus this.
-    self_stress : (n, q) array or None
-        Part of the dead loads that is prestress and bond; None where there is none.
+    names, kinds: names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill. face: (k,) interface
+    of each member; −1 for a constant force, which only loads the assembly. elements: elements to which each member is
+    fixed, in order. points: points of these elements. axis: (k, d) unit vector of each member from its first point to
+    the next. tension, compression, shear, prestress: (k,) capacities, and prestress: the tension that always acts;
+    forces. bond: (f,) tensile strength times area of the faces as dry joints; None where no joint has any. N of the
+    program is the normal force plus this. self_stress: (n, q) part of the dead loads that is prestress and bond; None
+    where there is none.
     """
 
     names: tuple[str, ...] = ()
@@ -71,19 +59,8 @@ class Members:
     def push(self, member: int) -> tuple[Ints, Floats, Floats]:
         """Return the elements, points and forces of a unit compression in a member.
 
-        Parameters
-        ----------
-        member : int
-            Position of the member.
-
-        Returns
-        -------
-        elements : (r,) int array
-            Elements on which it acts.
-        points : (r, d) array
-            Points of application.
-        forces : (r, d) array
-            Forces; they balance each other.
+        member: position of the member. Result: elements: (r,) elements on which it acts; points: (r, d) points of
+        application; forces: (r, d) forces; they balance each other.
         """
         elements, points = self.elements[member], self.points[member]
         if self.kinds[member] == "pin":
@@ -108,17 +85,7 @@ class Members:
     def joined(self, group: Ints, kept: Ints) -> Members:
         """Return the members of an assembly whose elements are joined to groups.
 
-        Parameters
-        ----------
-        group : (n,) int array
-            Group of each element.
-        kept : (k,) int array
-            Interfaces that remain, in order.
-
-        Returns
-        -------
-        Members
-            Members whose interface remains.
+        group: (n,) group of each element. kept: (k,) interfaces that remain, in order.
         """
         place = {int(face): number for number, face in enumerate(kept)}
         rows = [k for k, face in enumerate(self.face.tolist()) if face in place]
@@ -131,15 +98,7 @@ class Members:
     def __add__(self, other: Members) -> Members:
         """Return the members of both in one, without interfaces, bond and self-stress.
 
-        Parameters
-        ----------
-        other : Members
-            Members that follow.
-
-        Returns
-        -------
-        Members
-            All members; `face` is −1.
+        other: members that follow.
         """
 
         def both(name: str) -> Floats:
@@ -174,15 +133,8 @@ class Members:
     def refuse(self, what: str) -> None:
         """Raise InputError if there are members or bond, for computations that do not model them.
 
-        Parameters
-        ----------
-        what : str
-            Name of the computation, as the subject of a sentence in the singular: "an experiment".
-
-        Raises
-        ------
-        InputError
-            There is at least one member, or a joint with tensile strength.
+        what: name of the computation, as the subject of a sentence in the singular: "an experiment". Raises InputError:
+        there is at least one member, or a joint with tensile strength.
         """
         if "fill" in self.kinds:
             problem = f"{what} does not model its variable pressure"

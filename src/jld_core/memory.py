@@ -7,19 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+# Files in which Linux control groups (versions 2 and 1) give the memory limit of a container
 _GROUPS: Final = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
-"""Files in which Linux control groups (versions 2 and 1) give the memory limit of a container."""
 
 
 def memory_limit() -> float:
     """Return the number of bytes that this process may use; inf where it is unknown.
 
     The result is the smallest of three limits: physical memory, container, and address space of the process.
-
-    Returns
-    -------
-    float
-        Memory limit, bytes.
     """
     known = []
     with suppress(AttributeError, ValueError, OSError):

@@ -32,8 +32,8 @@ class View(Protocol):
         """
 
 
+# Module that makes interactive pages; it uses this package, and is loaded by name when a page is asked for
 _PAGES: Final = "jld_explore.notebook"
-"""Module that makes interactive pages; it uses this package, and is loaded by name when a page is asked for."""
 
 
 class Showable:
@@ -45,22 +45,9 @@ class Showable:
         Make it the last line of a cell, or give it to `display`. The running kernel solves what the sliders say. A
         saved notebook keeps facts, picture and table; pages of planar structures that are not large stay interactive.
 
-        Parameters
-        ----------
-        height : int, optional
-            Height of the page, pixels. Default: 700, of a search 950.
-
-        Returns
-        -------
-        NotebookPage
-            Page; its `html` is the part that needs no kernel.
-
-        Raises
-        ------
-        ParameterError
-            If the height is no number of pixels.
-        InputError
-            If a scene is invalid.
+        height: height of the page, pixels. Default: 700, of a search 950. Result: page; its `html` is the part that
+        needs no kernel. Raises ParameterError if the height is no number of pixels. Raises InputError if a scene is
+        invalid.
         """
         return import_module(_PAGES).make_page(self, height)
 
@@ -68,10 +55,7 @@ class Showable:
 class NotebookRepr(Showable):
     """Base class of objects that a notebook shows by a view.
 
-    Attributes
-    ----------
-    shown_by : str
-        Module and class of the view, as "package.module:Class".
+    shown_by: module and class of the view, as "package.module:Class".
     """
 
     shown_by: ClassVar[str]
@@ -91,15 +75,7 @@ class NotebookRepr(Showable):
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
         """Return the object's drawing as a matplotlib figure.
 
-        Parameters
-        ----------
-        ids, values : bool
-            Also write the ids of elements, and the values of loads and forces, where the view has them.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The drawing.
+        ids, values: also write the ids of elements, and the values of loads and forces, where the view has them.
         """
         return self._view.figure(self, ids=ids, values=values)
 

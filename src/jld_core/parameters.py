@@ -15,6 +15,7 @@ import numpy as np
 
 from jld_core.errors import ParameterError
 
+# What each annotation admits, and its words
 _KINDS: Final[dict[Any, tuple[Any, str]]] = {
     bool: ((bool, np.bool_), "True or False"),
     int: (Integral, "a whole number"),
@@ -25,7 +26,6 @@ _KINDS: Final[dict[Any, tuple[Any, str]]] = {
     dict: (Mapping, "names with values"),
     NoneType: (NoneType, "None"),
 }
-"""What each annotation admits, and its words."""
 
 
 def require_kind(parameter: str, value: Any, *kinds: Any) -> None:

@@ -58,18 +58,10 @@ class Strengths:
 
     The values of a material that the scene does not state are NaN.
 
-    Attributes
-    ----------
-    friction : (m,) array
-        Friction coefficient μ of dry faces.
-    tension, shear : (m,) arrays
-        Tensile and shear strength σt and τ of inner faces, stress.
-    crush_dry, crush_inner : (m,) arrays
-        Compressive strength, stress; inf where none is given.
-    cohesion : (m,) array
-        Cohesion of dry faces, stress; 0 where none is given.
-    inner_friction : (m,) array
-        Friction coefficient μ of inner faces; 0 where none is given.
+    friction: (m,) friction coefficient μ of dry faces. tension, shear: (m,) tensile and shear strength σt and τ of
+    inner faces, stress. crush_dry, crush_inner: (m,) compressive strength, stress; inf where none is given. cohesion:
+    (m,) cohesion of dry faces, stress; 0 where none is given. inner_friction: (m,) friction coefficient μ of inner
+    faces; 0 where none is given.
     """
 
     friction: Floats
@@ -107,16 +99,7 @@ class Strengths:
 class StatedCriterion:
     """Yield criterion of a plug-in for some interfaces under one label, as a scene states it.
 
-    Attributes
-    ----------
-    label : {"dry", "inner"}
-        Label of the faces.
-    name : str
-        Name of its entry point.
-    values : tuple of (str, float)
-        Parameters, scene units.
-    faces : (m,) bool array
-        Interfaces that have this criterion.
+    name: name of its entry point. values: parameters, scene units. faces: (m,) interfaces that have this criterion.
     """
 
     label: str

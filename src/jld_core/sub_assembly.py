@@ -13,19 +13,9 @@ from jld_core.assembly import INNER, Assembly
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
     """Remove elements, with all their interfaces and loads, from an assembly.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with n elements.
-    gone : (n,) bool array
-        True for the elements to remove; no support that touches another support may be among them.
-
-    Returns
-    -------
-    assembly : Assembly
-        Assembly of the remaining elements, in the same order, with `sink` = −1.
-    faces : (k,) int array
-        Indices, in the given assembly, of the interfaces that remain.
+    assembly: assembly with n elements. gone: (n,) True for the elements to remove; no support that touches another
+    support may be among them. Result: assembly: assembly of the remaining elements, in the same order, with `sink` =
+    −1; faces: (k,) indices, in the given assembly, of the interfaces that remain.
     """
     rows = np.flatnonzero(~gone)
     place = np.cumsum(~gone) - 1
@@ -56,15 +46,7 @@ def faces_of(assembly: Assembly) -> Assembly:
 
     The members stay, as constant forces. The result serves no analysis.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with or without members.
-
-    Returns
-    -------
-    Assembly
-        Assembly with its first `faces` interfaces.
+    assembly: assembly with or without members.
     """
     rows = np.arange(assembly.faces)
     if len(rows) == len(assembly.interfaces):
@@ -81,17 +63,7 @@ def faces_of(assembly: Assembly) -> Assembly:
 def with_members(assembly: Assembly, labels: Bits) -> Bits:
     """Return labels of faces with the label inner of the interfaces of members after them.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with f faces, and with m interfaces in all.
-    labels : (..., f) or (..., m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (..., m) bool array
-        Labels of all interfaces.
+    assembly: assembly with f faces, and with m interfaces in all. labels: (..., f) True = dry. Returns (..., m).
     """
     if assembly.faces == len(assembly.interfaces):
         return labels

@@ -14,12 +14,9 @@ from threading import Lock
 
 from threadpoolctl import ThreadpoolController
 
-_LOCK = Lock()
-"""Protects `_limited` and `_inside`."""
-_limited = ExitStack()
-"""Holds the present limit on threads."""
-_inside = 0
-"""Number of contexts that are open in all threads."""
+_LOCK = Lock()  # protects `_limited` and `_inside`
+_limited = ExitStack()  # holds the present limit on threads
+_inside = 0  # number of contexts that are open in all threads
 
 
 @cache

@@ -29,13 +29,9 @@ on the position of a scene and on the order of its elements.
 class Precision:
     """Accuracy that an interior-point method should reach on a scaled program.
 
-    Attributes
-    ----------
-    residual : float
-        Largest residual of equations and largest duality gap, dimensionless.
-    margin : float
-        Scaled distance from the boundary of every yield set, and opening of every joint. It makes a solution with such
-        a residual admissible after projection.
+    residual: largest residual of equations and largest duality gap, dimensionless. margin: scaled distance from the
+    boundary of every yield set, and opening of every joint. It makes a solution with such a residual admissible after
+    projection.
     """
 
     residual: float

@@ -30,31 +30,14 @@ class Bench(NamedTuple):
 
     There are q freedoms per element: 3 in the plane (d = 2) and 6 in space (d = 3). All numbers are in scene units.
 
-    Attributes
-    ----------
-    dead, live : (n, q) float array
-        Forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1.
-    inverse : (n, 2) float array
-        Inverse of mass and inertia, scaled to a time step of one; 0 on supports.
-    radius : (n,) float array
-        Length by which moments are divided to compare them with forces.
-    ends : (m, 2) int array
-        Elements a and b.
-    frame : (m, 6) or (m, 15) float array
-        Planar: normal n (x, y), then r × n and r × t for the arm r from a and from b to the centre of the face.
-        Spatial: normal, e1, e2, and the arms from a and from b.
-    first : (m + 1,) int array
-        Position of the first sub-contact of each face.
-    place : (s, d) float array
-        Coordinates along the face, and area.
-    law : (m, 8) float array
-        Law of each face: two springs, friction, dilation, three strengths, residual friction, in the order of `Law`.
-    brittle : (m,) bool array
-        True for faces that lose a strength that is exceeded.
-    gaps : (m,) bool array
-        True for joints whose gaps stay open.
-    dry : (m,) bool array
-        True for dry faces.
+    dead, live: (n, q) forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1.
+    inverse: (n, 2) inverse of mass and inertia, scaled to a time step of one; 0 on supports. radius: (n,) length by
+    which moments are divided to compare them with forces. ends: (m, 2) elements a and b. frame: (m, 6) planar: normal n
+    (x, y), then r × n and r × t for the arm r from a and from b to the centre of the face. Spatial: normal, e1, e2, and
+    the arms from a and from b. first: (m + 1,) position of the first sub-contact of each face. place: (s, d)
+    coordinates along the face, and area. law: (m, 8) law of each face: two springs, friction, dilation, three
+    strengths, residual friction, in the order of `Law`. brittle: (m,) True for faces that lose a strength that is
+    exceeded. gaps: (m,) True for joints whose gaps stay open. dry: (m,) True for dry faces.
     """
 
     dead: Floats

@@ -15,10 +15,10 @@ except ImportError as error:  # Name the missing optional dependency.
 
 F = TypeVar("F", bound=Callable[..., object])
 
+# Name, time and size of all source files of the package, which identify the cached code
 _SOURCES: Final = tuple(
     (path.name, path.stat().st_mtime, path.stat().st_size) for path in sorted(Path(__file__).parent.glob("*.py"))
 )
-"""Name, time and size of all source files of the package, which identify the cached code."""
 
 
 def compiled(function: F) -> F:

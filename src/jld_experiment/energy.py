@@ -12,22 +12,11 @@ class EnergyBalance:
     The work of the loads equals kinetic and elastic energy and all losses. Each is computed on its own: none is what
     the others leave.
 
-    Attributes
-    ----------
-    dead, live : float
-        Work of the dead loads, and of the live loads at the reported λ.
-    damping : float
-        Energy lost by damping, less what the constraint of a push supplies against it.
-    friction : float
-        Energy lost by sliding and crushing of dry joints and cracks.
-    flow : float
-        Energy lost by plastic flow of inner faces.
-    fracture : float
-        Elastic energy released by brittle breaking.
-    corners : float
-        Energy that contacts of corners store or lose.
-    kinetic, elastic : float
-        Kinetic energy, and elastic energy of the sub-contacts.
+    dead, live: work of the dead loads, and of the live loads at the reported λ. damping: energy lost by damping, less
+    what the constraint of a push supplies against it. friction: energy lost by sliding and crushing of dry joints and
+    cracks. flow: energy lost by plastic flow of inner faces. fracture: elastic energy released by brittle breaking.
+    corners: energy that contacts of corners store or lose. kinetic, elastic: kinetic energy, and elastic energy of the
+    sub-contacts.
     """
 
     dead: float

@@ -94,27 +94,10 @@ def contact_stress(
     shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the slip and
     c the cohesion. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
 
-    Parameters
-    ----------
-    overlap : float
-        Elastic overlap of the trial, length; negative if apart.
-    size : float
-        Shear stress |q| of the trial, ≥ 0.
-    kn, ks : float
-        Springs, stress per length.
-    friction : float
-        Friction coefficient μ.
-    dilation : float
-        Tangent ψ of the dilation angle, opening per slip while sliding.
-    cohesion, tension, crushing : float
-        Strengths ≥ 0.
-    gaps : bool
-        True if an opened gap stays open on reversal; False if opening is plastic.
-
-    Returns
-    -------
-    tuple of (float, float, float)
-        Overlap, compressive stress and size of the shear stress.
+    overlap: elastic overlap of the trial, length; negative if apart. size: shear stress |q| of the trial, ≥ 0. kn, ks:
+    springs, stress per length. friction: friction coefficient μ. dilation: tangent ψ of the dilation angle, opening per
+    slip while sliding. cohesion, tension, crushing: strengths ≥ 0. gaps: True if an opened gap stays open on reversal;
+    False if opening is plastic. Result: overlap, compressive stress and size of the shear stress.
     """
     p = kn * overlap
     if p > crushing:

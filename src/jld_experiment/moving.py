@@ -36,39 +36,15 @@ class Plane(NamedTuple):
     There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
     Lengths are in scene units. The last six attributes are state and are changed in place.
 
-    Attributes
-    ----------
-    centre : (n, 2) float array
-        Centroids.
-    near, far : (s, 2) float array
-        Arms to each sub-contact from elements a and b.
-    share : (s,) float array
-        Tributary length.
-    half : (m,) float array
-        Half length of each face.
-    corner : (c,) int array
-        Element of each corner.
-    arm : (c, 2) float array
-        Arm to each corner.
-    pair : (p, 2) int array
-        Corner and element that may meet.
-    barred : (p, 2) int array
-        Edges of that element whose contact is already a face, −1 for none.
-    edge_first : (n + 1,) int array
-        Position of the first corner of each element, counter-clockwise.
-    spring : (6,) float array
-        Normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap
-        without force, distance within which corners are checked. The last entry is state: the largest elastic overlap.
-    kept : (s,) float array
-        Share of the area of sub-contacts that is in contact.
-    gap, slid : (s,) float array
-        Gap and slip of sub-contacts.
-    stuck : (p,) float array
-        Friction force along the edge.
-    place : (p,) float array
-        Position along the edge, from its first corner.
-    on : (p,) int array
-        Edge touched, −1 for none.
+    centre: (n, 2) centroids. near, far: (s, 2) arms to each sub-contact from elements a and b. share: (s,) tributary
+    length. half: (m,) half length of each face. corner: (c,) element of each corner. arm: (c, 2) arm to each corner.
+    pair: (p, 2) corner and element that may meet. barred: (p, 2) edges of that element whose contact is already a face,
+    −1 for none. edge_first: (n + 1,) position of the first corner of each element, counter-clockwise. spring: (6,)
+    normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap without
+    force, distance within which corners are checked. The last entry is state: the largest elastic overlap. kept: (s,)
+    share of the area of sub-contacts that is in contact. gap, slid: (s,) gap and slip of sub-contacts. stuck: (p,)
+    friction force along the edge. place: (p,) position along the edge, from its first corner. on: (p,) edge touched, −1
+    for none.
     """
 
     centre: Floats

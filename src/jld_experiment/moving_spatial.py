@@ -38,48 +38,16 @@ class Space(NamedTuple):
 
     The last seven attributes are state and are changed in place.
 
-    Attributes
-    ----------
-    centre : (n, 3) float array
-        Centroids.
-    near, far : (s, 3) float array
-        Arms to each sub-contact from elements a and b.
-    share : (s,) float array
-        Side of a square with the area of the sub-contact.
-    rim_first : (m + 1,) int array
-        Position of the first rim point of each face.
-    rim : (r, 2) float array
-        Rims of faces in their frames about their origins.
-    corner : (c,) int array
-        Element of each corner.
-    arm : (c, 3) float array
-        Arm to each corner.
-    pair : (p, 2) int array
-        Corner and element that may meet.
-    barred : (p, k) int array
-        Faces of that element whose contact is already a face, −1 for none.
-    side_first : (n + 1,) int array
-        Position of the first triangle of each element.
-    sides : (t, 3, 3) float array
-        Outward triangles of the elements.
-    side : (t,) int array
-        Face of the element to which each triangle belongs.
-    flush : (p, k) int array
-        Faces of the element through which the corner cannot enter, −1 for none.
-    spring : (6,) float array
-        Springs of corners, see `corner_springs`.
-    turn : (n, 3, 3) float array
-        Rotations since rest.
-    kept : (s,) float array
-        Share of the area of sub-contacts that is in contact.
-    gap : (s,) float array
-        Gap of sub-contacts.
-    slid : (s, 2) float array
-        Slip of sub-contacts.
-    stuck, place : (p, 3) float array
-        Force and position on the element, in its axes at rest.
-    on : (p,) int array
-        Face touched.
+    centre: (n, 3) centroids. near, far: (s, 3) arms to each sub-contact from elements a and b. share: (s,) side of a
+    square with the area of the sub-contact. rim_first: (m + 1,) position of the first rim point of each face. rim: (r,
+    2) rims of faces in their frames about their origins. corner: (c,) element of each corner. arm: (c, 3) arm to each
+    corner. pair: (p, 2) corner and element that may meet. barred: (p, k) faces of that element whose contact is already
+    a face, −1 for none. side_first: (n + 1,) position of the first triangle of each element. sides: (t, 3, 3) outward
+    triangles of the elements. side: (t,) face of the element to which each triangle belongs. flush: (p, k) faces of the
+    element through which the corner cannot enter, −1 for none. spring: (6,) springs of corners, see `corner_springs`.
+    turn: (n, 3, 3) rotations since rest. kept: (s,) share of the area of sub-contacts that is in contact. gap: (s,) gap
+    of sub-contacts. slid: (s, 2) slip of sub-contacts. stuck, place: (p, 3) force and position on the element, in its
+    axes at rest. on: (p,) face touched.
     """
 
     centre: Floats

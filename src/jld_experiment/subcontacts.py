@@ -21,14 +21,8 @@ SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 class SubContacts:
     """The s sub-contacts of all m faces, one face after the other.
 
-    Attributes
-    ----------
-    first : (m + 1,) int array
-        Position of the first sub-contact of each face.
-    place : (s, 2) or (s, 3) float array
-        Coordinate along e1 and area (planar), or coordinates along e1 and e2 and area (spatial), scene units.
-    face : (s,) int array
-        Face of each sub-contact.
+    first: (m + 1,) position of the first sub-contact of each face. place: (s, 2) coordinate along e1 and area (planar),
+    or coordinates along e1 and e2 and area (spatial), scene units. face: (s,) face of each sub-contact.
     """
 
     first: Ints

@@ -22,22 +22,11 @@ class System:
     The masses are scaled so that a time step of one is the share `step` of the critical step. Times are in such steps,
     all else in scene units.
 
-    Attributes
-    ----------
-    ends : (m, 2) int array
-        Elements a and b of each face.
-    frame : (m, 6) or (m, 15) float array
-        Normals and arms for the time stepping, columns as in `Bench.frame`.
-    inverse : (n, 2) float array
-        Inverse of mass and inertia, 0 on supports.
-    radius : (n,) float array
-        Radius of gyration √(inertia/mass), length; 1 on supports.
-    period : float
-        Slowest period, steps.
-    reach : float
-        Elastic displacement live·u under the live loads with λ = 1.
-    sag, swing : float
-        Largest elastic displacement of an element under the dead loads, and under the live loads with λ = 1.
+    ends: (m, 2) elements a and b of each face. frame: (m, 6) normals and arms for the time stepping, columns as in
+    `Bench.frame`. inverse: (n, 2) inverse of mass and inertia, 0 on supports. radius: (n,) radius of gyration
+    √(inertia/mass), length; 1 on supports. period: slowest period, steps. reach: elastic displacement live·u under the
+    live loads with λ = 1. sag, swing: largest elastic displacement of an element under the dead loads, and under the
+    live loads with λ = 1.
     """
 
     ends: Ints

@@ -14,29 +14,15 @@ from jld_core.geometry_optimisation.box_search import BoxNode, ProvenBox
 from jld_explore.verification.box_certificate import BoxClaim, Leaf, Node, Split, write
 from jld_explore.verification.boxes import check_boxes
 
+# Claimed bound above the one of the search, relative: rounding of its sums and of the load factors required
 _RELATIVE_SLACK: Final = 1e-9
-"""Claimed bound above the one of the search, relative: rounding of its sums and of the load factors required."""
 
 
 def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
     """Return the claim of the certificate of a proof over a box, and the tree of its proof.
 
-    Parameters
-    ----------
-    done : ProvenBox
-        Result of `prove_box`.
-
-    Returns
-    -------
-    claim : BoxClaim
-        Scene, box and bound; the bound is raised by a little for rounding.
-    nodes : list of Node
-        Nodes of the tree, each before its halves.
-
-    Raises
-    ------
-    InputError
-        If no finite bound was proven.
+    done: result of `prove_box`. Result: claim: scene, box and bound; the bound is raised by a little for rounding;
+    nodes: nodes of the tree, each before its halves. Raises InputError if no finite bound was proven.
     """
     nodes = list(_nodes(done.tree, done))
     places = done.places - done.moved
@@ -97,17 +83,7 @@ def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
 def write_box_certificate(done: ProvenBox, path: Path) -> None:
     """Write the certificate of a proof over a box of positions, for `jld verify`.
 
-    Parameters
-    ----------
-    done : ProvenBox
-        Result of `prove_box`.
-    path : Path
-        File.
-
-    Raises
-    ------
-    InputError
-        No finite bound was proven.
+    done: result of `prove_box`. path: file. Raises InputError: no finite bound was proven.
     """
     claim, nodes = box_claim(done)
     write(path, claim, nodes)
@@ -116,19 +92,8 @@ def write_box_certificate(done: ProvenBox, path: Path) -> None:
 def check_proof(done: ProvenBox) -> tuple[bool | None, float, str]:
     """Check a proof over a box of positions by exact arithmetic.
 
-    Parameters
-    ----------
-    done : ProvenBox
-        Result of `prove_box`.
-
-    Returns
-    -------
-    passed : bool or None
-        True if the bound is verified in every box of the tree, False if not; None if no bound was proven.
-    seconds : float
-        Time of the check, s.
-    reason : str
-        Reason for False or None; "" for True.
+    done: result of `prove_box`. Result: passed: True if the bound is verified in every box of the tree, False if not;
+    None if no bound was proven; seconds: time of the check, s; reason: reason for False or None; "" for True.
     """
     start = time.perf_counter()
     try:

@@ -28,8 +28,7 @@ from jld_explore.space import SearchSpace
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
 
-_SAYING: Final = 1.0
-"""Longest time to find out which stage of laying falls first, for a message, s."""
+_SAYING: Final = 1.0  # longest time to find out which stage of laying falls first, for a message, s
 
 COUNTING: Final = 0.06
 """Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
@@ -45,30 +44,11 @@ def choose_driver(
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space.
-    settings : ExploreSettings
-        Settings with the wanted driver and its options.
-    deadline : Deadline, optional
-        Deadline of the search; a count that exceeds a share of it means a large space.
-    many : bool
-        True excludes drivers that prove by bounds on faces alone, if the settings name no driver.
-    cracks_by_fields : FieldCracks, optional
-        Crack model of a search by fields; the exact driver proves the best layout to the gap of this model.
-
-    Returns
-    -------
-    driver : Driver
-        Driver of the search.
-    total : int or None
-        Number of classes if known.
-
-    Raises
-    ------
-    InputError
-        If the driver or an option is unknown, or the space provably holds no labelling.
+    settings: settings with the wanted driver and its options. deadline: deadline of the search; a count that exceeds a
+    share of it means a large space. many: True excludes drivers that prove by bounds on faces alone, if the settings
+    name no driver. cracks_by_fields: crack model of a search by fields; the exact driver proves the best layout to the
+    gap of this model. Result: driver: driver of the search; total: number of classes if known. Raises InputError if the
+    driver or an option is unknown, or the space provably holds no labelling.
     """
     wanted = settings.driver
     if isinstance(wanted, str):

@@ -54,18 +54,8 @@ class Experiments:
     Inner faces are brittle and joints do not dilate. Results are written to `experiments.csv` in `folder` after every
     `jobs` experiments; rows of such a file are read at the start. Raises InputError if that file is damaged.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Structure.
-    folder : Path
-        Results folder.
-    jobs : int
-        Number of processes.
-    deadline : Deadline
-        Time after which no experiment is begun.
-    rows : dict of str to dict
-        Results by the text of the labelling (letters "d" and "i", one per face).
+    folder: results folder. jobs: number of processes. deadline: time after which no experiment is begun. rows: results
+    by the text of the labelling (letters "d" and "i", one per face).
     """
 
     assembly: Assembly

@@ -43,14 +43,8 @@ FALL: Final = 0.05
 class CheckPlan:
     """Plan for a check of the best layouts by fields.
 
-    Attributes
-    ----------
-    count : int
-        Layouts checked beside the structure without cuts, 0 for no check.
-    seconds : float
-        Expected processor time, s.
-    skipped : str
-        Reason why nothing is checked, "" if something is.
+    count: layouts checked beside the structure without cuts, 0 for no check. seconds: expected processor time, s.
+    skipped: reason why nothing is checked, "" if something is.
     """
 
     count: int
@@ -61,22 +55,9 @@ class CheckPlan:
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
     """Decide how many layouts of a search by faces can be checked by fields.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the search.
-    assembly : Assembly
-        Assembly of the scene.
-    space : SearchSpace
-        Space of the search.
-    settings : ExploreSettings
-        Settings of the search; `check_fields` is the number of layouts wanted.
-
-    Returns
-    -------
-    CheckPlan or None
-        Plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by experiment
-        or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
+    settings: settings of the search; `check_fields` is the number of layouts wanted. Result: plan. None for spatial
+    scenes, other crack models, cells left out, and searches without dilation, by experiment or at low values. Also None
+    for `check_fields` = 0, and if `require_fields` refuses the assembly.
     """
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
@@ -120,21 +101,8 @@ def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
 def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline) -> Exploration:
     """Check the best layouts by fields; add the bounds to tables and summary on disk.
 
-    Parameters
-    ----------
-    done : Exploration
-        Finished search by faces.
-    space : SearchSpace
-        Space of the search.
-    plan : CheckPlan
-        Plan of the check.
-    deadline : Deadline
-        Time after which no further layout is bounded.
-
-    Returns
-    -------
-    Exploration
-        The search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
+    done: finished search by faces. deadline: time after which no further layout is bounded. Result: the search with
+    columns `fields_lo` and `fields_hi`, and `fields` in its summary.
     """
     start = time.perf_counter()
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)

@@ -32,11 +32,10 @@ if TYPE_CHECKING:
 
     from jld_core.arrays import Floats
 
-_SEARCHED: Final = 0.6
-"""Share of a time limit in which a driver proposes layouts; in the rest the best of them race."""
+_SEARCHED: Final = 0.6  # share of a time limit in which a driver proposes layouts; in the rest the best of them race
 
+# Upper bound on λ of a layout on record that is known to fall whatever the load
 _UNSTABLE: Final = -float(np.finfo(float).tiny)
-"""Upper bound on λ of a layout on record that is known to fall whatever the load."""
 
 
 class FieldStudy(Study):
@@ -83,15 +82,8 @@ class FieldStudy(Study):
     def run(self) -> StopReason:
         """Search by the driver, refine what matters, and record the bounds of each layout.
 
-        Returns
-        -------
-        StopReason
-            Reason why the search ended, as `Study.run`.
-
-        Raises
-        ------
-        Interrupted
-            If a signal arrives; bounds known by then are recorded first.
+        Result: reason why the search ended, as `Study.run`. Raises Interrupted if a signal arrives; bounds known by
+        then are recorded first.
         """
         if isinstance(self.driver, Enumeration) and not self.settings.budget:
             return self._run_all()

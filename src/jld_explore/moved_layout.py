@@ -19,41 +19,25 @@ from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
-_MOVING: Final = 0.8
-"""Share of a task's time in which joints move; first bounds by fields take the rest."""
+_MOVING: Final = 0.8  # share of a task's time in which joints move; first bounds by fields take the rest
 
-_FIRST: Final = 10.0
-"""Longest time for the first bounds by fields of one layout, s."""
+_FIRST: Final = 10.0  # longest time for the first bounds by fields of one layout, s
 
-_REFINED: Final = 120.0
-"""Longest time for refined bounds by fields of one layout, s."""
+_REFINED: Final = 120.0  # longest time for refined bounds by fields of one layout, s
 
-_NONE: Final = (-math.inf, math.inf)
-"""Bounds where nothing is proven."""
+_NONE: Final = (-math.inf, math.inf)  # bounds where nothing is proven
 
 
 @dataclass(frozen=True, eq=False)
 class MovedLayout:
     """One layout whose joints were moved.
 
-    Attributes
-    ----------
-    number : int
-        Round, from 1.
-    row : int
-        Row of the layout in the results of that round; 0 for the layout that the scene states.
-    labels : (m,) bool array
-        Labels, True = dry.
-    start, load_factor : float
-        λ by faces before and after; NaN where the layout did not stand.
-    fields_start, fields : (float, float)
-        Bounds on λ by fields before and after, with blocks that crack anywhere; infinite where there are none.
-    end : str
-        Reason why the optimisation ended, or why the joints cannot move.
-    scene : Scene
-        Scene with the joints where the lower bound by fields is larger: at the end, or at the start.
-    places, moved : (v, 2) arrays
-        Positions of the vertices of this scene, and how far each moved in this round.
+    number: round, from 1. row: row of the layout in the results of that round; 0 for the layout that the scene states.
+    labels: (m,) True = dry. start, load_factor: λ by faces before and after; NaN where the layout did not stand.
+    fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
+    infinite where there are none. end: reason why the optimisation ended, or why the joints cannot move. scene: scene
+    with the joints where the lower bound by fields is larger: at the end, or at the start. places, moved: (v, 2)
+    positions of the vertices of this scene, and how far each moved in this round.
     """
 
     number: int

@@ -31,27 +31,21 @@ from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 from jld_explore.writing_time import busy_factor
 
-_GAIN: Final = 0.01
-"""Relative increase of the lower bound by fields below which a further round is no improvement."""
+_GAIN: Final = 0.01  # relative increase of the lower bound by fields below which a further round is no improvement
 
-_ROUND: Final = 0.6
-"""Share of the remaining time for one round of labels and geometry."""
+_ROUND: Final = 0.6  # share of the remaining time for one round of labels and geometry
 
-_SEARCH: Final = 0.15
-"""Share of a round's time for its search of labels."""
+_SEARCH: Final = 0.15  # share of a round's time for its search of labels
 
+# Share of a round's time in which joints move; refined bounds of the most promising layouts take the rest
 _TASKS: Final = 0.5
-"""Share of a round's time in which joints move; refined bounds of the most promising layouts take the rest."""
 
 
-_SLACK: Final = 0.8
-"""Share of a task's time that is planned: the last step, mesh and solve of each part are finished."""
+_SLACK: Final = 0.8  # share of a task's time that is planned: the last step, mesh and solve of each part are finished
 
-_WRITING: Final = 2.5
-"""Time kept back from a limit for table, picture and page, s."""
+_WRITING: Final = 2.5  # time kept back from a limit for table, picture and page, s
 
-_LEAST: Final = 4.0
-"""Shortest time in which a further round can find anything, s."""
+_LEAST: Final = 4.0  # shortest time in which a further round can find anything, s
 
 
 GAP: Final = 0.05
@@ -62,16 +56,8 @@ GAP: Final = 0.05
 class MovedSearch:
     """Result of a search of labels and geometry.
 
-    Attributes
-    ----------
-    first : Exploration
-        Search of labels on the grid of the scene.
-    rounds : list of Exploration
-        Searches of all rounds, the first one as well.
-    layouts : list of MovedLayout
-        All layouts that were moved, the largest lower bound by fields first.
-    stop : str
-        Reason why the search ended.
+    first: search of labels on the grid of the scene. rounds: searches of all rounds, the first one as well. layouts:
+    all layouts that were moved, the largest lower bound by fields first. stop: reason why the search ended.
     """
 
     first: Exploration
@@ -99,39 +85,15 @@ def explore_and_move(
 ) -> MovedSearch:
     """Alternate between a search of labels and the optimisation of joints.
 
-    Parameters
-    ----------
-    scene : Scene
-        Planar scene; its key "move" states variables and limits. Without it, vertices of inner faces follow.
-    folder : Path
-        Folder of the first search; later ones lie in `round-2`, ... within it.
-    layouts : int
-        Number of best layouts of each round whose joints are moved.
-    settings : ExploreSettings, optional
-        Settings of each search of labels; its time limit is that of the whole.
-    announce : callable, optional
-        Called with messages.
-    gap : float
-        Relative width of brackets by fields at which their refinement ends.
-    started : float, optional
-        Start of the time limit, as `time.perf_counter` counts, s. Default: now.
-    keep : callable, optional
-        Called with all moved layouts, ranked, whenever some were added or bounded; a signal may end the search later.
+    scene: planar scene; its key "move" states variables and limits. Without it, vertices of inner faces follow. folder:
+    folder of the first search; later ones lie in `round-2`, ... within it. layouts: number of best layouts of each
+    round whose joints are moved. settings: settings of each search of labels; its time limit is that of the whole.
+    announce: called with messages. gap: relative width of brackets by fields at which their refinement ends. started:
+    start of the time limit, as `time.perf_counter` counts, s. Default: now. keep: called with all moved layouts,
+    ranked, whenever some were added or bounded; a signal may end the search later. Result: all searches and moved
+    layouts, ranked by the lower bound by fields. Raises InputError if the scene or a setting does not fit, or no layout
+    stands by fields. Raises Interrupted: after a signal; once layouts were moved, `done` is the result so far.
 
-    Returns
-    -------
-    MovedSearch
-        All searches and moved layouts, ranked by the lower bound by fields.
-
-    Raises
-    ------
-    InputError
-        If the scene or a setting does not fit, or no layout stands by fields.
-    Interrupted
-        After a signal; once layouts were moved, `done` is the result so far.
-
-    Notes
-    -----
     docs/method.md, chapter 11.
     """
     settings = settings or ExploreSettings()

@@ -34,11 +34,10 @@ if TYPE_CHECKING:
 LARGEST: Final = 190_000
 """Largest size of the HTML of one output with a page, bytes, so that a search adds at most 200 kB to a notebook."""
 
+# Strongest rows of the table, and layouts solved besides those of the front, of which the first that fit are shown
 _ROWS: Final = ((1000, 20), (300, 8), (100, 3), (30, 1))
-"""Strongest rows of the table, and layouts solved besides those of the front, of which the first that fit are shown."""
 
-_EXTRA: Final = "pip install 'jld[notebook]'"
-"""Command that installs what the sliders need."""
+_EXTRA: Final = "pip install 'jld[notebook]'"  # command that installs what the sliders need
 
 _NO_KERNEL: Final = "The sliders need a running kernel: run this cell again."
 _NO_LIBRARY: Final = f"The sliders need the library anywidget: {_EXTRA}, then run this cell again."
@@ -52,18 +51,8 @@ _FIELDS: Final = "The sliders do not apply: the blocks of this search crack by c
 class NotebookPage:
     """Interactive page of a scene, a result or a search, displayed by a notebook.
 
-    Parameters
-    ----------
-    title : str
-        Name of the object.
-    plain : str
-        HTML of its facts, picture and tables.
-    pages : iterator of PageData
-        Data of the page, the largest first.
-    solver : LayoutSolver
-        Solver of the layouts of the page.
-    height : int
-        Height of the frame, pixels.
+    title: name of the object. plain: HTML of its facts, picture and tables. pages: data of the page, the largest first.
+    solver: solver of the layouts of the page. height: height of the frame, pixels.
     """
 
     def __init__(self, title: str, plain: str, pages: Iterator[PageData], solver: LayoutSolver, height: int) -> None:
@@ -109,13 +98,7 @@ class NotebookPage:
             display(bridge)
 
     def widget(self) -> Any:
-        """Return the widget that connects the page with this process.
-
-        Returns
-        -------
-        anywidget.AnyWidget or None
-            Widget; None where anywidget is missing.
-        """
+        """Return the widget that connects the page with this process."""
         if not _has_anywidget():
             return None
         import anywidget
@@ -133,15 +116,8 @@ class NotebookPage:
     def answer(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a message of the page.
 
-        Parameters
-        ----------
-        asked : mapping
-            "kind": "hello", "page", or "solve" with "labelling", "materials" and "revision".
-
-        Returns
-        -------
-        dict
-            Answer of the same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
+        asked: "kind": "hello", "page", or "solve" with "labelling", "materials" and "revision". Result: answer of the
+        same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
         """
         kind = asked.get("kind")
         if kind == "page":
@@ -158,24 +134,9 @@ class NotebookPage:
 def make_page(thing: object, height: int | None = None) -> NotebookPage:
     """Make the page of a scene, an assembly, a result or a finished search for a notebook.
 
-    Parameters
-    ----------
-    thing : Scene, Assembly, LimitAnalysisResult or Exploration
-        Object to show.
-    height : int, optional
-        Height of the frame, pixels. Default: 700, of a search 950.
-
-    Returns
-    -------
-    NotebookPage
-        Page, shown by Jupyter as the last line of a cell or by `display`.
-
-    Raises
-    ------
-    ParameterError
-        If the height is no number of pixels.
-    InputError
-        If the scene is invalid.
+    thing: object to show. height: height of the frame, pixels. Default: 700, of a search 950. Result: page, shown by
+    Jupyter as the last line of a cell or by `display`. Raises ParameterError if the height is no number of pixels.
+    Raises InputError if the scene is invalid.
     """
     if height is not None and (not isinstance(height, int) or not 100 <= height <= 10_000):
         raise ParameterError("height", f"it is {height!r}", "pixels, a whole number from 100 to 10000")

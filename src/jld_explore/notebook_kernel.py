@@ -26,9 +26,9 @@ from jld_explore.space.void import cut
 
 _ROUTE: Final = Route("sliders of materials", STANDARD | CRITERIA)  # faces with a criterion have none
 
-_KEPT: Final = 8
-"""Number of materials whose analyses are stored."""
+_KEPT: Final = 8  # number of materials whose analyses are stored
 
+# Field of `Strengths` of each material value that a slider may state
 _STRENGTHS: Final = {
     ("dry", "friction_coefficient"): "friction",
     ("dry", "cohesion"): "cohesion",
@@ -38,7 +38,6 @@ _STRENGTHS: Final = {
     ("inner", "friction_coefficient"): "inner_friction",
     ("inner", "compressive_strength"): "crush_inner",
 }
-"""Field of `Strengths` of each material value that a slider may state."""
 
 
 class Structure(Protocol):
@@ -118,12 +117,7 @@ def structure_of(scene: Scene | None, assembly: Assembly) -> Structure:
 class LayoutSolver:
     """Solver of layouts of one structure under changing materials.
 
-    Parameters
-    ----------
-    structure : Structure
-        Structure with its materials.
-    model : SolveOptions, optional
-        Model of all solves.
+    structure: structure with its materials. model: model of all solves.
     """
 
     def __init__(self, structure: Structure, model: SolveOptions | None = None) -> None:

@@ -18,10 +18,10 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.settings import ExploreSettings
 
+# Why a driver with conflicts of single faces refuses other crack models
 _SHARED: Final = (
     "proves by mechanisms at faces with a label each, and by cells or fields one label holds for many cracks"
 )
-"""Why a driver with conflicts of single faces refuses other crack models."""
 _ROUTE: Final = Route("the virtual experiment")
 
 

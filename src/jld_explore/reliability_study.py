@@ -23,8 +23,8 @@ from jld_explore.steps import Step, StepContext, with_entries
 FILE: Final = "reliability.csv"
 """Name of the table of reliability indices in a results folder."""
 
+# Keys of an analysis that become columns of the table
 _KEPT: Final = ("beta_form", "beta_monte_carlo", "probability", "failures", "samples", "undecided")
-"""Keys of an analysis that become columns of the table."""
 
 COLUMNS: Final = ("row", "labelling", "load_factor", *_KEPT)
 """Columns of the table."""
@@ -32,8 +32,7 @@ COLUMNS: Final = ("row", "labelling", "load_factor", *_KEPT)
 SAMPLES: Final = 10_000
 """Samples of each layout: less than `jld reliability` draws, since it ranks alone."""
 
-_SHARE: Final = 0.25
-"""Share of a time limit that is kept back for the ranking."""
+_SHARE: Final = 0.25  # share of a time limit that is kept back for the ranking
 
 
 class ReliabilityStep(Step):

@@ -23,11 +23,10 @@ Objective = str | OwnObjective
 SMALL: Final = 20_000
 """Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
 
-_RELIABLE: Final = 10
-"""Layouts ranked by reliability where this is the objective and no number is given."""
+_RELIABLE: Final = 10  # layouts ranked by reliability where this is the objective and no number is given
 
+# Processor time, s, for the lower bound of one labelling where this bound is the objective
 _BOUND_SECONDS: Final = 20.0
-"""Processor time, s, for the lower bound of one labelling where this bound is the objective."""
 
 
 @dataclass(frozen=True)

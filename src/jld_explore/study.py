@@ -40,28 +40,25 @@ from jld_explore.study_state import Progress, StopReason, name_of, versions
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROW: Final = 4e-5
-"""Seconds per recorded labelling that are reserved from a time limit for tables and page."""
+_ROW: Final = 4e-5  # seconds per recorded labelling that are reserved from a time limit for tables and page
 
 PORTION: Final = 128
 """Largest number of labellings requested at a time if pruning thresholds can avoid solves."""
 
 
+# Multiple of the expected time of an evaluation after which workers without a result count as hung
 _HANGS: Final = 20.0
-"""Multiple of the expected time of an evaluation after which workers without a result count as hung."""
 
 
+# Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived
 _SOON: Final = 1.6
-"""Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived."""
 
+# Share of the remaining time in which a driver must propose its first labelling; then another one is sought
 _FIRST: Final = 0.6
-"""Share of the remaining time in which a driver must propose its first labelling; then another one is sought."""
 
-_LEAST: Final = 1.0
-"""Seconds to find a first labelling if the time limit passes before any evaluation."""
+_LEAST: Final = 1.0  # seconds to find a first labelling if the time limit passes before any evaluation
 
-_NONE: Final = np.empty((0, 0), dtype=bool)
-"""Labellings of an empty list of evaluations."""
+_NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of evaluations
 
 
 class Study:
@@ -69,24 +66,11 @@ class Study:
 
     The same scene, driver, seed and budget give the same recorded rows for any number of jobs.
 
-    Parameters
-    ----------
-    scene, assembly, space, driver
-        Scene with its assembly, search space and driver.
-    folder : Path
-        Results folder; its record is opened at once and closed by `run`.
-    settings : ExploreSettings, optional
-        Settings of the search.
-    total : int, optional
-        Number of classes, if known.
-    report : callable, optional
-        Function called with `Progress` after every batch.
-    found_first : callable, optional
-        Function called before the first labelling is evaluated. Until then the space may turn out to be empty.
-    make : callable
-        Function that makes the evaluator of each worker.
-    deadline : Deadline, optional
-        Deadline of the search. Default: `settings.seconds` from now.
+    scene, assembly, space, driver: scene with its assembly, search space and driver. folder: results folder; its record
+    is opened at once and closed by `run`. total: number of classes, if known. report: function called with `Progress`
+    after every batch. found_first: function called before the first labelling is evaluated. Until then the space may
+    turn out to be empty. make: function that makes the evaluator of each worker. deadline: deadline of the search.
+    Default: `settings.seconds` from now.
     """
 
     def __init__(
@@ -180,15 +164,7 @@ class Study:
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
         """Return entries that this kind of study adds to the summary.
 
-        Parameters
-        ----------
-        results : DataFrame
-            Table of all evaluations.
-
-        Returns
-        -------
-        dict of str to object
-            Entries, which replace those of other studies.
+        results: table of all evaluations.
         """
         return {}
 
@@ -220,15 +196,7 @@ class Study:
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is exhausted, or a proof is complete.
 
-        Returns
-        -------
-        StopReason
-            Reason why the search ended.
-
-        Raises
-        ------
-        Interrupted
-            If a signal arrives; the record is closed first.
+        Result: reason why the search ended. Raises Interrupted if a signal arrives; the record is closed first.
         """
         budget, driver = self.settings.budget, self.driver
         workers = self._workers()

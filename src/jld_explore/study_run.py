@@ -16,11 +16,9 @@ from jld_explore.space.labelling import orbit_sizes
 from jld_explore.study import Study
 from jld_explore.study_state import Interrupted, StopReason
 
+# Expected time of the bound on all labellings, as a multiple of the time of one labelling. The bound is omitted if it
+# would be late.
 _BOUNDING: Final = 5.0
-"""Expected time of the bound on all labellings, as a multiple of the time of one labelling.
-
-The bound is omitted if it would be late.
-"""
 
 STOPPING: Final = 0.5
 """Seconds after the end of a search for the bound on all labellings.
@@ -29,8 +27,7 @@ After an interrupt it also limits the solves for the page, which shows forces of
 long.
 """
 
-_FOUND: Final = 1.2
-"""Time to find and evaluate a first layout after a signal, s."""
+_FOUND: Final = 1.2  # time to find and evaluate a first layout after a signal, s
 
 
 def run_study(study: Study, deadline: Deadline) -> StopReason:
@@ -38,24 +35,8 @@ def run_study(study: Study, deadline: Deadline) -> StopReason:
 
     If the search is interrupted, its tables are written before the exception continues.
 
-    Parameters
-    ----------
-    study : Study
-        Study that has not run.
-    deadline : Deadline
-        Time limit of the command.
-
-    Returns
-    -------
-    StopReason
-        Reason why the search ended.
-
-    Raises
-    ------
-    InputError
-        If no labelling was found; the files of the search are removed.
-    Interrupted
-        If a signal arrived.
+    study: study that has not run. deadline: time limit of the command. Result: reason why the search ended. Raises
+    InputError if no labelling was found; the files of the search are removed. Raises Interrupted if a signal arrived.
     """
     try:
         reason = study.run()

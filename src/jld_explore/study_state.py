@@ -33,12 +33,7 @@ class StopReason(StrEnum):
 class Interrupted(BaseException):
     """Exception of the command line's signal handlers; finished results are on disk.
 
-    Attributes
-    ----------
-    done : Exploration or None
-        Results of the interrupted search, once written.
-    words : str
-        Message for the terminal.
+    done: results of the interrupted search, once written. words: message for the terminal.
     """
 
     done: Any = None

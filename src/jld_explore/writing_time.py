@@ -26,23 +26,19 @@ PAGE: Final = 0.5
 PICTURES: Final = 0.85
 """Share of `lateness` at which the last picture is finished; the process ends in the remainder."""
 
+# Share of `lateness` at which the tables of a search without pictures are written: others go on with them
 _TABLES_ALONE: Final = 0.3
-"""Share of `lateness` at which the tables of a search without pictures are written: others go on with them."""
 
-_WRITING: Final = 1.0
-"""Processor time of tables and page of a small search, s."""
+_WRITING: Final = 1.0  # processor time of tables and page of a small search, s
 
+# Further processor time for each face, s: tables of blocks and the drawing on the page grow with the structure
 _WRITING_FACE: Final = 2e-4
-"""Further processor time for each face, s: tables of blocks and the drawing on the page grow with the structure."""
 
-_PICTURES: Final = 1.0
-"""Processor time of all pictures of a small search, s, imports included."""
+_PICTURES: Final = 1.0  # processor time of all pictures of a small search, s, imports included
 
-_FIELDS: Final = 0.05
-"""Share of a time limit in which bounds by fields are refined for a picture."""
+_FIELDS: Final = 0.05  # share of a time limit in which bounds by fields are refined for a picture
 
-_MOST_KEPT: Final = 0.5
-"""Largest share of a time limit that is kept back."""
+_MOST_KEPT: Final = 0.5  # largest share of a time limit that is kept back
 
 BUSY: Final = 6.0
 """Largest factor by which a busy machine may prolong the writing."""
@@ -77,21 +73,8 @@ def field_seconds(limit: float | None) -> float:
 def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Assembly, *, fields: bool) -> Deadline:
     """Return the deadline of the search itself, which leaves time to write tables, page and pictures.
 
-    Parameters
-    ----------
-    deadline : Deadline
-        Time limit of the whole command.
-    settings : ExploreSettings
-        Settings of the search.
-    assembly : Assembly
-        Structure, whose faces prolong the writing.
-    fields : bool
-        Whether bounds by fields are refined for the picture of the best layout.
-
-    Returns
-    -------
-    Deadline
-        Deadline of the search.
+    deadline: time limit of the whole command. assembly: structure, whose faces prolong the writing. fields: whether
+    bounds by fields are refined for the picture of the best layout.
     """
     if settings.seconds is None:
         return deadline

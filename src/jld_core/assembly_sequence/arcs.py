@@ -18,29 +18,23 @@ import shapely
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 
-_SMALLER: Final = 1e-6
-"""Relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding."""
+_SMALLER: Final = 1e-6  # relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding
 
 TURN: Final = 1e-7
 """Angle, radians, by which a direction may point into an obstacle: accuracy of normals in drawings."""
 
-_SAME: Final = 1e-9
-"""Distance, relative to the largest element, up to which two corners coincide."""
+_SAME: Final = 1e-9  # distance, relative to the largest element, up to which two corners coincide
 
+# Angle, radians, up to which the end of an exact arc belongs to the end of an arc of the shrunk pieces
 _NEAR: Final = 1e-5
-"""Angle, radians, up to which the end of an exact arc belongs to the end of an arc of the shrunk pieces."""
 
-_PIECES: Final = 150
-"""Largest number of pieces for which groups are tried at all ends of arcs."""
+_PIECES: Final = 150  # largest number of pieces for which groups are tried at all ends of arcs
 
+# Largest number of directions in which groups are tried. With more ends of arcs, or more than `_PIECES` pieces,
+# directions along contacts replace them.
 _TURNS: Final = 2000
-"""Largest number of directions in which groups are tried.
 
-With more ends of arcs, or more than `_PIECES` pieces, directions along contacts replace them.
-"""
-
-_CHUNK: Final = 1 << 22
-"""Number of entries of one batch of the blocking table."""
+_CHUNK: Final = 1 << 22  # number of entries of one batch of the blocking table
 
 
 class Arcs:

@@ -16,18 +16,8 @@ class Blocks:
 
     All elements joined to a support belong to one fixed block.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Assembly of the labelling.
-    of : (n,) int array
-        Block of each element.
-    fixed : (k,) bool array
-        True for the block that holds the supports.
-    first, second : (c,) int array
-        Blocks on both sides of each contact between two blocks.
-    normal : (c, d) array
-        Unit normals from the first to the second block.
+    of: (n,) block of each element. fixed: (k,) True for the block that holds the supports. first, second: (c,) blocks
+    on both sides of each contact between two blocks. normal: (c, d) unit normals from the first to the second block.
     """
 
     assembly: Assembly
@@ -63,17 +53,8 @@ class Blocks:
 def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
     """Return the blocks of a labelling as rigid bodies; all supports form one fixed body.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with n elements and m interfaces.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    Blocks
-        The k blocks and the contacts between them.
+    assembly: assembly with n elements and m interfaces. labels: (m,) True = dry. Result: the k blocks and the contacts
+    between them.
     """
     faces, elements = assembly.interfaces, assembly.elements
     ground = np.flatnonzero(elements.support)

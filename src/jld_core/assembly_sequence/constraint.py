@@ -34,8 +34,7 @@ from jld_core.assembly_sequence.standing import Parts, Standing
 COUNTED: Final = {"translation": 2000, "standing": 60}
 """Number of labellings that can be tested within seconds, by rule."""
 
-_COMPARED: Final = 8
-"""Largest number of refused labellings whose orders are compared for a message."""
+_COMPARED: Final = 8  # largest number of refused labellings whose orders are compared for a message
 
 
 @dataclass(frozen=True)
@@ -44,17 +43,9 @@ class Lock:
 
     Every labelling with `labels` on `faces` is refused.
 
-    Attributes
-    ----------
-    faces : (k,) int array
-        Faces of the conflict.
-    labels : (k,) bool array
-        Their labels, True = dry.
-    elements : (e,) int array
-        Elements of the blocks that prevent the assembly.
-    proven : bool
-        False where the search for stages that stand stopped at its limit, or a stage was undecided. An order may then
-        exist although none is known, and the conflict covers all faces.
+    faces: (k,) faces of the conflict. labels: (k,) their labels, True = dry. elements: (e,) elements of the blocks that
+    prevent the assembly. proven: False where the search for stages that stand stopped at its limit, or a stage was
+    undecided. An order may then exist although none is known, and the conflict covers all faces.
     """
 
     faces: Ints
@@ -68,18 +59,9 @@ class SequenceConstraint:
 
     Conflicts found for one labelling also refute other labellings.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with m interfaces.
-    wish : {"translation", "standing"}
-        "translation": some order by translations exists. "standing": every stage of an order also stands without props.
-    may_join : (m,) bool array
-        Faces that may be inner.
-    sideways : bool
-        Allow a planar wall to be assembled out of its plane.
-    group : int
-        Largest number of blocks that are moved together where single blocks are locked.
+    wish: "translation": some order by translations exists. "standing": every stage of an order also stands without
+    props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its plane.
+    group: largest number of blocks that are moved together where single blocks are locked.
     """
 
     def __init__(

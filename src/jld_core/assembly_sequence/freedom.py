@@ -23,17 +23,13 @@ from jld_core.assembly_sequence.blocks import Blocks
 from jld_core.assembly_sequence.solids import Solids, tangents
 from jld_core.deadline import checkpoint
 
-_TURN: Final = 1e-7
-"""Sine of the angle by which a direction may point into a contact: accuracy of normals in drawings."""
+_TURN: Final = 1e-7  # sine of the angle by which a direction may point into a contact: accuracy of normals in drawings
 
-_DIRECTIONS: Final = 400
-"""Largest number of directions in space that are tried for a block or a group."""
+_DIRECTIONS: Final = 400  # largest number of directions in space that are tried for a block or a group
 
-_CHUNK: Final = 1 << 22
-"""Number of entries of the blocking table that are processed in one batch."""
+_CHUNK: Final = 1 << 22  # number of entries of the blocking table that are processed in one batch
 
-_SIDEWAYS: Final = (0.0, 0.0, 1.0)
-"""Direction out of the plane of a planar wall."""
+_SIDEWAYS: Final = (0.0, 0.0, 1.0)  # direction out of the plane of a planar wall
 
 
 class Bodies:

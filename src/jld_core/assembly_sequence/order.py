@@ -28,11 +28,9 @@ GROUP: Final = 3
 MOST_STAGES: Final = 400
 """Largest number of stages examined in the search for an order whose stages stand."""
 
-_TRIED: Final = 6
-"""Number of removals, the first in order, of which one is chosen."""
+_TRIED: Final = 6  # number of removals, the first in order, of which one is chosen
 
-_SAME: Final = 1e-6
-"""Difference of prop forces, relative to the weight, below which two stages need the same."""
+_SAME: Final = 1e-6  # difference of prop forces, relative to the weight, below which two stages need the same
 
 
 @dataclass(frozen=True)
@@ -183,21 +181,9 @@ def locked_blocks(
 
     These blocks lock one another in every labelling that has them.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with m interfaces.
-    labels : (m,) bool array
-        Labels, True = dry.
-    group : int
-        Largest number of blocks that are moved together where single blocks are locked.
-    bodies : Bodies, optional
-        Translation data of the assembly, for reuse.
-
-    Returns
-    -------
-    tuple of int
-        Element indices, ascending; empty where the labelling can be assembled by translations.
+    labels: (m,) True = dry. group: largest number of blocks that are moved together where single blocks are locked.
+    bodies: translation data of the assembly, for reuse. Result: element indices, ascending; empty where the labelling
+    can be assembled by translations.
     """
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)

@@ -26,15 +26,12 @@ from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import solve_auxiliary
 
+# Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error. A stage stands up
+# to ten times this force.
 _NONE: Final = 1e-6
-"""Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error.
-
-A stage stands up to ten times this force.
-"""
 
 
-_ELSEWHERE: Final = 100.0
-"""Cost of a prop beside the places of a line of props, relative to one of these places."""
+_ELSEWHERE: Final = 100.0  # cost of a prop beside the places of a line of props, relative to one of these places
 
 
 @dataclass(frozen=True)

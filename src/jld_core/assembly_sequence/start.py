@@ -14,8 +14,7 @@ from jld_core.errors import ParameterError
 LayingStart = Literal["ground", "left", "right", "springings"]
 """Where laying starts: at the ground, from a side, or from all supports alike."""
 
-_EQUAL: Final = 6
-"""Decimals, relative to the size of the structure, to which two places are the same."""
+_EQUAL: Final = 6  # decimals, relative to the size of the structure, to which two places are the same
 
 Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]
 """Sort key of a removal: of the blocks present and those removed; the least is removed first."""

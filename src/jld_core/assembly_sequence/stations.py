@@ -13,8 +13,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
 
-_MOST: Final = 500
-"""Largest number of places; more indicate a spacing in another unit."""
+_MOST: Final = 500  # largest number of places; more indicate a spacing in another unit
 
 
 @dataclass(frozen=True)

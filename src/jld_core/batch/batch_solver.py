@@ -29,8 +29,8 @@ _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face 
 SAMPLES_OF_A_CALL: Final = 256
 """Largest number of samples of one call: the values that a label of the compiled solver can take."""
 
+# Weight of the mean solution of random labellings at the start; the least-norm forces in equilibrium have the rest
 _SHARE: Final = 0.7
-"""Weight of the mean solution of random labellings at the start; the least-norm forces in equilibrium have the rest."""
 _ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
 _ROOM: Final = 1.0  # least slack at the starting point with such a mean, scaled
 _PUSH: Final = 1.0  # least multiplier at the starting point, planar, scaled
@@ -41,16 +41,8 @@ _PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, s
 class _Start:
     """Starting point of the iterations, scaled.
 
-    Attributes
-    ----------
-    forces, jumps : (m, q) arrays
-        Resultants, and jumps of the velocities.
-    speed : (q·free,) array
-        Velocities, in the batch solver's order of elimination.
-    load : float
-        Load factor λ.
-    least_slack : float
-        Least slack of a row.
+    forces, jumps: (m, q) resultants, and jumps of the velocities. speed: (q·free,) velocities, in the batch solver's
+    order of elimination. load: load factor λ.
     """
 
     forces: Floats
@@ -63,36 +55,15 @@ class _Start:
 class BatchSolver:
     """Batch solver for the labellings of one template.
 
-    Parameters
-    ----------
-    template : Template
-        Gives equilibrium and yield sets. Their rows must be pairs of linear rows; in space edges of hulls and one shear
-        cone per face.
-    opening : (q·free,) array, optional
-        Velocities that open every face under any labelling; None if there are none.
-    load_scale : float
-        Magnitude of scaled λ relative to which a bracket around zero counts as narrow.
-    undecided : Rows, optional
-        Rows of faces whose label is undecided; they replace the rows of dry faces.
-    variant : str, optional
-        Variant or path of the compiled library (see `library`); default: the variant in use.
-    tries : sequence of Try
-        Settings of the passes over the open labellings; default: those of `tries_of`.
-    sampled_start : bool
-        True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
-        equilibrium, which is cheaper for a few labellings.
-
-    Attributes
-    ----------
-    variant : str
-        Variant of the compiled library.
-    settled_fraction : float
-        Share of the random labellings that got a verdict; 0 if none were solved.
-
-    Raises
-    ------
-    ValueError
-        No batch solver is built or in use, or the template's rows have an unsupported shape (see `fits`).
+    template: gives equilibrium and yield sets. Their rows must be pairs of linear rows; in space edges of hulls and one
+    shear cone per face. opening: (q·free,) velocities that open every face under any labelling; None if there are none.
+    load_scale: magnitude of scaled λ relative to which a bracket around zero counts as narrow. undecided: rows of faces
+    whose label is undecided; they replace the rows of dry faces. variant: variant or path of the compiled library (see
+    `library`); default: the variant in use. tries: settings of the passes over the open labellings; default: those of
+    `tries_of`. sampled_start: true: start near the mean solution of a few random labellings. False: start from the
+    least-norm forces in equilibrium, which is cheaper for a few labellings. settled_fraction: share of the random
+    labellings that got a verdict; 0 if none were solved. Raises ValueError: no batch solver is built or in use, or the
+    template's rows have an unsupported shape (see `fits`).
     """
 
     def __init__(
@@ -200,26 +171,9 @@ class BatchSolver:
     ) -> BatchResults:
         """Compute bounds on λ for labellings; each result depends on its own labelling alone.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            True = dry.
-        undecided : (k, m) bool array, optional
-            True where a face has no label.
-        thresholds : (k,) array, optional
-            Scaled λ; once a labelling is known to exceed its threshold its iterations end.
-        vectors : bool
-            Return forces, velocities, rays and the diagnosis as well.
-
-        Returns
-        -------
-        BatchResults
-            Scaled bounds and verdicts.
-
-        Raises
-        ------
-        MemoryError
-            The compiled solver cannot allocate its workspace.
+        labellings: (k, m) True = dry. undecided: (k, m) True where a face has no label. thresholds: (k,) scaled λ; once
+        a labelling is known to exceed its threshold its iterations end. vectors: return forces, velocities, rays and
+        the diagnosis as well. Raises MemoryError: the compiled solver cannot allocate its workspace.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         if undecided is not None:
@@ -254,24 +208,10 @@ class BatchSolver:
     def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
         """Compute bounds on λ of one labelling for samples of its strengths and loads.
 
-        Parameters
-        ----------
-        rows : BatchRows
-            Rows of each sample in the place of those of a label: k samples, at most `SAMPLES_OF_A_CALL`.
-        dead, live : (k, q·free) arrays
-            Scaled loads of each sample, in the order of elements.
-        thresholds : (k,) array or None
-            Scaled λ, as in `solve`.
-
-        Returns
-        -------
-        BatchResults
-            Scaled bounds and verdicts, one for each sample.
-
-        Raises
-        ------
-        MemoryError
-            The compiled solver cannot allocate its workspace.
+        rows: rows of each sample in the place of those of a label: k samples, at most `SAMPLES_OF_A_CALL`. dead, live:
+        (k, q·free) scaled loads of each sample, in the order of elements. thresholds: (k,) scaled λ, as in `solve`.
+        Result: scaled bounds and verdicts, one for each sample. Raises MemoryError: the compiled solver cannot allocate
+        its workspace.
         """
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
@@ -298,20 +238,8 @@ class BatchSolver:
         A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
         caller must verify the work balance of the mechanism, docs/method.md (6.4).
 
-        Parameters
-        ----------
-        asked : ConflictRequest
-            k labellings, scaled thresholds and options.
-
-        Returns
-        -------
-        MinimizationResults
-            Row i·(1 + neighbours) belongs to labelling i; the rows of its neighbours follow.
-
-        Raises
-        ------
-        MemoryError
-            The compiled solver cannot allocate its workspace.
+        asked: k labellings, scaled thresholds and options. Result: row i·(1 + neighbours) belongs to labelling i; the
+        rows of its neighbours follow. Raises MemoryError: the compiled solver cannot allocate its workspace.
         """
         count, how = len(asked.labellings), asked.how
         wide = 1 + how.neighbours

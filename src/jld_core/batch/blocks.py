@@ -21,21 +21,15 @@ from jld_core.batch.pattern import factor_pattern
 SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]
 """State of a choice whose multipliers are accurate enough to give a bound (`BlockAnswers.state`)."""
 
-_Q: Final = 3
-"""Shared rows of one node."""
-_GAP: Final = 1e-5
-"""Relative gap at which iterations end; the bounds are only compared with one another."""
+_Q: Final = 3  # shared rows of one node
+_GAP: Final = 1e-5  # relative gap at which iterations end; the bounds are only compared with one another
 
-_NEAR: Final = 1e-4
-"""Relative distance of λ from its threshold below which `_FINE` replaces `_GAP`."""
-_FINE: Final = 1e-8
-"""Relative gap at which iterations end close to the threshold."""
+_NEAR: Final = 1e-4  # relative distance of λ from its threshold below which `_FINE` replaces `_GAP`
+_FINE: Final = 1e-8  # relative gap at which iterations end close to the threshold
 
-_ROOM: Final = 1e-6
-"""Error of the multipliers at which iterations end; the caller repairs the remaining error."""
+_ROOM: Final = 1e-6  # error of the multipliers at which iterations end; the caller repairs the remaining error
 
-_MOST: Final = 50
-"""Largest number of iterations of one choice; 15 to 30 were measured from the common starting point."""
+_MOST: Final = 50  # largest number of iterations of one choice; 15 to 30 were measured from the common starting point
 
 
 @dataclass(frozen=True)
@@ -47,18 +41,9 @@ class BlockColumns:
     blocks or an element (of which two rows are used). Rows are numbered within p: its own first, then the shared ones.
     See docs/method.md (6.5).
 
-    Attributes
-    ----------
-    own : int
-        Number of rows that belong to this block alone.
-    shared : (s,) int array
-        Rows that the block shares with others: 3·node + row, numbered over all nodes.
-    columns : tuple of (row, entry)
-        Row numbers and entries of each column.
-    of_x : (own + s,) array
-        Coefficients of x_p in all rows of the block.
-    of_load : (own + s,) array
-        Coefficients of λ x_p in all rows of the block.
+    own: number of rows that belong to this block alone. shared: (s,) rows that the block shares with others: 3·node +
+    row, numbered over all nodes. columns: row numbers and entries of each column. of_x: (own + s,) coefficients of x_p
+    in all rows of the block. of_load: (own + s,) coefficients of λ x_p in all rows of the block.
     """
 
     own: int
@@ -72,20 +57,9 @@ class BlockColumns:
 class BlockAnswers:
     """Results for k choices of allowed blocks.
 
-    Attributes
-    ----------
-    own : (k, own rows of all blocks) array
-        Multipliers of the blocks' own rows.
-    shared : (k, shared rows) array
-        Multipliers of the shared rows.
-    share : (k, p) array
-        Shares of the blocks.
-    load : (k,) array
-        Load factor λ.
-    iterations : (k,) int32 array
-        Iterations.
-    state : (k,) uint8 array
-        0 open, 1 `SOLVED`, 2 below the threshold.
+    own: (k, own rows of all blocks) multipliers of the blocks' own rows. shared: (k, shared rows) multipliers of the
+    shared rows. share: (k, p) shares of the blocks. load: (k,) load factor λ. iterations: (k,) iterations. state: (k,)
+    0 open, 1 `SOLVED`, 2 below the threshold.
     """
 
     own: Floats
@@ -102,26 +76,9 @@ class BatchBlockSolver:
     Each program maximises λ over the variables of the allowed blocks, see `BlockColumns`. The own rows of a block sum
     to zero, the shared rows over all blocks to `rhs`.
 
-    Parameters
-    ----------
-    blocks : sequence of BlockColumns
-        All p possible blocks.
-    places : (nodes, d) array
-        Coordinates of the nodes; each node has three shared rows.
-    rhs : (3·nodes,) array
-        Right-hand side of the shared rows.
-    load : int array
-        Shared rows in which λ has the coefficient −1.
-
-    Attributes
-    ----------
-    width : int
-        Number of choices that the compiled library solves together.
-
-    Raises
-    ------
-    ValueError
-        No batch solver is built or in use.
+    blocks: all p possible blocks. places: (nodes, d) coordinates of the nodes; each node has three shared rows. rhs:
+    (3·nodes,) right-hand side of the shared rows. load: shared rows in which λ has the coefficient −1. width: number of
+    choices that the compiled library solves together. Raises ValueError: no batch solver is built or in use.
     """
 
     def __init__(self, blocks: Sequence[BlockColumns], places: Floats, rhs: Floats, load: Ints) -> None:
@@ -186,26 +143,10 @@ class BatchBlockSolver:
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
         """Solve the linear program of each choice of allowed blocks.
 
-        Parameters
-        ----------
-        allowed : (k, p) bool array
-            True where a choice allows the block.
-        thresholds : (k,) array
-            λ to reach; iterations end once λ is known to stay below it.
-        least, most : (k,) arrays
-            Bounds on λ in each choice: the variable λ x_p lies between `least` x_p and `most` x_p.
-
-        Returns
-        -------
-        BlockAnswers
-            Multipliers, shares and λ of each choice.
-
-        Raises
-        ------
-        MemoryError
-            The compiled solver cannot allocate its workspace.
-        ValueError
-            A block has too many rows (see `supports`).
+        allowed: (k, p) True where a choice allows the block. thresholds: (k,) λ to reach; iterations end once λ is
+        known to stay below it. least, most: (k,) bounds on λ in each choice: the variable λ x_p lies between `least`
+        x_p and `most` x_p. Raises MemoryError: the compiled solver cannot allocate its workspace. Raises ValueError: a
+        block has too many rows (see `supports`).
         """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)

@@ -71,8 +71,8 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {
 }
 """Processor flags that each variant needs, as /proc/cpuinfo names them."""
 
+# Compiler flags of code for shared libraries; code for Windows can always be moved
 _SHARED: Final = () if os.name == "nt" else ("-fPIC",)
-"""Compiler flags of code for shared libraries; code for Windows can always be moved."""
 SANITIZED: Final[dict[str, tuple[str, ...]]] = {
     "--sanitized": ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"),
     "--thread-sanitized": ("-g", "-O1", "-fsanitize=thread"),
@@ -180,8 +180,8 @@ def write_header(folder: Path) -> None:
     (folder / "interface.h").write_text(text, encoding="utf-8")
 
 
+# Compilers that run at the same time, over all variants: one per core, since each takes up to 0.4 GB
 _RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
-"""Compilers that run at the same time, over all variants: one per core, since each takes up to 0.4 GB."""
 
 
 def compile_variant(

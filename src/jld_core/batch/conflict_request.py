@@ -25,16 +25,10 @@ class MinimizationOptions:
 
     Minimisation makes decided faces undecided, as long as the relaxation still proves λ below the threshold.
 
-    Attributes
-    ----------
-    neighbours : int
-        Further minimisations per refuted labelling; each starts with one face of its conflict undecided.
-    tries : int
-        Number of single faces tried without success after which a conflict is accepted as minimal.
-    inner : bool
-        True: make inner faces undecided before dry ones.
-    balance : float
-        Equilibrium error (scaled) up to which forces that carry more than the threshold end a relaxation.
+    neighbours: further minimisations per refuted labelling; each starts with one face of its conflict undecided. tries:
+    number of single faces tried without success after which a conflict is accepted as minimal. inner: true: make inner
+    faces undecided before dry ones. balance: equilibrium error (scaled) up to which forces that carry more than the
+    threshold end a relaxation.
     """
 
     neighbours: int = 0
@@ -97,18 +91,9 @@ class MinimizationResults:
 
     The row of a labelling comes before those of its neighbours.
 
-    Attributes
-    ----------
-    labelling : (r,) int array
-        Index of the labelling among the k.
-    fate : (r,) uint8 array
-        0 (open, or never begun), `REFUTED` or `CARRIED`.
-    decided : (r, m) bool array
-        Faces of the conflict, that is, the faces that stay decided.
-    velocity : (r, q·free) array
-        Velocities of the mechanism.
-    relaxations : (r,) int32 array
-        Number of relaxations solved.
+    labelling: (r,) index of the labelling among the k. fate: (r,) 0 (open, or never begun), `REFUTED` or `CARRIED`.
+    decided: (r, m) faces of the conflict, that is, the faces that stay decided. velocity: (r, q·free) velocities of the
+    mechanism. relaxations: (r,) number of relaxations solved.
     """
 
     labelling: Ints

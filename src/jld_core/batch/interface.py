@@ -304,6 +304,7 @@ FUNCTIONS: Final[dict[str, tuple[str, str, tuple[tuple[str, str], ...]]]] = {
 }
 """Functions of C: type of the result (int32_t: a JldOutcome, but for jld_width), meaning, and parameters."""
 
+# ctypes type of each scalar type of C
 _SCALARS: Final[dict[str, Any]] = {
     "int32_t": ctypes.c_int32,
     "int64_t": ctypes.c_int64,
@@ -311,7 +312,6 @@ _SCALARS: Final[dict[str, Any]] = {
     "uint8_t": ctypes.c_uint8,
     "double": ctypes.c_double,
 }
-"""ctypes type of each scalar type of C."""
 
 
 class JldFactorPattern(ctypes.Structure):

@@ -22,14 +22,11 @@ VARIANTS: Final = ("avx512", "avx2", "neon", "base")
 SWITCH: Final = "JLD_KERNEL"
 """Environment variable that names a variant, the path of a library of these sources, "built", or "off"."""
 
-_BUILT: Final = "built"
-"""Value of `SWITCH` for the fastest variant that is built; no compiler is run on first use."""
+_BUILT: Final = "built"  # value of `SWITCH` for the fastest variant that is built; no compiler is run on first use
 
-_OUTCOMES: Final = interface.codes("JldOutcome")
-"""Outcomes of a call by name."""
+_OUTCOMES: Final = interface.codes("JldOutcome")  # outcomes of a call by name
 
-_LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")
-"""File extensions of shared libraries."""
+_LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")  # file extensions of shared libraries
 
 FactorPattern = interface.JldFactorPattern
 Problem = interface.JldProblem
@@ -41,11 +38,11 @@ BlockTask = interface.JldBlockTask
 Fronts = interface.JldFronts
 Cones, ConeTask = interface.CONES["CLASSES"]
 
+# Pointer type of each element type of numpy, by `dtype.str`: `dtype.name` took a third of the time of `pointers`
 _POINTERS: Final[dict[str, Any]] = {
     np.dtype(element).str: ctypes.POINTER(element)
     for element in (ctypes.c_double, ctypes.c_int32, ctypes.c_int64, ctypes.c_uint8)
 }
-"""Pointer type of each element type of numpy, by `dtype.str`: `dtype.name` took a third of the time of `pointers`."""
 
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
@@ -172,10 +169,7 @@ def require_success(outcome: int) -> None:
 def described() -> str:
     """Describe the batch solver in use in words, for `jld --version`.
 
-    Returns
-    -------
-    str
-        Variant, number of labellings solved together and the variants that are built, or "no kernel".
+    Result: variant, number of labellings solved together and the variants that are built, or "no kernel".
     """
     name = chosen()
     if name is None:

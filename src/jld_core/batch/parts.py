@@ -21,16 +21,9 @@ Names = NDArray[np.int32]
 class Graph:
     """Graph of elements and interfaces, from which the blocks of labellings are computed.
 
-    Parameters
-    ----------
-    elements : int
-        Number n of elements.
-    a, b : (m,) int arrays
-        Elements of each interface.
-    always : (t, 2) int array
-        Pairs of elements that are of one block under every labelling.
-    variant : str, optional
-        Variant or path of the compiled library (see `library`); default: the variant in use, if any.
+    elements: number n of elements. a, b: (m,) elements of each interface. always: (t, 2) pairs of elements that are of
+    one block under every labelling. variant: variant or path of the compiled library (see `library`); default: the
+    variant in use, if any.
     """
 
     def __init__(self, elements: int, a: Ints, b: Ints, always: Ints, variant: str | None = None) -> None:
@@ -41,20 +34,8 @@ class Graph:
     def blocks(self, labellings: Bits) -> Ints | None:
         """Return the block of each element under each labelling.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            True = dry.
-
-        Returns
-        -------
-        (k, n) int array or None
-            Smallest element in the block of each element; None without a batch solver.
-
-        Raises
-        ------
-        MemoryError
-            The compiled library cannot allocate its workspace.
+        labellings: (k, m) True = dry. Returns (k, n): smallest element in the block of each element; None without a
+        batch solver. Raises MemoryError: the compiled library cannot allocate its workspace.
         """
         kernel = _library(self._variant)
         if kernel is None:
@@ -77,18 +58,10 @@ class Joining:
 
     An atom is a set of cells that always stay together.
 
-    Parameters
-    ----------
-    first, second : (pairs,) int arrays
-        Atoms of each pair that may be joined.
-    cells : (atoms,) int array
-        Number of cells of each atom.
-    least, most : int, float
-        Smallest and largest number of cells of a part; `most` may be inf.
-    rounds : int
-        Passes that join parts with too few cells to a part that they touch.
-    variant : str, optional
-        Variant or path of the compiled library (see `library`); default: the variant in use, if any.
+    first, second: (pairs,) atoms of each pair that may be joined. cells: (atoms,) number of cells of each atom. least,
+    most: smallest and largest number of cells of a part; `most` may be inf. rounds: passes that join parts with too few
+    cells to a part that they touch. variant: variant or path of the compiled library (see `library`); default: the
+    variant in use, if any.
     """
 
     def __init__(
@@ -106,23 +79,10 @@ class Joining:
 
         A pair is joined unless the part would have more than `most` cells.
 
-        Parameters
-        ----------
-        order : (k, pairs) int array
-            Indices of the pairs, in the order in which they are tried.
-        wanted : (k,) int array
-            Number of leading pairs of each order that are tried; the others only serve to enlarge parts with too few
-            cells.
-
-        Returns
-        -------
-        ((k, atoms) int32 array, (k,) bool array) or None
-            Part of each atom, and True where no part has too few cells; None without a batch solver.
-
-        Raises
-        ------
-        MemoryError
-            The compiled library cannot allocate its workspace.
+        order: (k, pairs) indices of the pairs, in the order in which they are tried. wanted: (k,) number of leading
+        pairs of each order that are tried; the others only serve to enlarge parts with too few cells. Result: part of
+        each atom, and True where no part has too few cells; None without a batch solver. Raises MemoryError: the
+        compiled library cannot allocate its workspace.
         """
         kernel = _library(self._variant)
         if kernel is None:

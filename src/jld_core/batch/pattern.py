@@ -20,26 +20,18 @@ from jld_core.linalg.dissection import nested_dissection
 Int32s = NDArray[np.int32]
 """Array of int32."""
 
+# Numbers of nodes at which nested dissection stops; each order is compared with minimum degree
 _LEAVES: Final = (4, 12)
-"""Numbers of nodes at which nested dissection stops; each order is compared with minimum degree."""
 
 
 @dataclass(frozen=True)
 class FactorPattern:
     """Pattern of a block Cholesky factor; matrix blocks are numbered column by column.
 
-    Attributes
-    ----------
-    order : (n,) int array
-        Node eliminated at each step.
-    column_start, row : (n + 1,), (blocks,) int arrays
-        Matrix blocks below the diagonal of each column.
-    entered : (blocks,) uint8 array
-        1 where the matrix itself has an entry, 0 where elimination fills one in.
-    pair_start, pair : (blocks + 1,), (pairs, 2) int arrays
-        Pairs of earlier matrix blocks whose product is subtracted from each matrix block.
-    left_start, left, left_column : (n + 1,), (blocks,), (blocks,) int arrays
-        Matrix blocks of each block row, and their columns.
+    order: (n,) node eliminated at each step. column_start, row: (n + 1,) matrix blocks below the diagonal of each
+    column. entered: (blocks,) 1 where the matrix itself has an entry, 0 where elimination fills one in. pair_start,
+    pair: (blocks + 1,) pairs of earlier matrix blocks whose product is subtracted from each matrix block. left_start,
+    left, left_column: (n + 1,) matrix blocks of each block row, and their columns.
     """
 
     order: Ints

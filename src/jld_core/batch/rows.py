@@ -20,11 +20,10 @@ LARGEST: Final = 3000
 EDGES: Final = 8
 """Largest number of hull edges of a spatial face."""
 
-_SIZES: Final = (4, EDGES)
-"""Numbers of hull edges for which the batch solver is compiled."""
+_SIZES: Final = (4, EDGES)  # numbers of hull edges for which the batch solver is compiled
 
+# Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
-"""Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear."""
 
 MOST: Final = 15_000_000
 """Number of scalar products of one factorisation above which the batch solver is not used.
@@ -38,18 +37,9 @@ _SMALL: Final = 300  # number of faces up to which every structure stays below `
 def fits(template: Template, undecided: Rows | None = None) -> bool:
     """Return True if the batch solver supports the rows and the size of a template.
 
-    Parameters
-    ----------
-    template : Template
-        Assembly and yield sets.
-    undecided : Rows, optional
-        Rows of undecided faces (see `rows_of`).
-
-    Returns
-    -------
-    bool
-        False for more than `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or for
-        a member that acts on more than two elements.
+    template: assembly and yield sets. undecided: rows of undecided faces (see `rows_of`). Result: False for more than
+    `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or for a member that acts on
+    more than two elements.
     """
     return (
         len(template.assembly.interfaces) <= LARGEST
@@ -94,22 +84,14 @@ class BatchRows:
 
     Resultants are scaled. The labels are inner, dry and, where given, undecided, in this order.
 
-    Attributes
-    ----------
-    rows : (labels, m, numbers) array
-        Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner faces crush. In space,
-        where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with t the bound on
-        shear. In space otherwise: a, p, q, h of −a N + p M1 + q M2 ≤ h for each hull edge; the corners (p, q) between
-        edges; and a, b, h of MT.
-    pairs : int
-        Number of pairs of rows; in space 2 (pairs in bending), or the number of edges for which there is space.
-    keep : (labels, m) array
-        1 where V takes part in equilibrium, else 0.
-    parabolas : (labels, m, 2 or 14) array or None
-        c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where no face
-        has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for decided labels.
-    interacts : bool
-        True where undecided faces crush and their V and M interact.
+    rows: (labels, m, numbers) planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner
+    faces crush. In space, where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with t
+    the bound on shear. In space otherwise: a, p, q, h of −a N + p M1 + q M2 ≤ h for each hull edge; the corners (p, q)
+    between edges; and a, b, h of MT. pairs: number of pairs of rows; in space 2 (pairs in bending), or the number of
+    edges for which there is space. keep: (labels, m) 1 where V takes part in equilibrium, else 0. parabolas: (labels,
+    m, 2 or 14) c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where
+    no face has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for decided labels.
+    interacts: True where undecided faces crush and their V and M interact.
     """
 
     rows: Floats
@@ -132,19 +114,8 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
     """Compute the yield rows of many samples of strengths under one labelling.
 
-    Parameters
-    ----------
-    own : YieldSet
-        Yield sets of the faces of all samples, sample by sample.
-    labels : (k, m) bool array
-        Labels of each sample, True = dry.
-    dimension : int
-        2 or 3.
-
-    Returns
-    -------
-    BatchRows or None
-        Rows of k samples; None if the batch solver does not support them.
+    own: yield sets of the faces of all samples, sample by sample. labels: (k, m) labels of each sample, True = dry.
+    dimension: 2 or 3. Result: rows of k samples; None if the batch solver does not support them.
     """
     both = rows_of_sets(own, labels.size, dimension)
     if both is None:
@@ -175,21 +146,8 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
 def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
     """Compute the rows of the yield sets of faces, in the layout of the batch solver.
 
-    Parameters
-    ----------
-    own : YieldSet
-        Yield sets of all faces under both labels.
-    faces : int
-        Number m of faces.
-    dimension : int
-        2 or 3.
-    undecided : Rows, optional
-        Rows of undecided faces, which become a third label.
-
-    Returns
-    -------
-    BatchRows or None
-        None if the batch solver does not support the rows.
+    own: yield sets of all faces under both labels. faces: number m of faces. dimension: 2 or 3. undecided: rows of
+    undecided faces, which become a third label. Result: None if the batch solver does not support the rows.
     """
     every = np.ones(faces, dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])

@@ -39,6 +39,7 @@ There each takes as long as a layout. With 32, 16, 8 and none a layout takes 31.
 2 016 faces, 21.8, 22.4, 22.5 and 22.3 at 946, and 15.8, 16.2, 16.2 and 17.7 at 278. Source: benchmarks/batch_solver.py.
 """
 
+# Defaults of `library.Try`; `JldTry` in interface.py defines each field
 _FIRST: Final[dict[str, Any]] = {
     "proximal": 1e-5,
     "margin": 1e-10,
@@ -53,7 +54,6 @@ _FIRST: Final[dict[str, Any]] = {
     "press": 0.0,
     "endless": 1e300,
 }
-"""Defaults of `library.Try`; `JldTry` in interface.py defines each field."""
 TRIES: Final = (
     library.Try(**_FIRST | {"endless": 1e4}, most=28),
     library.Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
@@ -64,8 +64,8 @@ TRIES: Final = (
 """Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
 and for an admissible state on the boundary. Source: measured in benchmarks/batch_solver.py.
 """
+# Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit
 _RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
-"""Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit."""
 LARGE_TRIES: Final = (
     library.Try(**_FIRST | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9, "most": 40}),
     TRIES[1],

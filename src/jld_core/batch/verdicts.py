@@ -33,25 +33,13 @@ LOCKED: Final = _VERDICTS["LOCKED"]
 class BatchResults:
     """Proven bounds on λ of k labellings, scaled.
 
-    Attributes
-    ----------
-    low, high : (k,) arrays
-        Lower and upper bound on λ; infinite where there is none.
-    verdict : (k,) int32 array
-        `OPEN`; `PROVEN` (both bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its
-        threshold); or `LOCKED` (λ is unbounded, proven by an admissible state and a ray).
-    iterations : (k,) int32 array
-        Iterations of all passes.
-    tries : (k,) int32 array
-        Number of passes.
-    forces : (k, m, q) array or None
-        Forces of the lower bound; only with `vectors=True`, as all that follow.
-    velocity : (k, q·free) array or None
-        Velocities of the upper bound, in the order of the elements.
-    diagnosis : (k, 4) array or None
-        Slack, equilibrium error, margin of the jumps (before the opening motion is added) and gap at the last pass.
-    rays : (k, m, q) array or None
-        Rays of `LOCKED` labellings, for λ = 1.
+    low, high: (k,) lower and upper bound on λ; infinite where there is none. verdict: (k,) `OPEN`; `PROVEN` (both
+    bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its threshold); or `LOCKED` (λ is
+    unbounded, proven by an admissible state and a ray). iterations: (k,) iterations of all passes. tries: (k,) number
+    of passes. forces: (k, m, q) forces of the lower bound; only with `vectors=True`, as all that follow. velocity: (k,
+    q·free) velocities of the upper bound, in the order of the elements. diagnosis: (k, 4) slack, equilibrium error,
+    margin of the jumps (before the opening motion is added) and gap at the last pass. rays: (k, m, q) rays of `LOCKED`
+    labellings, for λ = 1.
     """
 
     low: Floats

@@ -36,8 +36,7 @@ from jld_core.strengths import FaceStrengths
 LABELS = {"dry": DRY, "inner": INNER}
 """Label values by their names in a scene: True = dry, False = inner."""
 
-_NAMED = 4
-"""Largest number of values with uncertainty that a sentence names."""
+_NAMED = 4  # largest number of values with uncertainty that a sentence names
 
 
 def build_geometry(scene: Scene) -> Geometry:
@@ -45,20 +44,8 @@ def build_geometry(scene: Scene) -> Geometry:
 
     Both are independent of materials and loads.
 
-    Parameters
-    ----------
-    scene : Scene
-        Validated scene.
-
-    Returns
-    -------
-    Geometry
-        Elements without weights, interfaces, and the scene's own entries for both.
-
-    Raises
-    ------
-    InputError
-        Geometry or references are invalid, or an element has no path of interfaces to a support.
+    scene: validated scene. Result: elements without weights, interfaces, and the scene's own entries for both. Raises
+    InputError: geometry or references are invalid, or an element has no path of interfaces to a support.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry)

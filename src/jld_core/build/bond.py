@@ -29,24 +29,10 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     c − μ σt, an inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides
     of the face together, part of the dead load. Results subtract it from N'.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly without members.
-    materials : Materials
-        Materials of the scene, with the tensile strength σt of dry joints.
-    entries : sequence of FaceMaterial or None
-        For each interface the entry of "materials.faces" for its two elements, or None.
-
-    Returns
-    -------
-    Assembly
-        Assembly with changed strengths and dead loads, and the forces σt A in `members.bond`.
-
-    Raises
-    ------
-    InputError
-        A tensile strength exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
+    assembly: assembly without members. materials: materials of the scene, with the tensile strength σt of dry joints.
+    entries: for each interface the entry of "materials.faces" for its two elements, or None. Result: assembly with
+    changed strengths and dead loads, and the forces σt A in `members.bond`. Raises InputError: a tensile strength
+    exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
     """
     usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
     values = [None if one is None or one.dry is None else one.dry.tensile_strength for one in entries]

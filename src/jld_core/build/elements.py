@@ -71,22 +71,11 @@ def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Element
 class Geometry:
     """Elements and interfaces of a scene, independent of materials and loads.
 
-    Attributes
-    ----------
-    elements : Elements
-        Elements without weights.
-    entries : list of Element
-        The scene's entry for each element.
-    interfaces : Interfaces
-        Interfaces, except those between two supports.
-    given : list of Contact or None
-        The scene's entry for each interface; None for a detected interface.
-    touching : tuple of (int, int)
-        Pairs of supports that share a face, whether or not the scene states an interface there.
-    moved : float
-        Largest displacement of a corner when gaps and overlaps were closed, length.
-    warnings : tuple of str
-        Near misses of faces, or poor fits of stated interfaces.
+    elements: elements without weights. entries: the scene's entry for each element. interfaces: interfaces, except
+    those between two supports. given: the scene's entry for each interface; None for a detected interface. touching:
+    pairs of supports that share a face, whether or not the scene states an interface there. moved: largest displacement
+    of a corner when gaps and overlaps were closed, length. warnings: near misses of faces, or poor fits of stated
+    interfaces.
     """
 
     elements: Elements

@@ -26,24 +26,15 @@ from jld_core.scene.fill import Fill, FillLoad
 PointEntry = tuple[int, Floats, Floats, float | None, bool]
 """Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""
 
-_DRAWN: Final = 0.025
-"""Length of the line that stands for a horizontal pressure in pictures, in sizes of the structure."""
+_DRAWN: Final = 0.025  # length of the line that stands for a horizontal pressure in pictures, in sizes of the structure
 
 
 @dataclass(frozen=True)
 class CoveredEdge:
     """Straight piece of the upper boundary of an element, under fill.
 
-    Attributes
-    ----------
-    element : int
-        Index of the element.
-    place : (2,) array
-        Horizontal positions of both ends, ascending or equal.
-    height : (2,) array
-        Heights of both ends.
-    side : float
-        Horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge.
+    element: index of the element. place: (2,) horizontal positions of both ends, ascending or equal. height: (2,)
+    heights of both ends. side: horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge.
     """
 
     element: int
@@ -65,18 +56,8 @@ class Backing:
 
     A position is measured along `right`, a height against gravity.
 
-    Attributes
-    ----------
-    fill : Fill
-        Entry of the scene.
-    elements : Elements
-        Elements of the structure.
-    down : (2,) array
-        Direction of gravity, a unit vector.
-    gravity : float
-        Magnitude of its acceleration.
-    thickness : float
-        Thickness of the structure, length.
+    fill: entry of the scene. down: (2,) direction of gravity, a unit vector. gravity: magnitude of its acceleration.
+    thickness: thickness of the structure, length.
     """
 
     fill: Fill
@@ -89,10 +70,7 @@ class Backing:
     def edges(self) -> tuple[CoveredEdge, ...]:
         """Return the covered edges from left to right, those of supports too.
 
-        Raises
-        ------
-        InputError
-            No part of the structure lies below the surface of the fill.
+        Raises InputError: no part of the structure lies below the surface of the fill.
         """
         top = list(self._top())
         found = [part for edge in [*top, *self._walls(top)] for part in self._below(edge, self.fill.level)]
@@ -123,22 +101,9 @@ class Backing:
         The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         falls beside free elements is left out: supports and ground carry it.
 
-        Parameters
-        ----------
-        load : FillLoad
-            Load on a strip of the surface.
-        where : str
-            Key of the load in the scene, for the message.
-
-        Returns
-        -------
-        list of Traction or PointEntry
-            One traction for each covered edge, or a force at a point for a load without width.
-
-        Raises
-        ------
-        InputError
-            No element lies below the middle of the load.
+        load: load on a strip of the surface. where: key of the load in the scene, for the message. Result: one traction
+        for each covered edge, or a force at a point for a load without width. Raises InputError: no element lies below
+        the middle of the load.
         """
         at, edges = load.on_fill.at, [edge for edge in self.edges if edge.place[1] > edge.place[0]]
         below = [edge for edge in edges if edge.place[0] <= at <= edge.place[1]]

@@ -30,22 +30,8 @@ def _coefficient(coefficient: float | None, angle: float | None) -> float | None
 def gravity_vector(materials: Materials, dimension: int) -> Floats:
     """Return gravity as a vector.
 
-    Parameters
-    ----------
-    materials : Materials
-        Materials; a number for gravity acts along −y (planar) or −z (spatial).
-    dimension : int
-        Dimension d of the scene, 2 or 3.
-
-    Returns
-    -------
-    (d,) array
-        Acceleration, in the scene's units.
-
-    Raises
-    ------
-    InputError
-        A given vector has the wrong length.
+    materials: materials; a number for gravity acts along −y (planar) or −z (spatial). dimension: dimension d of the
+    scene, 2 or 3. Returns (d,). Raises InputError: a given vector has the wrong length.
     """
     if isinstance(materials.gravity, float | int):
         vector = np.zeros(dimension)
@@ -127,6 +113,7 @@ def criteria(
     return tuple(StatedCriterion(*key, np.isin(mask, places)) for key, places in found.items())
 
 
+# Keys of "interfaces" that state strengths of one label
 _OF_CONTACTS = {
     "dry": ("friction_coefficient", "friction_angle", "cohesion", "compressive_strength"),
     "inner": (
@@ -134,7 +121,6 @@ _OF_CONTACTS = {
         *("inner_friction_coefficient", "inner_friction_angle"),
     ),
 }
-"""Keys of "interfaces" that state strengths of one label."""
 
 
 def strengths(

@@ -23,25 +23,10 @@ from jld_core.strengths import Strengths
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
     """Return an assembly with members, in addition to its interfaces.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly without members.
-    entries : sequence of Member
-        Entries of the scene.
-    more : Members, optional
-        Further members, which follow.
-
-    Returns
-    -------
-    Assembly
-        Assembly with one more interface for each member whose force may vary. Prestress is part of all dead loads.
-
-    Raises
-    ------
-    InputError
-        An element is unknown, a point lies outside its element, two successive points coincide, or the ends do not
-        belong to two elements of which one is free.
+    assembly: assembly without members. more: further members, which follow. Result: assembly with one more interface
+    for each member whose force may vary. Prestress is part of all dead loads. Raises InputError: an element is unknown,
+    a point lies outside its element, two successive points coincide, or the ends do not belong to two elements of which
+    one is free.
     """
     if not entries and not more:
         return assembly

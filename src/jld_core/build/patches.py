@@ -21,26 +21,9 @@ from jld_core.scene.loads import FaceLoad
 def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
     """Return a uniform load on a patch, one traction for each part of an element face below it.
 
-    Parameters
-    ----------
-    elements : Elements
-        Elements of a spatial structure.
-    interfaces : Interfaces
-        Its interfaces, on which no load may act.
-    entry : FaceLoad
-        Load with a patch.
-    where : str
-        Key of the entry in the scene, for error messages.
-
-    Returns
-    -------
-    list of Traction
-        Tractions on the parts of the patch. Parts on supports are left out.
-
-    Raises
-    ------
-    InputError
-        If the scene is planar, the patch is no plane polygon, or part of it is no free surface.
+    interfaces: its interfaces, on which no load may act. entry: load with a patch. where: key of the entry in the
+    scene, for error messages. Result: tractions on the parts of the patch. Parts on supports are left out. Raises
+    InputError if the scene is planar, the patch is no plane polygon, or part of it is no free surface.
     """
     key = f"{where}.face.patch"
     corners = _corners(elements, entry, key)
@@ -99,21 +82,7 @@ def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
 def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
     """Return a uniform pressure on the whole free surface of a solid, one traction for each free part of a face.
 
-    Parameters
-    ----------
-    elements : Elements
-        Elements of a spatial structure.
-    interfaces : Interfaces
-        Its interfaces, on which no load acts.
-    index : int
-        The element.
-    pressure : float
-        Force per area, positive inwards.
-
-    Returns
-    -------
-    list of Traction
-        Tractions on the free parts.
+    interfaces: its interfaces, on which no load acts. index: the element. pressure: force per area, positive inwards.
     """
     reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
     for loop in elements.faces[index]:

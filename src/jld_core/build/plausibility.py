@@ -37,17 +37,10 @@ _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 class Resultant:
     """Resultant of a set of generalised forces.
 
-    Attributes
-    ----------
-    force : (d,) array
-        Sum of the forces, scene units.
-    moment : float
-        Remaining couple: about the out-of-plane axis (planar; 0 unless the forces cancel) or along the force (spatial).
-        Where the forces cancel in space, the magnitude of the whole couple.
-    point : (d,) array
-        Point of the line of action nearest to the middle of the structure; NaN where the forces cancel.
-    total : float
-        Sum of the magnitudes of the forces.
+    force: (d,) sum of the forces, scene units. moment: remaining couple: about the out-of-plane axis (planar; 0 unless
+    the forces cancel) or along the force (spatial). Where the forces cancel in space, the magnitude of the whole
+    couple. point: (d,) point of the line of action nearest to the middle of the structure; NaN where the forces cancel.
+    total: sum of the magnitudes of the forces.
     """
 
     force: Floats
@@ -64,17 +57,8 @@ class Resultant:
 def resultant(loads: Floats, elements: Elements) -> Resultant:
     """Compute the resultant of the generalised forces on the free elements.
 
-    Parameters
-    ----------
-    loads : (n, 3) or (n, 6) array
-        Planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids.
-    elements : Elements
-        The n elements.
-
-    Returns
-    -------
-    Resultant
-        Force, moment and line of action, scene units.
+    loads: (n, 3) planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids. elements: the n
+    elements. Result: force, moment and line of action, scene units.
     """
     free = elements.free
     d = elements.centroid.shape[1]

@@ -24,16 +24,8 @@ from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad, LoadEntry
 class Boundary:
     """Elements and interfaces of a structure, from which free boundaries follow.
 
-    Attributes
-    ----------
-    elements : Elements
-        The elements.
-    interfaces : Interfaces
-        All interfaces, also those that a scene states.
-    thickness : float
-        Thickness of planar elements, length.
-    backing : Backing or None
-        Fill on the structure, None without fill.
+    interfaces: all interfaces, also those that a scene states. thickness: thickness of planar elements, length.
+    backing: fill on the structure, None without fill.
     """
 
     elements: Elements
@@ -44,23 +36,10 @@ class Boundary:
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
         """Return load entries of a scene as loads on elements.
 
-        Parameters
-        ----------
-        entries : sequence of LoadEntry
-            Load entries of a scene.
-        key : str
-            Key of the entries in the scene, for error messages.
-
-        Returns
-        -------
-        Loads
-            Pressures and loads on fill are tractions on straight pieces of free boundary, in space on free faces.
-
-        Raises
-        ------
-        InputError
-            For an unknown element, a support, or a vector of the wrong length; if a pressure names no free boundary, or
-            varies where it has no direction to vary along; if a load stands on fill where there is none.
+        entries: load entries of a scene. key: key of the entries in the scene, for error messages. Result: pressures
+        and loads on fill are tractions on straight pieces of free boundary, in space on free faces. Raises InputError
+        for an unknown element, a support, or a vector of the wrong length; if a pressure names no free boundary, or
+        varies where it has no direction to vary along; if a load stands on fill where there is none.
         """
         d = self.elements.centroid.shape[1]
         body = np.zeros((len(self.elements), d))

@@ -17,14 +17,8 @@ from jld_core.scene import Scene
 class Settlement:
     """Movement of supports with a given direction and an unknown magnitude.
 
-    Attributes
-    ----------
-    name : str
-        Name in the scene.
-    velocity : (n, 3) or (n, 6) array
-        Velocity of each element about its centroid, translation then rotation; zero except for supports that move.
-    load : float
-        Share of the live load that acts during the settlement.
+    name: name in the scene. velocity: (n, 3) velocity of each element about its centroid, translation then rotation;
+    zero except for supports that move. load: share of the live load that acts during the settlement.
     """
 
     name: str
@@ -35,23 +29,8 @@ class Settlement:
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
     """Return the settlements of a scene, in the scene's order.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with settlements.
-    assembly : Assembly
-        Assembly of this scene.
-
-    Returns
-    -------
-    tuple of Settlement
-        Settlements with support velocities.
-
-    Raises
-    ------
-    InputError
-        An element is unknown, is no support, or touches no free element; a vector has the wrong length; or nothing
-        moves.
+    scene: scene with settlements. Raises InputError: an element is unknown, is no support, or touches no free element;
+    a vector has the wrong length; or nothing moves.
     """
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)

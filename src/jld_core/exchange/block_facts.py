@@ -11,8 +11,8 @@ from jld_core.assembly_sequence import assembly_order
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 
+# Largest number of blocks whose order of laying is computed for a file, by dimension; it takes seconds for more
 _MOST: Final = {2: 150, 3: 40}
-"""Largest number of blocks whose order of laying is computed for a file, by dimension; it takes seconds for more."""
 
 
 @dataclass(frozen=True)

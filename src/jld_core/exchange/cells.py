@@ -18,14 +18,12 @@ from jld_core.geometry.snapping import Snapped
 _CHUNK, _CROSSINGS = 64, 5
 """Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
 
+# Share of a cell's boundary on lines of its own above which it is an element beside closed outlines
 _DRAWN: Final = 0.5
-"""Share of a cell's boundary on lines of its own above which it is an element beside closed outlines."""
 
-_LARGE: Final = 6.0
-"""Area of a cell, relative to the median, above which the report asks whether it is an opening."""
+_LARGE: Final = 6.0  # area of a cell, relative to the median, above which the report asks whether it is an opening
 
-_FEW: Final = 4
-"""Least number of free cells whose median says what is large."""
+_FEW: Final = 4  # least number of free cells whose median says what is large
 
 
 def find_cells(

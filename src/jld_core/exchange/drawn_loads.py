@@ -17,8 +17,8 @@ from jld_core.exchange.options import ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
 from jld_core.scene.units import METRES
 
+# Pattern of the layers of a load case: a name with a number, or a name after "load case"
 _CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", re.IGNORECASE)
-"""Pattern of the layers of a load case: a name with a number, or a name after "load case"."""
 
 
 @dataclass(frozen=True)

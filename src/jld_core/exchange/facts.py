@@ -16,19 +16,19 @@ from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads
 from jld_core.scene.uncertain import with_means
 
+# Scene keys that a file of all elements represents by its geometry
 _DRAWN: Final = {"elements", "grid", "interfaces", "labels"}
-"""Scene keys that a file of all elements represents by its geometry."""
 
+# Element keys that a file represents by its geometry; all others are stored
 _SHAPE: Final = {"id", "polygon", "vertices", "faces", "support"}
-"""Element keys that a file represents by its geometry; all others are stored."""
 
 STORED: Final = frozenset(
     {field.alias or name for name, field in Scene.model_fields.items()} - (_DRAWN - {"elements", "interfaces"})
 )
 """Scene keys that a file of an earlier export may hold and that are read back."""
 
+# Keys of an interface that are written anew; all others are values that override the materials
 _PLACE: Final = {"elements", "polygon", "label"}
-"""Keys of an interface that are written anew; all others are values that override the materials."""
 
 
 def document_of(layout: Layout) -> dict[str, Any]:
@@ -231,6 +231,7 @@ _OF_BLOCKS: Final = (
     *("materials.gravity", "materials.dry", "materials.inner", "loads.cases.name", "loads.cases.required"),
     "loads.pushes",
 )
+# Scene keys that a file keeps that does not store the whole scene, by key or by the keys above it; others are lost
 _KNOWS: Final[dict[str, tuple[str, ...]]] = {
     "compas": _OF_BLOCKS,
     "3dm": _OF_BLOCKS,
@@ -240,10 +241,8 @@ _KNOWS: Final[dict[str, tuple[str, ...]]] = {
     "3dec": (*_OUTLINES, *_WEIGHTS, "thickness", "name", "elements.support", "materials.gravity"),
     "compas_dem": (*_OUTLINES, *_WEIGHTS, *_FORCES, "thickness", "elements.support", "loads.cases.name"),
 }
-"""Scene keys that a file keeps that does not store the whole scene, by key or by the keys above it; others are lost."""
 
-_LABELS: Final = ("dxf", "svg", "3dm")
-"""Formats that show which faces inside the blocks are inner."""
+_LABELS: Final = ("dxf", "svg", "3dm")  # formats that show which faces inside the blocks are inner
 
 
 def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:

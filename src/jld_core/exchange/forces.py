@@ -10,47 +10,37 @@ from typing import Final
 from jld_core.errors import InputError
 from jld_core.scene.units import METRES, NEWTONS
 
+# Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
-"""Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused."""
 
+# Expected text, for error messages
 _EXPECTED: Final = f'a number with one of {", ".join(NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
-"""Expected text, for error messages."""
 
+# Pattern of a number with decimal point or decimal comma
 _DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
-"""Pattern of a number with decimal point or decimal comma."""
 
+# Pattern of one force: optional name, number, optional unit, optional "per length or area"
 _FORCE: Final = re.compile(
     rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*(?:[²³]|\^\d)?)?"
 )
-"""Pattern of one force: optional name, number, optional unit, optional "per length or area"."""
 
+# Pattern of "per length or area": unit of length, and the power 2
 _PER: Final = re.compile(r"\s*/\s*([^\W\d]+?)(\^?2|²)?")
-"""Pattern of "per length or area": unit of length, and the power 2."""
 
-_THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
-"""Pattern of a number whose comma may separate thousands."""
+_THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")  # pattern of a number whose comma may separate thousands
 
-_COMPONENT: Final = re.compile(r"[FPQV]?_?([XYZ])", re.IGNORECASE)
-"""Pattern of names of components, such as Fx or Q_y."""
+_COMPONENT: Final = re.compile(r"[FPQV]?_?([XYZ])", re.IGNORECASE)  # pattern of names of components, such as Fx or Q_y
 
-_BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")
-"""Pattern of the separator of two forces."""
+_BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")  # pattern of the separator of two forces
 
 
 @dataclass(frozen=True)
 class WrittenForce:
     """Force that a text states.
 
-    Attributes
-    ----------
-    values : tuple of float
-        One magnitude, or the two components fx and fy, in the requested force unit.
-    components : bool
-        True if the values are components. One value with False is a magnitude without direction.
-    has_unit : bool
-        True if the text names a unit.
-    per : tuple of float and int, or None
-        For a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
+    values: one magnitude, or the two components fx and fy, in the requested force unit. components: True if the values
+    are components. One value with False is a magnitude without direction. has_unit: True if the text names a unit. per:
+    for a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
     """
 
     values: tuple[float, ...]
@@ -62,29 +52,13 @@ class WrittenForce:
 def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimension: int = 2) -> WrittenForce:
     """Parse a text that states a force.
 
-    Parameters
-    ----------
-    text : str
-        One number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
-        number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are
-        separated by a semicolon, or by a comma with a blank or a sign behind it.
-    unit : str
-        Force unit of the result, and of numbers without a unit.
-    distributed : bool
-        Accept one load per length or area, as ``10 kN/m``, as well.
-    dimension : int
-        2 or 3: number of components of a force.
-
-    Returns
-    -------
-    WrittenForce
-        The values in `unit`.
-
-    Raises
-    ------
-    InputError
-        The text is no force: it holds other words, an unknown unit, a comma that may separate thousands, or too few or
-        too many components. A load per length or area is an error without `distributed`.
+    text: one number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
+    number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are separated
+    by a semicolon, or by a comma with a blank or a sign behind it. unit: force unit of the result, and of numbers
+    without a unit. distributed: accept one load per length or area, as ``10 kN/m``, as well. dimension: 2 or 3: number
+    of components of a force. Raises InputError: the text is no force: it holds other words, an unknown unit, a comma
+    that may separate thousands, or too few or too many components. A load per length or area is an error without
+    `distributed`.
 
     Examples
     --------

@@ -16,17 +16,13 @@ PROPERTIES: Final = "Pset_MaterialCommon"
 DENSITY: Final = "MassDensity"
 """Name of the density in that set."""
 
-_GRAM: Final = 1e-3
-"""Kilograms in the mass unit of IFC, the gram."""
+_GRAM: Final = 1e-3  # kilograms in the mass unit of IFC, the gram
 
 
 class Densities:
     """Densities of products by their materials.
 
-    Parameters
-    ----------
-    model : ifcopenshell.file
-        IFC model of schema IFC2X3, IFC4 or IFC4X3.
+    model: IFC model of schema IFC2X3, IFC4 or IFC4X3.
     """
 
     def __init__(self, model: Any) -> None:

@@ -20,8 +20,7 @@ from jld_core.errors import InputError
 EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
 
-_LARGEST: Final = 64 * 1024 * 1024
-"""Largest size of a file, bytes; parsers need about thirty times as much memory."""
+_LARGEST: Final = 64 * 1024 * 1024  # largest size of a file, bytes; parsers need about thirty times as much memory
 
 
 def library(name: str, path: Path) -> Any:
@@ -83,6 +82,7 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
         raise InputError("", f"it is no {kind} that can be read ({what[:120]})", expected) from error
 
 
+# Program of a process that calls one function, where processes cannot be forked
 _CHILD: Final = """
 import pickle, sys
 from jld_core.exchange.libraries import store_result
@@ -90,7 +90,6 @@ with open(sys.argv[1], "rb") as stream:
     function, arguments = pickle.load(stream)
 store_result(sys.argv[2], function, arguments)
 """
-"""Program of a process that calls one function, where processes cannot be forked."""
 
 
 def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

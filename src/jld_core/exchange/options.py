@@ -15,11 +15,10 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene
 from jld_core.scene.units import METRES
 
+# Pattern of a tolerance, scene units, in messages about a scene
 _TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
-"""Pattern of a tolerance, scene units, in messages about a scene."""
 
-_ZERO: Final = 1e-15
-"""Coordinate, relative to the size of the drawing, below which it is rounding of zero."""
+_ZERO: Final = 1e-15  # coordinate, relative to the size of the drawing, below which it is rounding of zero
 
 LOWEST: Final = "lowest"
 """Value of `support` that makes every element at the lowest point a support."""

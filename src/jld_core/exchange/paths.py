@@ -17,11 +17,9 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.geometry import merge_points
 
-_MOST_CHORDS: Final = 100_000
-"""Largest number of chords of all arcs of a drawing."""
+_MOST_CHORDS: Final = 100_000  # largest number of chords of all arcs of a drawing
 
-_MOST: Final = 1e7
-"""Largest number of pairs of arcs of one circle; more indicate a wrong or malicious file."""
+_MOST: Final = 1e7  # largest number of pairs of arcs of one circle; more indicate a wrong or malicious file
 
 
 @dataclass(frozen=True)

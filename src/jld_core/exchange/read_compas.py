@@ -23,11 +23,9 @@ from jld_core.exchange.solids import Part, Solids
 FACTS: Final = "jld"
 """Attribute of an assembly written by jld: scene keys that COMPAS cannot represent."""
 
-_UNNAMED: Final = "Block"
-"""Name of a block of compas_dem that was given none."""
+_UNNAMED: Final = "Block"  # name of a block of compas_dem that was given none
 
-_ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
-"""Element keys that are read back."""
+_ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # element keys that are read back
 
 
 def read_compas(path: File, notes: Notes) -> Solids:

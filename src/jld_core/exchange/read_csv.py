@@ -19,11 +19,9 @@ from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import Notes
 from jld_core.exchange.paths import Path
 
-_COLUMNS: Final = ("id", "x", "y", "layer", "support")
-"""Allowed columns."""
+_COLUMNS: Final = ("id", "x", "y", "layer", "support")  # allowed columns
 
-_TRUE: Final = ("1", "true", "yes")
-"""Texts that mean true in the column support."""
+_TRUE: Final = ("1", "true", "yes")  # texts that mean true in the column support
 
 
 def _rows(text: str, mark: str) -> Iterator[list[str]]:

@@ -12,8 +12,7 @@ from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, Note
 from jld_core.exchange.solids import Part
 from jld_core.geometry import area_vector
 
-_GRAVITY: Final = 9.81
-"""Acceleration of a problem that states none, m/s²."""
+_GRAVITY: Final = 9.81  # acceleration of a problem that states none, m/s²
 
 
 def data_of(value: Any) -> dict[str, Any]:

@@ -18,11 +18,10 @@ from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
 
-_DEPTH: Final = 16
-"""Largest depth of nested blocks."""
+_DEPTH: Final = 16  # largest depth of nested blocks
 
+# Length units by the code of the header variable $INSUNITS
 _UNITS: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
-"""Length units by the code of the header variable $INSUNITS."""
 
 FACTS: Final = "jld"
 """Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""

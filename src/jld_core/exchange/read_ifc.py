@@ -24,8 +24,7 @@ from jld_core.geometry import Faces
 from jld_core.geometry.unions import Region, extrude, region_of
 from jld_core.scene.units import METRES
 
-_BODY: Final = ("Body", "Facetation")
-"""Identifiers of the representations that are read."""
+_BODY: Final = ("Body", "Facetation")  # identifiers of the representations that are read
 
 
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:

@@ -31,17 +31,13 @@ UNITS: Final = {
 }  # fmt: skip
 """Length units by their names in Rhino."""
 
-_DEPTH: Final = 16
-"""Largest depth of nested block instances."""
+_DEPTH: Final = 16  # largest depth of nested block instances
 
-_LABELS: Final = ("dry", "inner")
-"""Roles of layers whose closed curves label the contacts of solids."""
+_LABELS: Final = ("dry", "inner")  # roles of layers whose closed curves label the contacts of solids
 
-_FORCE: Final = ("force", "load")
-"""Keys of user text that state the force of a point or of an arrow."""
+_FORCE: Final = ("force", "load")  # keys of user text that state the force of a point or of an arrow
 
-_FLAT: Final = 1e-6
-"""Largest height of curves over their common plane, relative to their size."""
+_FLAT: Final = 1e-6  # largest height of curves over their common plane, relative to their size
 
 
 def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:

@@ -21,20 +21,19 @@ from jld_core.exchange.libraries import library, parsing, text_of
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
 
+# Largest number of XML elements of a file after its copies are made; the parser reads some 20 000 a second
 _MOST_EXPANDED: Final = 50_000
-"""Largest number of XML elements of a file after its copies are made; the parser reads some 20 000 a second."""
 
-_PIXEL: Final = 96.0
-"""Pixels per inch, the CSS reference value."""
+_PIXEL: Final = 96.0  # pixels per inch, the CSS reference value
 
+# Pattern of the attributes of page size and viewBox
 _PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
-"""Pattern of the attributes of page size and viewBox."""
 
+# Pattern of a page size in a unit of length; other units of CSS are those of screens and print
 _LENGTH: Final = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(mm|cm|in)\s*")
-"""Pattern of a page size in a unit of length; other units of CSS are those of screens and print."""
 
+# Relative difference up to which width and height of a page state the same scale: programs round them
 _SAME_SCALE: Final = 1e-3
-"""Relative difference up to which width and height of a page state the same scale: programs round them."""
 
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:

@@ -54,14 +54,12 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         return planar_scene(found, options, notes)
 
 
+# Readers that call libraries of compiled code, which a damaged file may send into a loop
 _COMPILED: Final = {"3dm": read_rhino, "ifc": read_ifc}
-"""Readers that call libraries of compiled code, which a damaged file may send into a loop."""
 
-_SECONDS: Final = 60.0
-"""Time in which a file of such a reader must be read, s, beside that for its size."""
+_SECONDS: Final = 60.0  # time in which a file of such a reader must be read, s, beside that for its size
 
-_SECONDS_PER_MEGABYTE: Final = 5.0
-"""Further time for each megabyte of such a file, s."""
+_SECONDS_PER_MEGABYTE: Final = 5.0  # further time for each megabyte of such a file, s
 
 
 def _read_compiled(path: Path, options: ImportOptions) -> tuple[Drawing | Solids, Notes]:

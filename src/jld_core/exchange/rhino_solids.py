@@ -11,8 +11,8 @@ from jld_core.errors import InputError
 from jld_core.exchange.holes import without_holes
 from jld_core.geometry import Faces
 
+# Largest distance from a plane or a line, relative to the size of the object, of what counts as plane or straight
 _PLANE: Final = 1e-6
-"""Largest distance from a plane or a line, relative to the size of the object, of what counts as plane or straight."""
 
 
 def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:

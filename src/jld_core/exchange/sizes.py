@@ -13,20 +13,16 @@ from jld_core.exchange.options import Notes
 from jld_core.geometry import polygons
 from jld_core.scene.units import METRES
 
+# Least and largest extent of a structure that passes without a word, m: models on a table to long bridges
 _WHOLE: Final = (0.05, 300.0)
-"""Least and largest extent of a structure that passes without a word, m: models on a table to long bridges."""
 
-_BLOCK: Final = 3.0
-"""Largest usual block, m, in a structure larger than `_LONG`."""
+_BLOCK: Final = 3.0  # largest usual block, m, in a structure larger than `_LONG`
 
-_LONG: Final = 20.0
-"""Extent of a structure, m, up to which blocks may be outlines that are still to be cut."""
+_LONG: Final = 20.0  # extent of a structure, m, up to which blocks may be outlines that are still to be cut
 
-_USUAL: Final = (3.0, 0.35)
-"""Usual extent of a structure and of a block, m, by which the likely unit is chosen."""
+_USUAL: Final = (3.0, 0.35)  # usual extent of a structure and of a block, m, by which the likely unit is chosen
 
-_COMMON: Final = ("mm", "cm", "m", "in", "ft")
-"""Units that are proposed."""
+_COMMON: Final = ("mm", "cm", "m", "in", "ft")  # units that are proposed
 
 
 def hardly_meant(size: float) -> bool:

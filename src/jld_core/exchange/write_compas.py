@@ -15,8 +15,8 @@ from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
 from jld_core.geometry.unions import Surface
 
+# Namespace of the name-based guids of written objects
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
-"""Namespace of the name-based guids of written objects."""
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:

@@ -21,8 +21,8 @@ from jld_core.views.quantities import mechanism_scale
 
 _ROUTE: Final = Route("files of COMPAS")
 
+# Namespace of the name-based guids of written objects
 _SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
-"""Namespace of the name-based guids of written objects."""
 
 
 def dem_text(layout: Layout, *, cells: bool) -> str:

@@ -18,19 +18,18 @@ from jld_core.exchange.read_dxf import FACTS
 from jld_core.files import printable
 from jld_core.geometry import polygons
 
+# Codes of the header variable $INSUNITS by length unit
 _UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
-"""Codes of the header variable $INSUNITS by length unit."""
 
+# DXF colour numbers of the layers of block shapes, used cyclically
 _COLOURS: Final = (1, 30, 50, 90, 130, 170, 210, 240)
-"""DXF colour numbers of the layers of block shapes, used cyclically."""
 
+# DXF colour numbers of the other layers
 _LAYERS: Final = {
     "SUPPORTS": 8, "JOINTS": 7, "CRACKS": 1, "HOLES": 9, "IDS": 5, "BLOCK IDS": 3, "ARROWS": 1, "DIMENSIONS": 8,
 }  # fmt: skip
-"""DXF colour numbers of the other layers."""
 
-_CHUNK: Final = 200
-"""Largest number of characters per custom property."""
+_CHUNK: Final = 200  # largest number of characters per custom property
 
 
 def write_dxf(layout: Layout, path: Path) -> None:

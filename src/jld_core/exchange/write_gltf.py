@@ -13,14 +13,12 @@ from jld_core.exchange.layout import Layout
 from jld_core.exchange.write_mesh import solids_of
 from jld_core.scene.units import METRES
 
-_FLOAT: Final = 5126
-"""glTF code of numbers of four bytes with a sign and an exponent."""
+_FLOAT: Final = 5126  # glTF code of numbers of four bytes with a sign and an exponent
 
-_VERTICES: Final = 34962
-"""glTF code of a buffer of vertices."""
+_VERTICES: Final = 34962  # glTF code of a buffer of vertices
 
+# Red, green and blue of the shapes, used cyclically; supports are grey
 _COLOURS: Final = ((0.87, 0.72, 0.5), (0.6, 0.73, 0.86), (0.72, 0.83, 0.6), (0.88, 0.64, 0.64), (0.76, 0.68, 0.86))
-"""Red, green and blue of the shapes, used cyclically; supports are grey."""
 
 
 def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:

@@ -21,11 +21,11 @@ from jld_core.files import printable
 from jld_core.geometry.unions import Surface
 from jld_core.scene.units import METRES, NEWTONS
 
+# Namespace of the name-based identifiers of written objects
 _SPACE: Final = uuid.UUID("7046bc60-2e03-5556-92a4-4d5840e259ee")
-"""Namespace of the name-based identifiers of written objects."""
 
+# Prefixes of the metre; lengths in other units are written in metres
 _PREFIX: Final = {"m": None, "mm": "MILLI", "cm": "CENTI", "dm": "DECI", "km": "KILO"}
-"""Prefixes of the metre; lengths in other units are written in metres."""
 
 PROPERTIES: Final = "Jld_Block"
 """Name of the property set of a block."""

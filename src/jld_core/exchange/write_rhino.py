@@ -23,17 +23,16 @@ from jld_core.geometry.unions import Surface
 from jld_core.limit import displacement
 from jld_core.views.quantities import face_vectors, mechanism_scale, pressure_points, thrust_segments
 
+# Red, green and blue of the layers other than those of shapes
 _COLOURS: Final = {
     "SUPPORTS": (150, 150, 150), "JOINTS": (20, 20, 20), "CRACKS": (160, 60, 20), "HOLES": (200, 200, 200),
     "IDS": (90, 90, 160), "MECHANISM": (200, 60, 60), "THRUST": (30, 110, 60),
 }  # fmt: skip
-"""Red, green and blue of the layers other than those of shapes."""
 
+# Red, green and blue of the layers of shapes, used cyclically
 _SHAPES: Final = ((223, 190, 140), (160, 190, 220), (190, 215, 160), (225, 170, 170), (200, 180, 220), (180, 215, 210))
-"""Red, green and blue of the layers of shapes, used cyclically."""
 
-_LENGTH: Final = 0.25
-"""Length of the largest force line of a spatial layout, relative to the size of the assembly."""
+_LENGTH: Final = 0.25  # length of the largest force line of a spatial layout, relative to the size of the assembly
 
 
 def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:

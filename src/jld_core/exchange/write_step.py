@@ -14,14 +14,12 @@ from jld_core.geometry import area_vector
 from jld_core.geometry.unions import Surface
 from jld_core.scene.units import METRES
 
+# Prefixes of the metre; other units are conversion based
 _PREFIX: Final = {"m": "$", "mm": ".MILLI.", "cm": ".CENTI.", "dm": ".DECI.", "km": ".KILO."}
-"""Prefixes of the metre; other units are conversion based."""
 
-_SCHEMA: Final = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }"
-"""Schema of AP214."""
+_SCHEMA: Final = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }"  # schema of AP214
 
-_UNCERTAINTY: Final = 1e-9
-"""Stated uncertainty of lengths, relative to the size."""
+_UNCERTAINTY: Final = 1e-9  # stated uncertainty of lengths, relative to the size
 
 
 def step_text(layout: Layout, *, cells: bool) -> str:

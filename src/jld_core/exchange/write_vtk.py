@@ -15,8 +15,8 @@ from jld_core.exchange.write_mesh import solids_of
 from jld_core.limit import displacement
 from jld_core.views.quantities import face_vectors, utilisation
 
+# Cell fields of one number each
 _NAMES: Final = ("part", "element", "block", "shape", "support", "label", "utilisation", "normal_force")
-"""Cell fields of one number each."""
 
 
 class _Polygons:

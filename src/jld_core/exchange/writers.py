@@ -45,6 +45,7 @@ FORMATS: Final = {
 ANALYSED: Final = ("vtk", "3dm", "compas_dem", "ifc", "gltf")
 """Formats that hold results of the analysis: forces, mechanism or load factor."""
 
+# Functions that return the text of blocks or elements as solids
 _SOLIDS: Final = {
     "obj": obj_text,
     "stl": stl_text,
@@ -53,13 +54,10 @@ _SOLIDS: Final = {
     "compas_dem": dem_text,
     "step": step_text,
 }
-"""Functions that return the text of blocks or elements as solids."""
 
-_FILES: Final = {"3dm": write_rhino, "ifc": write_ifc}
-"""Functions that write blocks or elements by a library."""
+_FILES: Final = {"3dm": write_rhino, "ifc": write_ifc}  # functions that write blocks or elements by a library
 
-_LAYOUTS: Final = {"3dec": command_text, "svg": svg_text}
-"""Functions that return the text of a whole layout."""
+_LAYOUTS: Final = {"3dec": command_text, "svg": svg_text}  # functions that return the text of a whole layout
 
 RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
 """First characters by which a spreadsheet takes a text for a formula."""
@@ -157,14 +155,7 @@ def blocks_csv(layout: Layout) -> str:
 def harmless(value: object) -> object:
     """Quote a text that a spreadsheet would run as a formula.
 
-    Parameters
-    ----------
-    value : object
-        Value for a CSV file.
-
-    Returns
-    -------
-    object
-        The value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by an apostrophe.
+    value: value for a CSV file. Result: the value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by
+    an apostrophe.
     """
     return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

@@ -18,50 +18,33 @@ from jld_core.fields.problem import Problem, Units, problem_of, units_of
 from jld_core.fields.transfer import FieldMechanism, FieldStresses, mechanism_of, stresses_of
 from jld_core.fields.upper import UpperBound, VelocityField
 
+# Share of the indicator that marked triangles hold together (Dörfler marking). With 0.5 the flagship needs 3500
+# triangles for a bracket of 3.4 %, with 0.25 it has 3.1 % on 2400.
 _SHARE = 0.25
-"""Share of the indicator that marked triangles hold together (Dörfler marking).
 
-With 0.5 the flagship needs 3500 triangles for a bracket of 3.4 %, with 0.25 it has 3.1 % on 2400.
-"""
-
+# Share as `_SHARE` while a bound is missing: larger, since any field will do and each mesh takes time
 _SHARE_WITHOUT = 0.5
-"""Share as `_SHARE` while a bound is missing: larger, since any field will do and each mesh takes time."""
 
-_MOST_MARKED = 0.4
-"""Largest share of triangles that one refinement marks."""
+_MOST_MARKED = 0.4  # largest share of triangles that one refinement marks
 
+# Weight of the area in the indicator, the disagreement having 1, so that no triangle stays coarse for ever
 _EVERYWHERE = 0.1
-"""Weight of the area in the indicator, the disagreement having 1, so that no triangle stays coarse for ever."""
 
-_STRESSED = 0.5
-"""Weight of the multipliers of stresses in the indicator. By disagreement alone the lower bound stalls."""
+_STRESSED = 0.5  # Weight of the multipliers of stresses in the indicator. By disagreement alone the lower bound stalls.
 
-_SINGULAR = 0.7
-"""Share of the multipliers of a triangle at one corner above which that corner is taken as singular."""
+_SINGULAR = 0.7  # share of the multipliers of a triangle at one corner above which that corner is taken as singular
 
-_FAN = np.radians(20.0)
-"""Angle below which a triangle at a singular corner is not split further about it."""
+_FAN = np.radians(20.0)  # angle below which a triangle at a singular corner is not split further about it
 
-_LEAST_AREA = 1e-9
-"""Smallest area of a triangle over that of all: smaller ones are not split again."""
+_LEAST_AREA = 1e-9  # smallest area of a triangle over that of all: smaller ones are not split again
 
 
 @dataclass(frozen=True)
 class FieldSetting:
     """Data that all meshes and labellings of one assembly share.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Planar assembly with one load case.
-    material : Material
-        Material of the blocks, scene units.
-    units : Units
-        Units of the scaled problem.
-    coarse : Mesh
-        Coarsest mesh.
-    loads : FieldLoads
-        Loads over it.
+    assembly: planar assembly with one load case. material: material of the blocks, scene units. coarse: coarsest mesh.
+    loads: loads over it.
     """
 
     assembly: Assembly
@@ -91,20 +74,9 @@ class FieldSetting:
 class Fields:
     """Certified fields of one labelling on one mesh.
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Triangles, scene coordinates.
-    labels : (m,) bool array
-        Labels, True = dry.
-    lower : LowerBound
-        Program of the stresses, scaled.
-    upper : UpperBound
-        Program of the velocities, scaled.
-    stress : StressField or None
-        Stress field, None where none was certified.
-    velocity : VelocityField or None
-        Velocity field, None where none was certified.
+    mesh: triangles, scene coordinates. labels: (m,) True = dry. lower: program of the stresses, scaled. upper: program
+    of the velocities, scaled. stress: stress field, None where none was certified. velocity: velocity field, None where
+    none was certified.
     """
 
     mesh: Mesh
@@ -185,12 +157,8 @@ class CoarseBounds:
     The two cone programs are set up once. Another labelling only switches rows and costs. Several labellings take a
     third of the time for each when they are bounded together, and their bounds are the same.
 
-    Parameters
-    ----------
-    setting : FieldSetting
-        Assembly with its coarsest mesh.
-    many : bool
-        False for a few labellings alone, which are solved as by `Fields`; see `ConeProgram`.
+    setting: assembly with its coarsest mesh. many: False for a few labellings alone, which are solved as by `Fields`;
+    see `ConeProgram`.
     """
 
     def __init__(self, setting: FieldSetting, many: bool = True) -> None:
@@ -201,17 +169,8 @@ class CoarseBounds:
     def upper(self, labels: Bits) -> tuple[float, FieldMechanism | None]:
         """Bound λ of one labelling from above.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        bound : float
-            Upper bound, inf where no velocity field was certified; scene units.
-        mechanism : FieldMechanism or None
-            Bounds of other labellings by the same field; None where it proves none.
+        labels: (m,) True = dry. Result: bound: upper bound, inf where no velocity field was certified; scene units;
+        mechanism: bounds of other labellings by the same field; None where it proves none.
         """
         found = self._upper.bound(labels)
         if found is None:
@@ -221,17 +180,8 @@ class CoarseBounds:
     def lower(self, labels: Bits) -> tuple[float, FieldStresses | None]:
         """Bound λ of one labelling from below.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        bound : float
-            Lower bound, −inf where no stress field was certified; scene units.
-        stresses : FieldStresses or None
-            Bounds of other labellings by the same field; None without a field.
+        labels: (m,) True = dry. Result: bound: lower bound, −inf where no stress field was certified; scene units;
+        stresses: bounds of other labellings by the same field; None without a field.
         """
         found = self._lower.bound(labels)
         return (
@@ -241,15 +191,7 @@ class CoarseBounds:
     def both(self, labellings: Bits) -> tuple[Floats, Floats]:
         """Bound λ of several labellings from both sides.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        lower, upper : (k,) float arrays
-            Bounds, infinite where no field was certified; scene units.
+        labellings: (k, m) True = dry. Returns (k,): bounds, infinite where no field was certified; scene units.
         """
         lower, upper = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
         low = [-math.inf if found is None else self._load * found.factor for found in lower]
@@ -294,17 +236,8 @@ def _leading(error: Floats, wanted: float) -> Bools:
 def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
     """Refine a mesh for velocity fields alone.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The mesh.
-    power : (t,) float array
-        Dissipation in each triangle with half of its edges, any unit.
-
-    Returns
-    -------
-    Mesh
-        Mesh with those triangles split that dissipate most.
+    power: (t,) dissipation in each triangle with half of its edges, any unit. Result: mesh with those triangles split
+    that dissipate most.
     """
     area = mesh.area
     error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE * area / float(area.sum())

@@ -16,24 +16,18 @@ from jld_core.fields.adaptive import Fields, FieldSetting
 from jld_core.fields.mesh import Mesh, subdivide
 from jld_core.fields.requirements import require_planar, require_refinement
 
-_MOST_TRIANGLES = 20_000
-"""Triangles at which refinement ends: programs of more take minutes."""
+_MOST_TRIANGLES = 20_000  # triangles at which refinement ends: programs of more take minutes
 
-_GROWTH = 1.3
-"""Exponent of the number of triangles in the time of a mesh, to predict the time of the next one."""
+_GROWTH = 1.3  # exponent of the number of triangles in the time of a mesh, to predict the time of the next one
 
+# Number of meshes after which refinement ends if a bound is still missing. The dead load needs fine meshes at few
+# places.
 _PATIENCE = 8
-"""Number of meshes after which refinement ends if a bound is still missing.
-
-The dead load needs fine meshes at few places.
-"""
 
 
+# Meshes from one upper bound to the next where the lower bound comes first. An upper bound takes three to five times as
+# long as a lower one on the same mesh.
 _UPPER_EACH = 3
-"""Meshes from one upper bound to the next where the lower bound comes first.
-
-An upper bound takes three to five times as long as a lower one on the same mesh.
-"""
 
 
 class FieldStatus(StrEnum):
@@ -75,14 +69,8 @@ def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
 class FieldStep:
     """Bounds on one mesh.
 
-    Attributes
-    ----------
-    triangles : int
-        Number of triangles.
-    lower, upper : float
-        Bounds on λ from this mesh alone, infinite where none was found.
-    seconds : float
-        Time since the start, s.
+    triangles: number of triangles. lower, upper: bounds on λ from this mesh alone, infinite where none was found.
+    seconds: time since the start, s.
     """
 
     triangles: int
@@ -95,12 +83,7 @@ class FieldStep:
 class Stresses:
     """Certified stress field, linear in each triangle.
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Triangles.
-    stress : (t, 3, 3) float array
-        Stresses (σx, σy, τxy) at the three corners of each triangle, scene units.
+    mesh: triangles. stress: (t, 3, 3) stresses (σx, σy, τxy) at the three corners of each triangle, scene units.
     """
 
     mesh: Mesh
@@ -111,14 +94,9 @@ class Stresses:
 class Velocities:
     """Certified velocity field, linear in each triangle; the live load does unit work on it.
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Triangles, scene units.
-    velocity : (t, 3, 2) float array
-        Velocities u at the three corners of each triangle, scene units: b_λ·u = 1 for the live load b_λ of λ = 1.
-    dissipation : (t,) float array
-        Power in each triangle with half of its edges, a work as b_λ·u. Their sum less the work of the dead load is λ.
+    mesh: triangles, scene units. velocity: (t, 3, 2) velocities u at the three corners of each triangle, scene units:
+    b_λ·u = 1 for the live load b_λ of λ = 1. dissipation: (t,) power in each triangle with half of its edges, a work as
+    b_λ·u. Their sum less the work of the dead load is λ.
     """
 
     mesh: Mesh
@@ -130,24 +108,10 @@ class Velocities:
 class FieldBounds:
     """Two-sided bound on λ of blocks that may fail in any way.
 
-    Attributes
-    ----------
-    lower : float
-        λ that a certified stress field carries, −inf where none was found.
-    upper : float
-        λ that a certified velocity field allows, inf where none was found.
-    status : FieldStatus
-        Why the refinement ended.
-    triangles : int
-        Number of triangles of the last mesh.
-    seconds : float
-        Time, s.
-    history : tuple of FieldStep
-        One entry for each mesh.
-    stresses : Stresses or None
-        Field of the best lower bound.
-    velocities : Velocities or None
-        Field of the best upper bound.
+    lower: λ that a certified stress field carries, −inf where none was found. upper: λ that a certified velocity field
+    allows, inf where none was found. status: why the refinement ended. triangles: number of triangles of the last mesh.
+    seconds: time, s. history: one entry for each mesh. stresses: field of the best lower bound. velocities: field of
+    the best upper bound.
     """
 
     lower: float
@@ -224,18 +188,8 @@ class FieldRefinement:
     Call `step` until `ended`. Each step solves one mesh and returns the best of both bounds so far. Use it instead of
     `bounds_by_fields` where the caller decides after each mesh whether to go on.
 
-    Parameters
-    ----------
-    assembly, labels, gap, patch, parts, adaptive, most_triangles
-        As for `bounds_by_fields`.
-    lower_first : bool
-        True raises the lower bound two to three times as fast: each mesh marks more triangles, and only every third
-        mesh has an upper bound.
-
-    Raises
-    ------
-    InputError
-        As `bounds_by_fields`.
+    lower_first: True raises the lower bound two to three times as fast: each mesh marks more triangles, and only every
+    third mesh has an upper bound. Raises InputError as `bounds_by_fields`.
     """
 
     def __init__(
@@ -299,20 +253,8 @@ class FieldRefinement:
     def step(self, upper: bool | None = None) -> FieldBounds:
         """Solve the next mesh.
 
-        Parameters
-        ----------
-        upper : bool, optional
-            Whether an upper bound is computed as well; by default `upper_due`.
-
-        Returns
-        -------
-        FieldBounds
-            The best of both bounds over all meshes so far.
-
-        Raises
-        ------
-        ValueError
-            Refinement has ended.
+        upper: whether an upper bound is computed as well; by default `upper_due`. Result: the best of both bounds over
+        all meshes so far. Raises ValueError: refinement has ended.
         """
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")

@@ -33,17 +33,10 @@ class Regularisation:
 
     The values suit programs with numbers of order one.
 
-    Attributes
-    ----------
-    regular : float
-        Added to every pivot with its sign.
-    least_pivot, new_pivot : float
-        Pivots below the first are replaced by the second.
-    bound : float
-        Added to the squared scaling of cones, whose small eigenvalues rounding would eat. Of 64 upper bounds of the
-        flagship 1e-12 leaves four open, 1e-8 none.
-    refined : float
-        Complementarity below which solutions are refined; above it refinement changes nothing.
+    regular: added to every pivot with its sign. least_pivot, new_pivot: pivots below the first are replaced by the
+    second. bound: added to the squared scaling of cones, whose small eigenvalues rounding would eat. Of 64 upper bounds
+    of the flagship 1e-12 leaves four open, 1e-8 none. refined: complementarity below which solutions are refined; above
+    it refinement changes nothing.
     """
 
     regular: float = 1e-8
@@ -57,18 +50,10 @@ class Regularisation:
 class Stopping:
     """Stopping criteria of the interior-point method.
 
-    Attributes
-    ----------
-    gap, residual : float
-        Absolute or relative duality gap, and relative residual, at which a program counts as solved.
-    ray : float
-        Relative residual of a ray that shows a program to be infeasible or unbounded.
-    share : float
-        Share that is taken of the longest step to the boundary of the cones.
-    least_step : float
-        Step below which iterations end without result.
-    iterations : int
-        Largest number of iterations.
+    gap, residual: absolute or relative duality gap, and relative residual, at which a program counts as solved. ray:
+    relative residual of a ray that shows a program to be infeasible or unbounded. share: share that is taken of the
+    longest step to the boundary of the cones. least_step: step below which iterations end without result. iterations:
+    largest number of iterations.
     """
 
     gap: float = 1e-9
@@ -97,19 +82,9 @@ class ConeAnswers:
 class ConeBatch:
     """Compiled solver of cone programs that differ in costs and in rows that are switched off.
 
-    Parameters
-    ----------
-    matrix : (m, n) sparse array
-        A, with equations, inequalities and cones of three rows in this order.
-    rhs, idle : (m,) float array
-        b, and the right-hand sides of rows that are switched off. Equations are never switched off.
-    sizes : tuple of int
-        Numbers of equations, inequalities and cones.
-
-    Raises
-    ------
-    ValueError
-        No compiled solver is installed; see `is_installed`.
+    matrix: (m, n) A, with equations, inequalities and cones of three rows in this order. rhs, idle: (m,) b, and the
+    right-hand sides of rows that are switched off. Equations are never switched off. sizes: numbers of equations,
+    inequalities and cones. Raises ValueError: no compiled solver is installed; see `is_installed`.
     """
 
     def __init__(self, matrix: sp.csr_array, rhs: Floats, idle: Floats, sizes: tuple[int, int, int]) -> None:

@@ -14,11 +14,10 @@ from scipy.sparse.linalg import splu
 
 from jld_core.arrays import Bools, Floats, Ints
 
+# Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
 _DEPENDENT = 1e-7
-"""Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more."""
 
-_SMALL = 1e-10
-"""Added to the diagonal where dependent equations are looked for."""
+_SMALL = 1e-10  # added to the diagonal where dependent equations are looked for
 
 
 @dataclass(frozen=True)
@@ -27,14 +26,9 @@ class Factor:
 
     The system has N unknowns: the variables, then the equations.
 
-    Attributes
-    ----------
-    place : (N,) int array
-        Place of each variable, then of each equation.
-    start, row : (N + 1,), (k,) int arrays
-        Rows of L below the diagonal, column by column.
-    left_start, left_column, left_place : (N + 1,), (k,), (k,) int arrays
-        Entries of each row of L: their columns, and their places among the entries of all columns.
+    place: (N,) place of each variable, then of each equation. start, row: (N + 1,) rows of L below the diagonal, column
+    by column. left_start, left_column, left_place: (N + 1,) entries of each row of L: their columns, and their places
+    among the entries of all columns.
     """
 
     place: Ints

@@ -13,14 +13,12 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.fields.cone_batch import ConeBatch, is_installed
 
-_RESIDUAL = 1e-9
-"""Residuals and duality gap that the solver is asked to reach, absolute and relative."""
+_RESIDUAL = 1e-9  # residuals and duality gap that the solver is asked to reach, absolute and relative
 
+# Statuses after which a second attempt with iterative refinement would change nothing
 _ENDED = ("Solved", "PrimalInfeasible", "DualInfeasible")
-"""Statuses after which a second attempt with iterative refinement would change nothing."""
 
-_NEAR = 1e-7
-"""Largest residual or relative gap at which an answer of status AlmostSolved needs no second attempt."""
+_NEAR = 1e-7  # largest residual or relative gap at which an answer of status AlmostSolved needs no second attempt
 
 
 @dataclass
@@ -91,19 +89,10 @@ class ConeProgram:
     The solver is set up once, for programs that differ in few rows. Rows that are switched off get zero coefficients
     and a right-hand side inside their cone, so the sparsity never changes.
 
-    Parameters
-    ----------
-    objective : (columns,) float array
-        q.
-    matrix : (rows, columns) sparse array
-        A.
-    rhs : (rows,) float array
-        b.
-    sizes : tuple of int
-        Numbers of equations, of inequalities s ≥ 0, and of second-order cones of 3 rows; A has them in this order.
-    many : bool
-        True where hundreds of programs are solved. They are solved by `ConeBatch`, which takes its time to set up, and
-        by Clarabel where that leaves them open or is not installed.
+    objective: (columns,) q. matrix: (rows, columns) a. rhs: (rows,) b. sizes: numbers of equations, of inequalities s ≥
+    0, and of second-order cones of 3 rows; A has them in this order. many: True where hundreds of programs are solved.
+    They are solved by `ConeBatch`, which takes its time to set up, and by Clarabel where that leaves them open or is
+    not installed.
     """
 
     def __init__(

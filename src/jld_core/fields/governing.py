@@ -18,28 +18,10 @@ def governing_bounds(
     Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
     factor is that one. Cases that do not govern keep their coarse mesh.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly; λ of each load case is divided by the factor required of it.
-    labels : (m,) bool array
-        Labels, True = dry.
-    seconds : float
-        No mesh is begun that is not expected to be done by then, s; each case has a first one always.
-    gap : float
-        Relative width of the bracket at which refinement ends; above 0.
-    lower_first : bool
-        As for `FieldRefinement`.
-
-    Returns
-    -------
-    lower, upper : float
-        Proven bounds on the least λ / required of all cases, infinite where none was found.
-
-    Raises
-    ------
-    InputError
-        As `bounds_by_fields`.
+    assembly: planar assembly; λ of each load case is divided by the factor required of it. labels: (m,) True = dry.
+    seconds: no mesh is begun that is not expected to be done by then, s; each case has a first one always. gap:
+    relative width of the bracket at which refinement ends; above 0. Result: proven bounds on the least λ / required of
+    all cases, infinite where none was found. Raises InputError as `bounds_by_fields`.
     """
     deadline = Deadline(seconds)
     required = assembly.required.tolist()

@@ -24,13 +24,12 @@ from jld_core.fields.mesh import Mesh, coarse_mesh
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
 from jld_core.loads import Loads, Traction, resultants
 
+# Least length of a patch, relative to its free face. A shorter one means a force at an end of the face.
 _LEAST_PATCH = 0.02
-"""Least length of a patch, relative to its free face. A shorter one means a force at an end of the face."""
 
 
+# Relative difference between the length of an interface and that of its edges, above which the mesh does not fit it
 _COVER = 1e-5
-"""Relative difference between the length of an interface and that of its edges, above which the mesh does not fit
-it."""
 
 
 @dataclass(frozen=True)
@@ -102,27 +101,12 @@ def thickness_of(assembly: Assembly) -> float:
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh of an assembly with its loads.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly with one load case.
-    patch : float, optional
-        Length of the patch that each force without a width of its own is spread on, centred at its place. By default
-        all dead or all live ones of these on one face become one linear traction: over the whole face where the
-        resultant lies within its middle third, else uniform over the largest part of the face that is centred at the
-        resultant.
-
-    Returns
-    -------
-    mesh : Mesh
-        Edges of interfaces and of loaded segments are tagged.
-    loads : FieldLoads
-        Forces per volume and tractions.
-
-    Raises
-    ------
-    InputError
-        A force on the outline of its cell without a free face, or without room for its patch.
+    assembly: planar assembly with one load case. patch: length of the patch that each force without a width of its own
+    is spread on, centred at its place. By default all dead or all live ones of these on one face become one linear
+    traction: over the whole face where the resultant lies within its middle third, else uniform over the largest part
+    of the face that is centred at the resultant. Result: mesh: edges of interfaces and of loaded segments are tagged;
+    loads: forces per volume and tractions. Raises InputError: a force on the outline of its cell without a free face,
+    or without room for its patch.
     """
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)

@@ -18,39 +18,30 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.fields.conic import Answer, ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
+# Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room
 _MARGIN = 1e-7
-"""Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
+# Margins with which a program is solved again if its answer violates yield. The solver often fails by chance.
 _WIDER = (3e-7, 1e-6)
-"""Margins with which a program is solved again if its answer violates yield. The solver often fails by chance."""
 
+# Margins of the interior fields that are blended with a field that still violates yield, in the order tried
 _INTERIOR = (1e-3, 1e-5)
-"""Margins of the interior fields that are blended with a field that still violates yield, in the order tried."""
 
+# Added to the diagonal of E Eᵀ, because rows depend on each other around nodes; correction steps undo its effect
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, because rows depend on each other around nodes; correction steps undo its effect."""
 
-_STEPS = 6
-"""Largest number of correction steps of a projection onto equilibrium."""
+_STEPS = 6  # largest number of correction steps of a projection onto equilibrium
 
 
 @dataclass(frozen=True)
 class StressField:
     """Certified stress field of one labelling, scaled (see `Units`).
 
-    Attributes
-    ----------
-    factor : float
-        λ that the field carries, a lower bound.
-    stress : (t, 3, 3) float array
-        Stresses (m, d, s) at the three corners of each triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension positive.
-    room : float
-        Least distance to a yield condition, less `charge`; at least 0.
-    charge : float
-        Stress that covers the residual of equilibrium, subtracted from the distance to yield.
-    rate : (t, 3) float array
-        Multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate how λ
-        grows with strength, and steer refinement; no bound depends on them.
+    factor: λ that the field carries, a lower bound. stress: (t, 3, 3) stresses (m, d, s) at the three corners of each
+    triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension positive. room: least distance to a yield condition, less
+    `charge`; at least 0. charge: stress that covers the residual of equilibrium, subtracted from the distance to yield.
+    rate: (t, 3) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
+    estimate how λ grows with strength, and steer refinement; no bound depends on them.
     """
 
     factor: float
@@ -65,19 +56,8 @@ class LowerBound:
 
     `bound` returns a certified field. Programs and factors are kept, so that later labellings cost less.
 
-    Parameters
-    ----------
-    problem : Problem
-        The scaled problem on one mesh.
-    many : bool
-        True where hundreds of labellings are bounded; see `ConeProgram`.
-
-    Attributes
-    ----------
-    problem : Problem
-        As the parameter.
-    status : str
-        Status by the solver of the last labelling that was bounded, "" before.
+    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded; see `ConeProgram`.
+    status: status by the solver of the last labelling that was bounded, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:

@@ -26,16 +26,8 @@ _ROUTE: Final = Route("cracks by fields")
 class Material:
     """Mohr–Coulomb material with tension cut-off in plane stress.
 
-    Parameters
-    ----------
-    tension : float
-        Tensile strength σt, a stress.
-    cohesion : float
-        Shear strength τ without normal stress, a stress.
-    friction : float
-        Friction μi = tan φ of crack planes.
-    crushing : float
-        Compressive strength σc, a stress; inf where none is given.
+    tension: tensile strength σt, a stress. cohesion: shear strength τ without normal stress, a stress. friction:
+    friction μi = tan φ of crack planes. crushing: compressive strength σc, a stress; inf where none is given.
     """
 
     tension: float
@@ -123,20 +115,8 @@ def material_of(assembly: Assembly) -> Material:
 
     The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar or spatial assembly whose inner faces all have the same strengths.
-
-    Returns
-    -------
-    Material
-        Stresses in scene units.
-
-    Raises
-    ------
-    InputError
-        No inner strengths, strengths of 0, strengths that differ between faces, or members.
+    assembly: planar or spatial assembly whose inner faces all have the same strengths. Raises InputError: no inner
+    strengths, strengths of 0, strengths that differ between faces, or members.
     """
     assembly.members.refuse("an analysis by fields")
     given = assembly.strengths(_ROUTE)

@@ -13,8 +13,7 @@ import shapely
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.fields.outlines import FREE, Outlines
 
-_STRAIGHT = 1e-6
-"""Sine of the angle below which an outline runs straight through a node."""
+_STRAIGHT = 1e-6  # sine of the angle below which an outline runs straight through a node
 
 
 @dataclass(frozen=True)
@@ -42,20 +41,10 @@ class Edges:
 class Mesh:
     """Triangles over common nodes.
 
-    Parameters
-    ----------
-    points : (p, 2) float array
-        Nodes, scene units.
-    triangles : (t, 3) int array
-        Nodes of each triangle, counter-clockwise.
-    cell : (t,) int array
-        Element of each triangle.
-    root : (t,) int array
-        Triangle of the coarsest mesh that contains it.
-    tagged : (k, 2) int array
-        Nodes of the edges on interfaces and load patches, the smaller first.
-    tag : (k,) int array
-        Tag of each of these edges: an interface, or the number of interfaces plus that of a load patch.
+    points: (p, 2) nodes, scene units. triangles: (t, 3) nodes of each triangle, counter-clockwise. cell: (t,) element
+    of each triangle. root: (t,) triangle of the coarsest mesh that contains it. tagged: (k, 2) nodes of the edges on
+    interfaces and load patches, the smaller first. tag: (k,) tag of each of these edges: an interface, or the number of
+    interfaces plus that of a load patch.
     """
 
     points: Floats
@@ -233,17 +222,7 @@ def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
 def subdivide(mesh: Mesh, parts: int) -> Mesh:
     """Return the mesh with every triangle split into parts² similar ones.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh.
-    parts : int
-        Parts of each edge, at least 1.
-
-    Returns
-    -------
-    Mesh
-        Conforming as before; tags and roots are inherited.
+    mesh: any mesh. parts: parts of each edge, at least 1. Result: conforming as before; tags and roots are inherited.
     """
     if parts == 1:
         return mesh
@@ -369,17 +348,8 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
     stress field; see docs/method.md (9.5).
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Coarsest mesh; the ends of loads are among its nodes.
-    ends : sequence of (2,) float arrays
-        Ends of loaded parts of the outline, scene units.
-
-    Returns
-    -------
-    Mesh
-        Triangles at such a node are bisected there; others are split only where conformity asks for it.
+    mesh: coarsest mesh; the ends of loads are among its nodes. ends: ends of loaded parts of the outline, scene units.
+    Result: triangles at such a node are bisected there; others are split only where conformity asks for it.
     """
     if not len(ends):
         return mesh

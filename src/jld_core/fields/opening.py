@@ -9,8 +9,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.fields.conic import ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
-_LEAST = 1e-9
-"""Least room in all flow rules, at velocities of one, of a motion that counts as found."""
+_LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion that counts as found
 
 
 def opening_motion(problem: Problem) -> Floats | None:

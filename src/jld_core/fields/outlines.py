@@ -36,17 +36,8 @@ class Outlines:
 def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     """Return the outlines of the free cells, with a node at every end of an interface.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly.
-    extra : (k, 2) array, optional
-        Further points on outlines that become nodes, scene units.
-
-    Returns
-    -------
-    Outlines
-        Corners and ends closer than the contact tolerance are one node.
+    assembly: planar assembly. extra: (k, 2) further points on outlines that become nodes, scene units. Result: corners
+    and ends closer than the contact tolerance are one node.
     """
     from scipy.spatial import cKDTree  # slow to import, and most searches have no fields
 

@@ -19,16 +19,8 @@ _ROUTE: Final = Route("cracks by fields")
 def require_fields(assembly: Assembly) -> None:
     """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly, with or without load cases.
-
-    Raises
-    ------
-    InputError
-        Members, spatial scenes, inner strengths that are missing, zero or different, loads without room for their
-        patch, and outlines or interfaces that no mesh fits.
+    assembly: assembly, with or without load cases. Raises InputError: members, spatial scenes, inner strengths that are
+    missing, zero or different, loads without room for their patch, and outlines or interfaces that no mesh fits.
     """
     require_planar(assembly)
     material_of(assembly)

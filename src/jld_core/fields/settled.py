@@ -12,14 +12,12 @@ from jld_core.fields.conic import Rows
 from jld_core.fields.problem import Problem
 from jld_core.fields.velocity_program import Entries, jump_entries, strain_entries
 
+# Rate, relative to the largest velocity, below which it counts as zero: far above the residual of the solver
 _ACTIVE = 1e-7
-"""Rate, relative to the largest velocity, below which it counts as zero: far above the residual of the solver."""
 
+# Largest number of linearisations of flow rules with friction. Where many slide, two leave errors of 4e-9 of the
+# velocities, four 1e-14.
 _ROUNDS = 4
-"""Largest number of linearisations of flow rules with friction.
-
-Where many slide, two leave errors of 4e-9 of the velocities, four 1e-14.
-"""
 
 
 class Settling:
@@ -28,10 +26,7 @@ class Settling:
     Use it between a solver and a check: a solver meets flow rules up to its residual only. The matrices of all rates
     are set up once.
 
-    Parameters
-    ----------
-    problem : Problem
-        The scaled problem.
+    problem: the scaled problem.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -52,18 +47,9 @@ class Settling:
 
         A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
 
-        Parameters
-        ----------
-        velocity : (t, 3, 2) array
-            Velocities at the corners of triangles that hold flow rules up to the residual of a solver, scaled.
-        dry : (e,) bool array
-            Edges on dry interfaces.
-
-        Returns
-        -------
-        (t, 3, 2) array
-            Differs from what was given by about that residual. Nothing is proven of it: check it by
-            `UpperBound.certify`.
+        velocity: (t, 3, 2) velocities at the corners of triangles that hold flow rules up to the residual of a solver,
+        scaled. dry: (e,) edges on dry interfaces. Result: (t, 3, 2) differs from what was given by about that residual.
+        Nothing is proven of it: check it by `UpperBound.certify`.
         """
         moved = velocity.ravel()
         for _ in range(_ROUNDS if self.problem.material.sine or self.problem.joints.friction.any() else 1):

@@ -19,23 +19,17 @@ from jld_core.fields.space_mesh import SolidMesh, bisect, split_at_centroids
 from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spatial_units
 from jld_core.fields.space_upper import SpatialUpperBound, SpatialVelocity
 
-_SHARE = 0.5
-"""Share of the indicator that the tetrahedra marked at a time hold together (Dörfler marking)."""
+_SHARE = 0.5  # share of the indicator that the tetrahedra marked at a time hold together (Dörfler marking)
 
-_MOST_MARKED = 0.3
-"""Largest share of tetrahedra that are marked at a time."""
+_MOST_MARKED = 0.3  # largest share of tetrahedra that are marked at a time
 
+# Ratio of the numbers of tetrahedra of the next and the last mesh. Tetrahedra are marked and halved until it is
+# reached.
 _GROWTH = 1.5
-"""Ratio of the numbers of tetrahedra of the next and the last mesh.
 
-Tetrahedra are marked and halved until it is reached.
-"""
+_EVERYWHERE = 0.02  # weight of the volume in the indicator, so that no tetrahedron stays coarse for ever
 
-_EVERYWHERE = 0.02
-"""Weight of the volume in the indicator, so that no tetrahedron stays coarse for ever."""
-
-_DEFORMS = 0.1
-"""Share of the dissipation from which a cell that is long or flat is cut in layers."""
+_DEFORMS = 0.1  # share of the dissipation from which a cell that is long or flat is cut in layers
 
 
 @dataclass(frozen=True)
@@ -80,18 +74,9 @@ class SpatialSetting:
 class SpatialFields:
     """Certified stress field and velocity field of one labelling on one mesh in space.
 
-    Attributes
-    ----------
-    mesh : SolidMesh
-        Tetrahedra of the velocities, scene units.
-    split : SolidMesh
-        The same tetrahedra, each split in four at its centroid: those of the stresses.
-    problem, fine : SpatialProblem
-        Scaled problem on `mesh`, and on `split`.
-    stress : SpatialStress or None
-        Stress field on `split`, None where none was certified.
-    velocity : SpatialVelocity or None
-        Velocity field on `mesh`, None where none was certified.
+    mesh: tetrahedra of the velocities, scene units. split: the same tetrahedra, each split in four at its centroid:
+    those of the stresses. problem, fine: scaled problem on `mesh`, and on `split`. stress: stress field on `split`,
+    None where none was certified. velocity: velocity field on `mesh`, None where none was certified.
     """
 
     mesh: SolidMesh

@@ -18,31 +18,21 @@ from jld_core.fields.space_joints import fitted_joints
 from jld_core.fields.space_loads import loaded_solids
 from jld_core.fields.space_mesh import SolidMesh
 
-_MOST_TETRAHEDRA = 12_000
-"""Tetrahedra at which refinement ends: programs of more take many minutes and gigabytes."""
+_MOST_TETRAHEDRA = 12_000  # tetrahedra at which refinement ends: programs of more take many minutes and gigabytes
 
-_POWER = 1.7
-"""Exponent of the number of tetrahedra in the time of both programs, to predict the time of the next mesh."""
+_POWER = 1.7  # exponent of the number of tetrahedra in the time of both programs, to predict the time of the next mesh
 
-_LEAST_GROWTH = 1.05
-"""Growth of a mesh below which it is not worth its time."""
+_LEAST_GROWTH = 1.05  # growth of a mesh below which it is not worth its time
 
-_PATIENCE = 8
-"""Number of meshes after which refinement ends if a bound is still missing."""
+_PATIENCE = 8  # number of meshes after which refinement ends if a bound is still missing
 
 
 @dataclass(frozen=True)
 class SpatialStep:
     """Bounds on one mesh.
 
-    Attributes
-    ----------
-    tetrahedra : int
-        Number of tetrahedra.
-    lower, upper : float
-        Bounds on λ from this mesh alone, infinite where none was found.
-    seconds : float
-        Wall-clock time since the start, s.
+    tetrahedra: number of tetrahedra. lower, upper: bounds on λ from this mesh alone, infinite where none was found.
+    seconds: wall-clock time since the start, s.
     """
 
     tetrahedra: int
@@ -55,12 +45,8 @@ class SpatialStep:
 class SpatialStresses:
     """Certified stress field, linear in each tetrahedron.
 
-    Attributes
-    ----------
-    mesh : SolidMesh
-        Tetrahedra, scene units.
-    stress : (t, 4, 3, 3) float array
-        Stresses at the four corners of each tetrahedron, tension positive, scene units.
+    mesh: tetrahedra, scene units. stress: (t, 4, 3, 3) stresses at the four corners of each tetrahedron, tension
+    positive, scene units.
     """
 
     mesh: SolidMesh
@@ -71,15 +57,9 @@ class SpatialStresses:
 class SpatialVelocities:
     """Certified velocity field, linear in each tetrahedron; the live load does unit work.
 
-    Attributes
-    ----------
-    mesh : SolidMesh
-        Tetrahedra, scene units.
-    velocity : (t, 4, 3) float array
-        Velocities u at the four corners of each tetrahedron, scene units: b_λ·u = 1 for the live load b_λ of λ = 1.
-    dissipation : (t,) float array
-        Power in each tetrahedron with half of its triangles, a work as b_λ·u. Their sum less the work of the dead load
-        is λ.
+    mesh: tetrahedra, scene units. velocity: (t, 4, 3) velocities u at the four corners of each tetrahedron, scene
+    units: b_λ·u = 1 for the live load b_λ of λ = 1. dissipation: (t,) power in each tetrahedron with half of its
+    triangles, a work as b_λ·u. Their sum less the work of the dead load is λ.
     """
 
     mesh: SolidMesh
@@ -91,24 +71,10 @@ class SpatialVelocities:
 class SpatialBounds:
     """Two-sided bound on λ of spatial blocks that may fail in any way.
 
-    Attributes
-    ----------
-    lower : float
-        λ that a certified stress field carries, −inf where none was found.
-    upper : float
-        λ that a certified velocity field allows, inf where none was found.
-    status : FieldStatus
-        Why the refinement ended.
-    tetrahedra : int
-        Number of tetrahedra of the last mesh.
-    seconds : float
-        Wall-clock time, s.
-    history : tuple of SpatialStep
-        One entry for each mesh.
-    stresses : SpatialStresses or None
-        Field of the best lower bound.
-    velocities : SpatialVelocities or None
-        Field of the best upper bound.
+    lower: λ that a certified stress field carries, −inf where none was found. upper: λ that a certified velocity field
+    allows, inf where none was found. status: why the refinement ended. tetrahedra: number of tetrahedra of the last
+    mesh. seconds: wall-clock time, s. history: one entry for each mesh. stresses: field of the best lower bound.
+    velocities: field of the best upper bound.
     """
 
     lower: float
@@ -138,33 +104,14 @@ def spatial_bounds(
 ) -> SpatialBounds:
     """Bound the load factor of spatial blocks that may fail in any way, from both sides.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly with one load case, of convex cells; blocks are made of its inner strengths.
-    labels : (m,) bool array, optional
-        True = dry joint; False = inside a block. By default those of the scene.
-    gap : float
-        Width of the bracket, relative, at which refinement ends; above 0.
-    seconds : float, optional
-        No mesh is begun that is not expected to be done by then; the first one always is.
-    patch : float, optional
-        Side of the square that each force on a free face is spread on; by default the whole face (docs/method.md
-        (10.3)).
-    adaptive : bool
-        Refine where the fields disagree; otherwise everywhere.
-    most_tetrahedra : int
-        Tetrahedra that no mesh exceeds, save the first.
-
-    Returns
-    -------
-    SpatialBounds
-        The best of both bounds over all meshes, each checked without a solver. An upper bound below 0 ends refinement.
-
-    Raises
-    ------
-    InputError
-        Planar scenes, load cases, a gap that is not above 0, and what `material_of` and `loaded_solids` refuse.
+    assembly: spatial assembly with one load case, of convex cells; blocks are made of its inner strengths. labels: (m,)
+    True = dry joint; False = inside a block. By default those of the scene. gap: width of the bracket, relative, at
+    which refinement ends; above 0. seconds: no mesh is begun that is not expected to be done by then; the first one
+    always is. patch: side of the square that each force on a free face is spread on; by default the whole face
+    (docs/method.md (10.3)). adaptive: refine where the fields disagree; otherwise everywhere. most_tetrahedra:
+    tetrahedra that no mesh exceeds, save the first. Result: the best of both bounds over all meshes, each checked
+    without a solver. An upper bound below 0 ends refinement. Raises InputError: planar scenes, load cases, a gap that
+    is not above 0, and what `material_of` and `loaded_solids` refuse.
     """
     start = time.perf_counter()
     labels = _require(assembly, labels, gap, patch)
@@ -249,8 +196,7 @@ def _layered(
     return replace(setting, loads=loads), mesh
 
 
-_Case = tuple[SpatialFields, SpatialSetting]
-"""Fields on a mesh, and the setting of that mesh."""
+_Case = tuple[SpatialFields, SpatialSetting]  # fields on a mesh, and the setting of that mesh
 
 
 def _narrower(one: _Case, other: _Case) -> _Case:
@@ -279,16 +225,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
 def require_spatial_fields(assembly: Assembly) -> None:
     """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly, with or without load cases.
-
-    Raises
-    ------
-    InputError
-        Members, inner strengths that are missing, zero or different, cells that are not convex, loads without room for
-        their patch, and interfaces that no mesh fits.
+    assembly: assembly, with or without load cases. Raises InputError: members, inner strengths that are missing, zero
+    or different, cells that are not convex, loads without room for their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:

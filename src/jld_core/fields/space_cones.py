@@ -22,23 +22,17 @@ ROOT_TWO = float(np.sqrt(2.0))
 DIAGONAL = (0, 2, 5)
 """Positions of xx, yy and zz in the vector of a tensor."""
 
-_FEASIBILITY = 1e-9
-"""Residual that the solver is asked for: below the margins to flow rules and yield in its programs."""
+_FEASIBILITY = 1e-9  # residual that the solver is asked for: below the margins to flow rules and yield in its programs
 
-_GAP = 1e-5
-"""Relative duality gap that the solver is asked for: far below the relative gap of two meshes."""
+_GAP = 1e-5  # relative duality gap that the solver is asked for: far below the relative gap of two meshes
 
-_MOST_STEPS = 100
-"""Largest number of iterations of the interior-point method."""
+_MOST_STEPS = 100  # largest number of iterations of the interior-point method
 
+# Regularisation of the solver's linear systems. With its default 1e-8 it fails half way, because rows of equilibrium
+# depend on each other around edges.
 _REGULAR = 1e-7
-"""Regularisation of the solver's linear systems.
 
-With its default 1e-8 it fails half way, because rows of equilibrium depend on each other around edges.
-"""
-
-_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Row and column of the tensor for each entry of its vector."""
+_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # row and column of the tensor for each entry of its vector
 
 
 @dataclass(frozen=True)

@@ -14,18 +14,16 @@ from jld_core.fields.space_layers import Layers, pieces
 from jld_core.fields.space_mesh import SolidMesh, patch_tag
 from jld_core.fields.space_surface import Facet, Surface, ring_of
 
+# Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit it
 _COVER = 1e-4
-"""Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit
-it."""
 
+# Size of the inner part of a dry interface over the whole: tractions of a hinge press on the ring around it. With 0.6,
+# 0.7, 0.8 and 0.9 the lower bound of an arch is 0.250, 0.262, 0.273 and 0.283 on its first mesh; stones that are weak
+# for their load have no use for thin rings.
 _RING = 0.7
-"""Size of the inner part of a dry interface over the whole: tractions of a hinge press on the ring around it. With 0.6,
-0.7, 0.8 and 0.9 the lower bound of an arch is 0.250, 0.262, 0.273 and 0.283 on its first mesh; stones that are weak for
-their load have no use for thin rings."""
 
+# Relative difference between the areas of a region and of its convex hull up to which a fan about its centre fills it
 _CONVEX = 1e-6
-"""Relative difference between the areas of a region and of its convex hull up to which a fan about its centre fills
-it."""
 
 
 class _Filler:
@@ -101,27 +99,11 @@ def coarse_solids(
 ) -> SolidMesh:
     """Fill cells with tetrahedra from their centroids to their surfaces: the coarsest mesh.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    surface : Surface
-        Surfaces of its free cells.
-    dry : (m,) bool array
-        Interfaces whose triangles have a ring along the edges, where hinges press.
-    layers : dict of int to Layers, optional
-        Cells that are cut in parts, each of which is filled by itself; their corners are nodes of the surface.
-
-    Returns
-    -------
-    SolidMesh
-        No tetrahedron has two faces on a surface. Convex regions are fans about their centroids, so that the mesh does
-        not depend on position and rotation.
-
-    Raises
-    ------
-    InputError
-        An interface that does not lie on the surfaces of both of its cells, and parts that do not fill their cell.
+    assembly: spatial assembly. surface: surfaces of its free cells. dry: (m,) interfaces whose triangles have a ring
+    along the edges, where hinges press. layers: cells that are cut in parts, each of which is filled by itself; their
+    corners are nodes of the surface. Result: no tetrahedron has two faces on a surface. Convex regions are fans about
+    their centroids, so that the mesh does not depend on position and rotation. Raises InputError: an interface that
+    does not lie on the surfaces of both of its cells, and parts that do not fill their cell.
     """
     filler = _Filler(surface, assembly.elements.ids)
     skins = _Skins(surface, filler, layers or {})
@@ -150,8 +132,7 @@ def coarse_solids(
     return mesh
 
 
-_Triangles = list[tuple[int, int, int]]
-"""Nodes of triangles, counter-clockwise from outside."""
+_Triangles = list[tuple[int, int, int]]  # nodes of triangles, counter-clockwise from outside
 
 
 class _Skins:

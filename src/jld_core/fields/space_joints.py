@@ -20,29 +20,22 @@ from jld_core.fields.space_mesh import SolidMesh, halve_edges
 from jld_core.fields.space_problem import SpatialProblem
 from jld_core.linalg import components
 
-_SHARE = 0.4
-"""Share of the gap asked for that linear tractions may cost; the fields in the blocks have the rest."""
+_SHARE = 0.4  # share of the gap asked for that linear tractions may cost; the fields in the blocks have the rest
 
-_MOST = 1.1
-"""Ratio of the numbers of tetrahedra of the fitted and the given mesh at which fitting ends."""
+_MOST = 1.1  # ratio of the numbers of tetrahedra of the fitted and the given mesh at which fitting ends
 
+# Largest pressure of a joint, relative to the uniaxial strength of the blocks. Fields cannot spread more: with 1 the
+# lower bound of a corner is 0.431, with 0.25 it is 0.436.
 _PRESSED = 0.25
-"""Largest pressure of a joint, relative to the uniaxial strength of the blocks.
 
-Fields cannot spread more: with 1 the lower bound of a corner is 0.431, with 0.25 it is 0.436.
-"""
+_MARKED = 0.5  # share of the loss that the triangles halved at a time hold together (Dörfler marking)
 
-_MARKED = 0.5
-"""Share of the loss that the triangles halved at a time hold together (Dörfler marking)."""
-
+# Relative difference below which losses or lengths count as equal, so that symmetric meshes stay symmetric
 _EQUAL = 1e-3
-"""Relative difference below which losses or lengths count as equal, so that symmetric meshes stay symmetric."""
 
-_ASPECT = 0.05
-"""Weight of the length alone in the choice of an edge, as in `bisect`."""
+_ASPECT = 0.05  # weight of the length alone in the choice of an edge, as in `bisect`
 
-_EDGES = np.array([[0, 1], [0, 2], [1, 2]])
-"""Local corners of the three edges of a triangle."""
+_EDGES = np.array([[0, 1], [0, 2], [1, 2]])  # local corners of the three edges of a triangle
 
 
 def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProblem], gap: float) -> SolidMesh:
@@ -51,20 +44,10 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
     The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes, docs/method.md
     (10.8).
 
-    Parameters
-    ----------
-    mesh : SolidMesh
-        Any mesh.
-    problem_on : callable
-        Returns the scaled problem on a mesh.
-    gap : float
-        Relative width of the bracket that is wanted; the joints may cost a share of it.
-
-    Returns
-    -------
-    SolidMesh
-        Edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid blocks
-        have no equilibrium. It decides how near the bounds are, not whether they hold.
+    mesh: any mesh. problem_on: returns the scaled problem on a mesh. gap: relative width of the bracket that is wanted;
+    the joints may cost a share of it. Result: edges of joints are halved where tractions lose most. The same mesh
+    without dry joints, and where rigid blocks have no equilibrium. It decides how near the bounds are, not whether they
+    hold.
     """
     most = _MOST * len(mesh)
     problem = problem_on(mesh)
@@ -125,20 +108,9 @@ class RigidBalance:
 def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
     """Solve for the equilibrium of rigid blocks of largest λ, docs/method.md (10.8).
 
-    Parameters
-    ----------
-    problem : SpatialProblem
-        Scaled problem, of which only the joints are meshed.
-    blocks : RigidBlocks
-        Its blocks.
-    at_nodes : bool
-        True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities in
-        (10.6); otherwise tractions are linear.
-
-    Returns
-    -------
-    RigidBalance or None
-        Scaled; None where the solver found no equilibrium. It is no bound: nothing is repaired or checked.
+    problem: scaled problem, of which only the joints are meshed. at_nodes: True where a third of the area of a triangle
+    presses at each of its corners, the dual of rigid velocities in (10.6); otherwise tractions are linear. Result:
+    scaled; None where the solver found no equilibrium. It is no bound: nothing is repaired or checked.
     """
     p, s, rows = problem, problem.sides, problem.dry
     count, solid = len(rows), problem.mesh.cell

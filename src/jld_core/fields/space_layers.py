@@ -14,20 +14,16 @@ import shapely
 from jld_core.arrays import Floats, Ints
 from jld_core.fields.space_surface import Facet, Surface
 
-_TWICE = 2.0 - 1e-6
-"""Least ratio of the width of a cell to the size of its end at which it is cut in the middle."""
+_TWICE = 2.0 - 1e-6  # least ratio of the width of a cell to the size of its end at which it is cut in the middle
 
+# Least ratio of the width of a cell to the size of its end at which it is cut at that size from both ends
 _THRICE = 3.0 - 1e-6
-"""Least ratio of the width of a cell to the size of its end at which it is cut at that size from both ends."""
 
-_SNAP = 0.3
-"""Distance, relative to the size of the end, within which a plane is moved to a node."""
+_SNAP = 0.3  # distance, relative to the size of the end, within which a plane is moved to a node
 
-_OPPOSITE = -0.7
-"""Cosine between outward normals of two facets below which they are ends of their cell."""
+_OPPOSITE = -0.7  # cosine between outward normals of two facets below which they are ends of their cell
 
-_DIGITS = 9
-"""Decimal digits to which relative positions of nodes are compared."""
+_DIGITS = 9  # decimal digits to which relative positions of nodes are compared
 
 
 @dataclass(frozen=True)
@@ -67,18 +63,9 @@ class Layers:
 def layers_of(surface: Surface, cell: int) -> Layers | None:
     """Choose the planes that cut a long or flat cell into layers, and cut it.
 
-    Parameters
-    ----------
-    surface : Surface
-        Surfaces of all cells, with load patches.
-    cell : int
-        Element.
-
-    Returns
-    -------
-    Layers or None
-        Between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both; one of
-        w ≥ 2 s has one half way. None for a cell without such facets.
+    surface: surfaces of all cells, with load patches. cell: element. Result: between two opposite facets whose smaller
+    sides are s, a cell of width w ≥ 3 s has planes at s from both; one of w ≥ 2 s has one half way. None for a cell
+    without such facets.
     """
     own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
     normals = np.array([surface.facets[index].normal for index in own])
@@ -123,23 +110,10 @@ def pieces(
 ) -> list[shapely.Polygon]:
     """Cut a region of a facet along the parts of its cell, in the plane of the facet.
 
-    Parameters
-    ----------
-    surface : Surface
-        Surfaces of all cells.
-    index : int
-        Facet.
-    region : Polygon
-        Interface, load patch or free region in the plane of the facet.
-    layers : dict of int to Layers
-        Layers by cell, for the cells that are cut.
-    face : int, optional
-        Interface that the region is: the cells on both of its sides cut it. By default only the cell of the facet does.
-
-    Returns
-    -------
-    list of Polygon
-        Pieces without slivers; the region itself where no cell is cut.
+    surface: surfaces of all cells. index: facet. region: interface, load patch or free region in the plane of the
+    facet. layers: layers by cell, for the cells that are cut. face: interface that the region is: the cells on both of
+    its sides cut it. By default only the cell of the facet does. Result: pieces without slivers; the region itself
+    where no cell is cut.
     """
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]

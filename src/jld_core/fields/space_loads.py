@@ -24,8 +24,8 @@ from jld_core.fields.space_mesh import SolidMesh
 from jld_core.fields.space_surface import Facet, Patch, Surface, surface_of
 from jld_core.loads import Loads, Traction, resultants
 
+# Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face.
 _LEAST_PATCH = 0.01
-"""Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face."""
 
 
 @dataclass(frozen=True)
@@ -85,30 +85,13 @@ def loaded_solids(
 ) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly with one load case.
-    patch : float, optional
-        Side of the square that each force without a width of its own is spread on, centred at its place. By
-        default all of these on one free region become one linear traction: over the whole region where its normal part
-        has one sign, else over the largest part that is symmetric about the resultant.
-    labels : (m,) bool array, optional
-        True = dry: such interfaces have a ring of triangles along their edges. By default none.
-    cut : tuple of int
-        Cells that are cut in layers where they are long or flat.
-
-    Returns
-    -------
-    mesh : SolidMesh
-        Triangles of interfaces and of load patches are tagged.
-    loads : SpatialLoads
-        Forces per volume and tractions.
-
-    Raises
-    ------
-    InputError
-        Cells that are not convex, and a force on the surface of its cell without a free face or room for its patch.
+    assembly: spatial assembly with one load case. patch: side of the square that each force without a width of its own
+    is spread on, centred at its place. By default all of these on one free region become one linear traction: over the
+    whole region where its normal part has one sign, else over the largest part that is symmetric about the resultant.
+    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. cut: cells
+    that are cut in layers where they are long or flat. Result: mesh: triangles of interfaces and of load patches are
+    tagged; loads: forces per volume and tractions. Raises InputError: cells that are not convex, and a force on the
+    surface of its cell without a free face or room for its patch.
     """
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
@@ -198,8 +181,7 @@ def _pressed(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[
     )
 
 
-_Spread = tuple[shapely.Polygon, Traction]
-"""Part of a free region in the plane of its facet, and the traction on it."""
+_Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane of its facet, and the traction on it
 
 
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:

@@ -20,36 +20,26 @@ from jld_core.fields.conic import Answer, Rows
 from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map, solve_cones, tensors
 from jld_core.fields.space_problem import SpatialProblem
 
+# Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room
 _MARGINS = (1e-6, 1e-5)
-"""Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
 
-_INTERIOR = 1e-3
-"""Margin of the interior field that is blended with a field that still violates yield."""
+_INTERIOR = 1e-3  # margin of the interior field that is blended with a field that still violates yield
 
-_STEPS = 6
-"""Largest number of correction steps of a projection onto equilibrium."""
+_STEPS = 6  # largest number of correction steps of a projection onto equilibrium
 
+# Added to the diagonal of E Eᵀ, because rows depend on each other around edges; correction steps undo its effect
 _REGULAR = 1e-10
-"""Added to the diagonal of E Eᵀ, because rows depend on each other around edges; correction steps undo its effect."""
 
 
 @dataclass(frozen=True)
 class SpatialStress:
     """Certified stress field in space, scaled (see `Units`).
 
-    Attributes
-    ----------
-    factor : float
-        λ that the field carries, a lower bound.
-    stress : (t, 4, 6) float array
-        Stresses at the four corners of each tetrahedron as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension positive.
-    room : float
-        Least distance to a yield condition, less `charge`; at least 0.
-    charge : float
-        Stress that covers the residual of equilibrium, subtracted from the distance to yield.
-    rate : (t, 4) float array
-        Multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate how λ
-        grows with strength, and steer refinement; no bound depends on them.
+    factor: λ that the field carries, a lower bound. stress: (t, 4, 6) stresses at the four corners of each tetrahedron
+    as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension positive. room: least distance to a yield condition, less
+    `charge`; at least 0. charge: stress that covers the residual of equilibrium, subtracted from the distance to yield.
+    rate: (t, 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
+    estimate how λ grows with strength, and steer refinement; no bound depends on them.
     """
 
     factor: float
@@ -62,17 +52,8 @@ class SpatialStress:
 class SpatialLowerBound:
     """Lower bound on λ by stress fields, for one labelling on one mesh in space.
 
-    Parameters
-    ----------
-    problem : SpatialProblem
-        The scaled problem, with its labelling.
-
-    Attributes
-    ----------
-    problem : SpatialProblem
-        As the parameter.
-    status : str
-        Status by the solver at the last attempt of `bound`, "" before.
+    problem: the scaled problem, with its labelling. status: status by the solver at the last attempt of `bound`, ""
+    before.
     """
 
     def __init__(self, problem: SpatialProblem) -> None:

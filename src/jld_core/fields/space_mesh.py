@@ -10,17 +10,15 @@ import numpy as np
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.fields.outlines import FREE
 
+# Local corners of the four faces of a tetrahedron, counter-clockwise seen from outside; face k lacks corner k
 _SIDES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-"""Local corners of the four faces of a tetrahedron, counter-clockwise seen from outside; face k lacks corner k."""
 
-_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
-"""Local corners of the six edges of a tetrahedron."""
+_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])  # local corners of the six edges of a tetrahedron
 
+# Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse.
 _ASPECT = 0.05
-"""Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse."""
 
-_DIGITS = 9
-"""Decimal digits to which lengths of edges are compared; edges of equal length are ordered by number."""
+_DIGITS = 9  # decimal digits to which lengths of edges are compared; edges of equal length are ordered by number
 
 
 @dataclass(frozen=True)

@@ -23,22 +23,10 @@ _ROUTE: Final = Route("cracks by fields")
 class SpatialProblem:
     """Scaled limit analysis of spatial blocks of one labelling on one mesh.
 
-    Attributes
-    ----------
-    units : Units
-        Units of all other attributes.
-    material : Material
-        Scaled material of the blocks.
-    joints : Joints
-        Scaled strengths of the dry joints.
-    mesh : SolidMesh
-        Tetrahedra, scaled coordinates.
-    dead, live : (t, 3) float array
-        Forces per volume, scaled; live for λ = 1.
-    dead_pull, pull : (f, 3, 3) float array
-        Dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero where no load acts.
-    labels : (m,) bool array
-        Labels, True = dry.
+    units: units of all other attributes. material: scaled material of the blocks. joints: scaled strengths of the dry
+    joints. mesh: tetrahedra, scaled coordinates. dead, live: (t, 3) forces per volume, scaled; live for λ = 1.
+    dead_pull, pull: (f, 3, 3) dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero
+    where no load acts. labels: (m,) True = dry.
     """
 
     units: Units

@@ -58,18 +58,9 @@ class Patch:
 class Surface:
     """Surfaces of all free cells, cut along interfaces and load patches, over common nodes.
 
-    Attributes
-    ----------
-    points : (p, 3) float array
-        Nodes, scene units.
-    facets : tuple of Facet
-        Facets of all free cells.
-    faces : tuple of (k,) int array or None
-        Nodes of the outline of each of the m interfaces, None between two supports.
-    patches : tuple
-        For each load patch its facet, and the nodes of its outline and holes.
-    reach : float
-        Distance up to which two points count as one node, scene units.
+    points: (p, 3) nodes, scene units. facets: facets of all free cells. faces: nodes of the outline of each of the m
+    interfaces, None between two supports. patches: for each load patch its facet, and the nodes of its outline and
+    holes. reach: distance up to which two points count as one node, scene units.
     """
 
     points: Floats
@@ -103,24 +94,9 @@ class Surface:
 def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats | None = None) -> Surface:
     """Return the surfaces of the free cells of a spatial assembly.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    patches : tuple of Patch
-        Load patches, whose corners become nodes.
-    more : (k, 3) float array, optional
-        Further places that become nodes.
-
-    Returns
-    -------
-    Surface
-        Corners of cells, interfaces and patches within the reach are one node.
-
-    Raises
-    ------
-    InputError
-        A cell that is not convex or has a face that is not plane.
+    assembly: spatial assembly. patches: load patches, whose corners become nodes. more: (k, 3) further places that
+    become nodes. Result: corners of cells, interfaces and patches within the reach are one node. Raises InputError: a
+    cell that is not convex or has a face that is not plane.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free

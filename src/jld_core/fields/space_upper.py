@@ -18,17 +18,14 @@ from jld_core.fields.conic import Answer, Rows
 from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map, solve_cones
 from jld_core.fields.space_problem import SpatialProblem
 
+# Margins of opening to every flow rule, scaled, at live work one, in the order tried. The first whose answer passes the
+# check is taken.
 _MARGINS = (1e-8, 1e-7, 1e-6, 1e-5)
-"""Margins of opening to every flow rule, scaled, at live work one, in the order tried.
 
-The first whose answer passes the check is taken.
-"""
-
+# Statuses of unbounded programs: the blocks are too weak for their dead load
 _UNBOUNDED = ("DualInfeasible", "AlmostDualInfeasible")
-"""Statuses of unbounded programs: the blocks are too weak for their dead load."""
 
-_RAY = -1.0
-"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
+_RAY = -1.0  # scaled bound that is stated where the program is unbounded: any larger bound holds too
 
 
 @dataclass(frozen=True)
@@ -61,19 +58,8 @@ class SpatialRates:
 class SpatialUpperBound:
     """Upper bound on λ by velocity fields, for one labelling on one mesh in space.
 
-    Parameters
-    ----------
-    problem : SpatialProblem
-        The scaled problem, with its labelling.
-
-    Attributes
-    ----------
-    problem : SpatialProblem
-        As the parameter.
-    live, dead : (t, 4, 3) float array
-        Nodal forces at the corners of the tetrahedra, equivalent to the loads, scaled.
-    status : str
-        Status by the solver at the last attempt of `bound`, "" before.
+    problem: the scaled problem, with its labelling. live, dead: (t, 4, 3) nodal forces at the corners of the
+    tetrahedra, equivalent to the loads, scaled. status: status by the solver at the last attempt of `bound`, "" before.
     """
 
     def __init__(self, problem: SpatialProblem) -> None:

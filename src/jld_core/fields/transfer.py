@@ -22,8 +22,7 @@ REPAIRED = (1e-7, 1e-9, 0.0)
 The first that costs little is taken: where cells hardly open, their motion dissipates much.
 """
 
-_COST = 1e-3
-"""Relative rise of the bound of the field's own labelling up to which a repair is accepted."""
+_COST = 1e-3  # relative rise of the bound of the field's own labelling up to which a repair is accepted
 
 
 @dataclass(frozen=True)
@@ -32,12 +31,8 @@ class FieldMechanism:
 
     The bound is `constant` plus, for each face, its entry of `dry` or `inner` by its label: docs/method.md (9.13).
 
-    Attributes
-    ----------
-    constant : float
-        Dissipation in the blocks less dead work, at live work one; scene units of λ.
-    dry, inner : (m,) float array
-        Dissipation on each face under that label, scene units of λ; inf where its flow rule is violated.
+    constant: dissipation in the blocks less dead work, at live work one; scene units of λ. dry, inner: (m,) dissipation
+    on each face under that label, scene units of λ; inf where its flow rule is violated.
     """
 
     constant: float
@@ -47,15 +42,8 @@ class FieldMechanism:
     def bounds(self, labellings: Bits) -> Floats:
         """Return the upper bound on λ of each labelling.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (k,) float array
-            Bounds, scene units; inf where the labelling has a face whose flow rule the velocities violate.
+        labellings: (k, m) True = dry. Returns (k,): bounds, scene units; inf where the labelling has a face whose flow
+        rule the velocities violate.
         """
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
         found = self.constant + inner.sum() + labellings @ (dry - inner)
@@ -69,17 +57,8 @@ class FieldMechanism:
 
         Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15).
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Bound, scene units; inf where a flow rule is violated.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        Result: bound, scene units; inf where a flow rule is violated.
         """
         parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
         size = abs(self.constant) + float(np.abs(parts).sum())
@@ -101,12 +80,8 @@ class FieldStresses:
 
     It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
 
-    Attributes
-    ----------
-    load_factor : float
-        λ that the field carries, scene units.
-    may_be_dry : (m,) bool array
-        Faces on which tractions are within friction, cohesion and crushing of the dry joint.
+    load_factor: λ that the field carries, scene units. may_be_dry: (m,) faces on which tractions are within friction,
+    cohesion and crushing of the dry joint.
     """
 
     load_factor: float
@@ -115,15 +90,8 @@ class FieldStresses:
     def bounds(self, labellings: Bits) -> Floats:
         """Return the lower bound on λ of each labelling.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (k,) float array
-            `load_factor`, or −inf for a labelling with a dry face that is not in `may_be_dry`.
+        labellings: (k, m) True = dry. Returns (k,): `load_factor`, or −inf for a labelling with a dry face that is not
+        in `may_be_dry`.
         """
         return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
 
@@ -133,20 +101,9 @@ def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> Field
 
     Faces that stand still up to rounding are opened a little, so that they may have either label.
 
-    Parameters
-    ----------
-    upper : UpperBound
-        Upper bounds of the problem that the field belongs to.
-    field : VelocityField
-        Field that `upper` certified.
-    labels : (m,) bool array
-        The labelling that it belongs to, True = dry.
-
-    Returns
-    -------
-    FieldMechanism or None
-        None where the live load does no work, the blocks would dissipate without limit, or opening raises the bound of
-        the labelling too much.
+    upper: upper bounds of the problem that the field belongs to. field: field that `upper` certified. labels: (m,) the
+    labelling that it belongs to, True = dry. Result: None where the live load does no work, the blocks would dissipate
+    without limit, or opening raises the bound of the labelling too much.
     """
     own = field.factor * upper.problem.units.load
     for share in REPAIRED:
@@ -190,19 +147,10 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
 def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
     """Compute the labellings for which a certified stress field proves its lower bound.
 
-    Parameters
-    ----------
-    lower : LowerBound
-        Lower bounds of the problem that the field belongs to.
-    field : StressField
-        Field in equilibrium and within yield of the blocks.
-    labels : (m,) bool array
-        The labelling that it belongs to: where joints have no friction, shear vanishes on its dry faces alone.
-
-    Returns
-    -------
-    FieldStresses
-        A face may be dry if its tractions are within the yield of the dry joint by at least `field.charge`.
+    lower: lower bounds of the problem that the field belongs to. field: field in equilibrium and within yield of the
+    blocks. labels: (m,) the labelling that it belongs to: where joints have no friction, shear vanishes on its dry
+    faces alone. Result: a face may be dry if its tractions are within the yield of the dry joint by at least
+    `field.charge`.
     """
     p = lower.problem
     rows = p.on_faces

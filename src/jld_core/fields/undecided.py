@@ -19,29 +19,23 @@ from jld_core.fields.settled import Settling
 from jld_core.fields.transfer import REPAIRED, FieldMechanism, weighed
 from jld_core.fields.upper import UpperBound
 
+# Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried
 _FAR: Final = (1e2, 1e4, 1e6)
-"""Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried."""
 
+# Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
+# tried
 _COST: Final = 1e-3
-"""Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
-tried."""
 
-_LEAST: Final = -1.0
-"""Scaled bound that is stated for collapse under the dead load alone: any larger bound holds too."""
+_LEAST: Final = -1.0  # scaled bound that is stated for collapse under the dead load alone: any larger bound holds too
 
 
 @dataclass(frozen=True)
 class WeighedField:
     """Velocity field with the bound that it proves for a partial labelling.
 
-    Attributes
-    ----------
-    velocity : (t, 3, 2) float array
-        Velocities at the corners of the triangles, scaled.
-    mechanism : FieldMechanism
-        Dissipation of the field in the blocks and on faces, scene units of λ.
-    bound : float
-        λ that no labelling exceeds that agrees on the decided faces, scene units.
+    velocity: (t, 3, 2) velocities at the corners of the triangles, scaled. mechanism: dissipation of the field in the
+    blocks and on faces, scene units of λ. bound: λ that no labelling exceeds that agrees on the decided faces, scene
+    units.
     """
 
     velocity: Floats
@@ -52,17 +46,8 @@ class WeighedField:
 class PartialUpperBound:
     """Upper bounds on λ of partial labellings on one mesh.
 
-    Parameters
-    ----------
-    problem : Problem
-        The scaled problem on the mesh.
-    many : bool
-        True where hundreds of partial labellings are bounded; see `ConeProgram`.
-
-    Attributes
-    ----------
-    solves : int
-        Number of programs solved.
+    problem: the scaled problem on the mesh. many: True where hundreds of partial labellings are bounded; see
+    `ConeProgram`. solves: number of programs solved.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
@@ -77,17 +62,8 @@ class PartialUpperBound:
     def field(self, labels: Bits, undecided: Bools) -> WeighedField | None:
         """Find the velocity field with the least bound for a partial labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        WeighedField or None
-            None where no field with a finite bound was found.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        Result: None where no field with a finite bound was found.
         """
         p = self._upper.problem
         self.solves += 1
@@ -121,19 +97,9 @@ class PartialUpperBound:
 
         Faces are taken as labelled, undecided ones as inner.
 
-        Parameters
-        ----------
-        mesh : Mesh
-            Mesh of the problem, scene units.
-        velocity : (t, 3, 2) float array
-            Velocities with a finite bound for the partial labelling, scaled.
-        labels, undecided : (m,) bool arrays
-            Labels, True = dry, and faces that may have either.
-
-        Returns
-        -------
-        Mesh
-            The next mesh, scene units.
+        mesh: mesh of the problem, scene units. velocity: (t, 3, 2) velocities with a finite bound for the partial
+        labelling, scaled. labels, undecided: (m,) labels, True = dry, and faces that may have either. Result: the next
+        mesh, scene units.
         """
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))

@@ -20,38 +20,28 @@ from jld_core.fields.problem import Problem
 from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
+# Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
+# rise
 _CHEAP = 1e-7
-"""Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
-rise."""
 
+# Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much. The
+# least at which the first margin ends the tries. What opening costs depends on rounding, and so on where a scene
+# stands; with 1e-4 two of 186 random scenes had upper bounds that differed by 2e-5 and 6e-5 when moved.
 _COSTLY = 1e-6
-"""Relative rise of λ above the solver's from which a program with margins is tried: opening then costs too much.
 
-The least at which the first margin ends the tries. What opening costs depends on rounding, and so on where a scene
-stands; with 1e-4 two of 186 random scenes had upper bounds that differed by 2e-5 and 6e-5 when moved.
-"""
-
+# Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ
 _MARGINS = (1e-8, 1e-6)
-"""Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ."""
 
-_RAY = -1.0
-"""Scaled bound that is stated where the program is unbounded: any larger bound holds too."""
+_RAY = -1.0  # scaled bound that is stated where the program is unbounded: any larger bound holds too
 
 
 @dataclass(frozen=True)
 class VelocityField:
     """Certified velocity field of one labelling, scaled (see `Units`).
 
-    Attributes
-    ----------
-    factor : float
-        Upper bound on λ that the field proves.
-    velocity : (t, 3, 2) float array
-        Velocities at the three corners of each triangle, on which the live load does unit work.
-    dissipation : (t,) float array
-        Power in each triangle with half of its edges.
-    opened : float
-        Multiple of the opening motion that was added to repair flow rules, before scaling to unit work.
+    factor: upper bound on λ that the field proves. velocity: (t, 3, 2) velocities at the three corners of each
+    triangle, on which the live load does unit work. dissipation: (t,) power in each triangle with half of its edges.
+    opened: multiple of the opening motion that was added to repair flow rules, before scaling to unit work.
     """
 
     factor: float
@@ -79,21 +69,9 @@ class UpperBound:
 
     `bound` returns a certified field. The cone program is set up once; labels switch rows and costs.
 
-    Parameters
-    ----------
-    problem : Problem
-        The scaled problem on one mesh.
-    many : bool
-        True where hundreds of labellings are bounded; see `ConeProgram`.
-
-    Attributes
-    ----------
-    problem : Problem
-        As the parameter.
-    live, dead : (t, 3, 2) float array
-        Nodal forces at the corners of the triangles, equivalent to the loads, scaled.
-    status : str
-        Status by the solver of the last labelling that was bounded, "" before.
+    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded; see `ConeProgram`.
+    live, dead: (t, 3, 2) nodal forces at the corners of the triangles, equivalent to the loads, scaled. status: status
+    by the solver of the last labelling that was bounded, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:

@@ -49,16 +49,9 @@ class VelocityProgram:
     switch rows and costs. Columns are the velocities (6t,), the multipliers y1 and y3 of (9.3) for triangles and edge
     ends, and slips and crushings of interface ends. y2 = e − sin φ y1 + y3 is eliminated.
 
-    Parameters
-    ----------
-    problem : Problem
-        The scaled problem.
-    live, dead : (t, 3, 2) float array
-        Nodal forces of the loads at the corners of triangles, scaled.
-    margin : float
-        Room that all flow rules keep, scaled velocity.
-    many : bool
-        True where hundreds of labellings are solved; see `ConeProgram`.
+    problem: the scaled problem. live, dead: (t, 3, 2) nodal forces of the loads at the corners of triangles, scaled.
+    margin: room that all flow rules keep, scaled velocity. many: True where hundreds of labellings are solved; see
+    `ConeProgram`.
     """
 
     def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0, many: bool = False) -> None:

@@ -19,19 +19,8 @@ def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools)
     Counted are pairs with a face of equal corners, or pairs of boxes along the axes that touch; the larger count is
     returned. Pairs of two supports are left out.
 
-    Parameters
-    ----------
-    vertices : list of (k, 3) arrays
-        Vertices of each of n elements, scene units.
-    faces : list of Faces
-        Loops of vertex indices of each element.
-    support : (n,) bool array
-        True for supports.
-
-    Returns
-    -------
-    int
-        Lower bound on the number of interfaces of the scene.
+    vertices: vertices of each of n elements, scene units. faces: loops of vertex indices of each element. support: (n,)
+    True for supports. Result: lower bound on the number of interfaces of the scene.
     """
     surface = lay_out(vertices, faces)
     begin = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]

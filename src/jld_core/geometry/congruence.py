@@ -13,17 +13,15 @@ from jld_core.arrays import Floats
 from jld_core.geometry.outlines import Outline
 from jld_core.geometry.vectors import frame
 
+# Allowed difference of the moments of congruent shapes, divided by reach times radius. Corners that are each off by
+# twice the reach give a difference of 4, and higher moments more.
 _MOMENTS: Final = 20.0
-"""Allowed difference of the moments of congruent shapes, divided by reach times radius.
 
-Corners that are each off by twice the reach give a difference of 4, and higher moments more.
-"""
-
+# Distance of corners, relative to the reach, up to which outlines are copies but for rounding: one of them is kept
 _SAME: Final = 1e-3
-"""Distance of corners, relative to the reach, up to which outlines are copies but for rounding: one of them is kept."""
 
+# Distance of corners, in reaches, at which they are paired before the best move is computed from all pairs
 _PAIRED: Final = 8.0
-"""Distance of corners, in reaches, at which they are paired before the best move is computed from all pairs."""
 
 
 class Kinds:
@@ -32,15 +30,9 @@ class Kinds:
     Outlines whose corners coincide within the tolerance are of one shape, and so are all that a chain of such outlines
     connects: the relation is an equivalence, whatever the order in which outlines come.
 
-    Parameters
-    ----------
-    reach : float
-        Half the largest distance at which two corners coincide, scene units.
-    rotate : bool
-        Treat rotated copies as the same shape.
-    flip : bool
-        Treat mirrored copies as the same shape; without `rotate` only mirrors along the axes and their products, such
-        as half a turn.
+    reach: half the largest distance at which two corners coincide, scene units. rotate: treat rotated copies as the
+    same shape. flip: treat mirrored copies as the same shape; without `rotate` only mirrors along the axes and their
+    products, such as half a turn.
     """
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
@@ -52,15 +44,8 @@ class Kinds:
     def number(self, outline: Outline) -> int:
         """Return the number of an outline, of which `roots` gives that of its shape.
 
-        Parameters
-        ----------
-        outline : Outline
-            Outline; it is stored if no copy of it is.
-
-        Returns
-        -------
-        int
-            Number, the same for copies that differ by rounding alone. `exact` is False once others were connected.
+        outline: outline; it is stored if no copy of it is. Result: number, the same for copies that differ by rounding
+        alone. `exact` is False once others were connected.
         """
         square = (outline.points**2).sum(axis=1)
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
@@ -121,19 +106,8 @@ class Kinds:
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
     """Assign numbers to outlines by shape, from 1; rotated copies have the same shape.
 
-    Parameters
-    ----------
-    outlines : sequence of Outline
-        Outlines to number.
-    reach : float
-        Half the largest distance at which two corners coincide, scene units; see `reach_of`.
-    flip : bool
-        Treat mirrored copies as the same shape, as in `Kinds`.
-
-    Returns
-    -------
-    list of int
-        Shape number of each outline.
+    outlines: outlines to number. reach: half the largest distance at which two corners coincide, scene units; see
+    `reach_of`. flip: treat mirrored copies as the same shape, as in `Kinds`. Result: shape number of each outline.
     """
     kinds = Kinds(reach, rotate=True, flip=flip)
     roots = kinds.roots([kinds.number(outline) for outline in outlines])

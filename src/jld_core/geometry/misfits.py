@@ -63,19 +63,7 @@ def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
     """Describe near misses in one sentence, with their number and the first places.
 
-    Parameters
-    ----------
-    misses : sequence of NearMiss
-        Near misses.
-    ids : sequence of str
-        Names of the elements.
-    unit : str
-        Unit of length.
-
-    Returns
-    -------
-    tuple of str
-        One sentence; empty where `misses` is empty.
+    misses: near misses. ids: names of the elements. unit: unit of length.
     """
     if not misses:
         return ()

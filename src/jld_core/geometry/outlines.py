@@ -20,42 +20,31 @@ from jld_core.geometry.vectors import across, area_vector
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
+# Distance within which corners of congruent blocks coincide, relative to the size of the structure
 _REACH: Final = 1e-6
-"""Distance within which corners of congruent blocks coincide, relative to the size of the structure."""
 
 
+# Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex
 _FLAT: Final = 1e-5
-"""Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex."""
 
 
-_ANGLE: Final = 1e-6
-"""Angle, radians, up to which two edges or faces are parallel: they are sawn with one set-up."""
+_ANGLE: Final = 1e-6  # angle, radians, up to which two edges or faces are parallel: they are sawn with one set-up
 
-_Corner = tuple[int, int]
-"""Corner of a polygon, as integer coordinates in grid steps."""
+_Corner = tuple[int, int]  # corner of a polygon, as integer coordinates in grid steps
 
+# Edges of a polygon: the edge (start, end), the reversed edge (end, start), and its start point
 _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[float, float]]]
-"""Edges of a polygon: the edge (start, end), the reversed edge (end, start), and its start point."""
 
 
 @dataclass(frozen=True)
 class Outline:
     """Boundary of one block, described by its corners and the middles of its edges or faces.
 
-    Attributes
-    ----------
-    points : (k + e, d) array
-        Corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units.
-    count : int
-        Number k of corners.
-    size : float
-        Area (planar) or volume (spatial), scene units.
-    aspect : float
-        Longest over shortest side of the smallest box around the block.
-    reentrant : int
-        Planar: number of re-entrant corners. Spatial: 1 where the block is not convex, else 0.
-    lines : int
-        Number of different lines along edges (planar) or normal to faces (spatial): parallel ones are one.
+    points: (k + e, d) corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units.
+    count: number k of corners. size: area (planar) or volume (spatial), scene units. aspect: longest over shortest side
+    of the smallest box around the block. reentrant: planar: number of re-entrant corners. Spatial: 1 where the block is
+    not convex, else 0. lines: number of different lines along edges (planar) or normal to faces (spatial): parallel
+    ones are one.
     """
 
     points: Floats

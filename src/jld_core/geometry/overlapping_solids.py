@@ -15,26 +15,12 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
 
     Pairs with a polyhedron that is not convex are not checked.
 
-    Parameters
-    ----------
-    ids : list of str
-        Names of the n elements.
-    vertices : list of (k, 3) arrays
-        Vertices of each element, scene units.
-    facets : Facets
-        Facets of all elements.
-    pairs : tuple of two (p,) int arrays
-        Elements whose bounding boxes touch.
+    ids: names of the n elements. vertices: vertices of each element, scene units. facets: facets of all elements.
+    pairs: elements whose bounding boxes touch. Raises InputError: elements overlap; the message names the pairs, depth
+    and place.
 
-    Raises
-    ------
-    InputError
-        Elements overlap; the message names the pairs, depth and place.
-
-    Notes
-    -----
-    Two elements are apart where all of one lies in front of a facet of the other. For the few remaining pairs, a
-    linear program finds the largest ball within both.
+    Two elements are apart where all of one lies in front of a facet of the other. For the few remaining pairs, a linear
+    program finds the largest ball within both.
     """
     lower = np.array([v.min(axis=0) for v in vertices])
     upper = np.array([v.max(axis=0) for v in vertices])

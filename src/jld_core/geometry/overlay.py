@@ -14,29 +14,19 @@ import shapely
 
 from jld_core.arrays import Floats
 
-_GRID: Final = 1e-12
-"""Grid width relative to the smaller region: far below the required accuracy of contacts, 1e-9."""
+_GRID: Final = 1e-12  # grid width relative to the smaller region: far below the required accuracy of contacts, 1e-9
 
+# Largest coordinate, in sizes of the smaller region, up to which the grid keeps its width. Doubles resolve 1e-12 of it;
+# beyond, the grid is widened.
 _MOST: Final = 500.0
-"""Largest coordinate, in sizes of the smaller region, up to which the grid keeps its width.
-
-Doubles resolve 1e-12 of it; beyond, the grid is widened.
-"""
 
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
     """Intersect each region of one sequence with the region at the same place of another.
 
-    Parameters
-    ----------
-    first, second : (n,) sequences of shapely geometries
-        Regions in any unit and at any place. Each pair has a grid of its own, about the middle of the intersection of
-        both bounding boxes.
-
-    Returns
-    -------
-    (n,) array of shapely geometries
-        Regions, lines and points that a pair has in common; empty geometries where it has none.
+    first, second: (n,) regions in any unit and at any place. Each pair has a grid of its own, about the middle of the
+    intersection of both bounding boxes. Result: (n,) regions, lines and points that a pair has in common; empty
+    geometries where it has none.
     """
     one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
     boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)

@@ -28,14 +28,7 @@ from jld_core.geometry.polyhedra import spread
 class PlanarContact:
     """Straight contact of two polygons.
 
-    Attributes
-    ----------
-    a, b : int
-        Indices of the elements.
-    ends : (2, 2) array
-        End points, scene units.
-    normal : (2,) array
-        Unit normal from a to b.
+    a, b: indices of the elements. ends: (2, 2) end points, scene units. normal: (2,) unit normal from a to b.
     """
 
     a: int
@@ -47,15 +40,8 @@ class PlanarContact:
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
     """Remove corners of outlines that repeat the previous one.
 
-    Parameters
-    ----------
-    polygons : list of (k, 2) arrays
-        Closed outlines, where the first corner may be repeated at the end.
-
-    Returns
-    -------
-    list of (k, 2) arrays
-        Outlines without repeated corners.
+    polygons: closed outlines, where the first corner may be repeated at the end. Result: outlines without repeated
+    corners.
     """
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
@@ -69,17 +55,8 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
 def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
     """Refuse polygons that are not simple, have no area, or overlap.
 
-    Parameters
-    ----------
-    ids : list of str
-        Names of the n elements.
-    polygons : list of (k, 2) arrays
-        Corners in any length unit and either sense of rotation.
-
-    Raises
-    ------
-    InputError
-        The message names the element, or the pairs that overlap.
+    ids: names of the n elements. polygons: corners in any length unit and either sense of rotation. Raises InputError:
+    the message names the element, or the pairs that overlap.
     """
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
@@ -267,15 +244,7 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     Edges nearly touch that are apart by less than `tolerances.NEAR` of their length. So do edges that touch at one end
     and open by less than `tolerances.WEDGE` of it at the other. Gaps filled by another element are left out.
 
-    Parameters
-    ----------
-    polygons : list of (k, 2) arrays
-        Corners of the elements, counter-clockwise, scene units.
-
-    Returns
-    -------
-    list of NearMiss
-        Near misses, ordered by (a, b).
+    polygons: corners of the elements, counter-clockwise, scene units.
     """
     shapes = _shapes(polygons)
     near = _near(shapes, tolerances.WEDGE * _spans(polygons))
@@ -327,17 +296,8 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
 def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interfaces:
     """Compute local frames and sizes of straight contacts.
 
-    Parameters
-    ----------
-    contacts : list of PlanarContact
-        The m contacts.
-    thickness : float
-        Out-of-plane depth, scene units.
-
-    Returns
-    -------
-    Interfaces
-        Interfaces of dimension 2: origin at mid-length, e1 = normal rotated by +90°.
+    contacts: the m contacts. thickness: out-of-plane depth, scene units. Result: interfaces of dimension 2: origin at
+    mid-length, e1 = normal rotated by +90°.
     """
     ends = np.array([c.ends for c in contacts]).reshape(-1, 2, 2)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 2)

@@ -87,15 +87,8 @@ def _radial(d: Floats, s: Floats) -> Floats:
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
     """Compute the torsion length c_T, the mean distance from the centroid, of rectangles.
 
-    Parameters
-    ----------
-    l1, l2 : (n,) array
-        Side lengths, scene units.
-
-    Returns
-    -------
-    (n,) array
-        c_T in closed form, scene units; 0.382598 for the unit square. Source: docs/method.md (1.5).
+    l1, l2: (n,) side lengths, scene units. Returns (n,): c_T in closed form, scene units; 0.382598 for the unit square.
+    Source: docs/method.md (1.5).
     """
     diagonal = np.hypot(l1, l2)
     ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)

@@ -27,20 +27,10 @@ Faces = tuple[tuple[int, ...], ...]
 class Facets:
     """Plane facets of all elements as a struct of arrays, in the order of the elements.
 
-    Attributes
-    ----------
-    element : (f,) int array
-        Index of the element that owns the facet.
-    normal : (f, 3) array
-        Outward unit normal.
-    origin : (f, 3) array
-        Point of the plane: the mean of the outer corners, scene units.
-    size : (f,) array
-        Largest extent of the bounding box, scene units.
-    lower, upper : (f, 3) array
-        Corners of the bounding box, scene units.
-    loops : tuple of tuples of (k, 3) arrays
-        Per facet its boundary, counter-clockwise about the normal, then the boundaries of its holes, clockwise.
+    element: (f,) index of the element that owns the facet. normal: (f, 3) outward unit normal. origin: (f, 3) point of
+    the plane: the mean of the outer corners, scene units. size: (f,) largest extent of the bounding box, scene units.
+    lower, upper: (f, 3) corners of the bounding box, scene units. loops: per facet its boundary, counter-clockwise
+    about the normal, then the boundaries of its holes, clockwise.
     """
 
     element: Ints

@@ -17,18 +17,9 @@ from jld_core.geometry.vectors import across, area_vector
 class Facet:
     """Face of a solid element, prepared for the union of elements.
 
-    Attributes
-    ----------
-    ring : (k, 3) array
-        Corners in order, scene units.
-    normal : (3,) array
-        Unit normal, outwards.
-    offset : float
-        Distance of the plane from the origin along the normal.
-    area : float
-        Area, scene units.
-    corners : frozenset of (int, int, int)
-        Corners in grid steps: equal for a face of a neighbour that covers this one exactly.
+    ring: (k, 3) corners in order, scene units. normal: (3,) unit normal, outwards. offset: distance of the plane from
+    the origin along the normal. area: area, scene units. corners: corners in grid steps: equal for a face of a
+    neighbour that covers this one exactly.
     """
 
     ring: Floats

@@ -19,27 +19,18 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry.merging import merge_points
 
-_ROUNDS: Final = 4
-"""Number of rounds that move nodes onto edges: ends of an edge may move after a node was put on it."""
+_ROUNDS: Final = 4  # number of rounds that move nodes onto edges: ends of an edge may move after a node was put on it
 
-_STRAIGHT: Final = 1e-9
-"""Kink, relative to the edge, below which a node inserted into an edge is removed again."""
+_STRAIGHT: Final = 1e-9  # kink, relative to the edge, below which a node inserted into an edge is removed again
 
 
 @dataclass(frozen=True)
 class Snapped:
     """Paths after snapping, in the given order.
 
-    Attributes
-    ----------
-    paths : list of (k, 2) arrays
-        Corners of each path; empty where the path vanished.
-    largest : float
-        Largest displacement of a corner, length.
-    moved : int
-        Number of corners that moved.
-    collapsed : tuple of int
-        Indices of closed paths with fewer than three corners and of open paths with fewer than two.
+    paths: corners of each path; empty where the path vanished. largest: largest displacement of a corner, length.
+    moved: number of corners that moved. collapsed: indices of closed paths with fewer than three corners and of open
+    paths with fewer than two.
     """
 
     paths: list[Floats]
@@ -51,24 +42,9 @@ class Snapped:
 def snap_polygons(outlines: Sequence[Floats], tolerance: float, *, keep_nodes: bool = False) -> Snapped:
     """Close gaps and overlaps between polygons up to a tolerance.
 
-    Parameters
-    ----------
-    outlines : sequence of (k, 2) arrays
-        Closed polygons, without repetition of the first corner.
-    tolerance : float
-        Length, at least 0.
-    keep_nodes : bool
-        Keep corners of neighbours as corners in straight edges, so that polygons share whole edges (a coverage).
-
-    Returns
-    -------
-    Snapped
-        Polygons after snapping.
-
-    Raises
-    ------
-    InputError
-        The tolerance is negative or not finite.
+    outlines: closed polygons, without repetition of the first corner. tolerance: length, at least 0. keep_nodes: keep
+    corners of neighbours as corners in straight edges, so that polygons share whole edges (a coverage). Result:
+    polygons after snapping. Raises InputError: the tolerance is negative or not finite.
     """
     return snap_paths(outlines, [True] * len(outlines), tolerance, keep_nodes=keep_nodes)
 
@@ -78,26 +54,9 @@ def snap_paths(
 ) -> Snapped:
     """Close gaps and overlaps between open and closed paths up to a tolerance.
 
-    Parameters
-    ----------
-    paths : sequence of (k, 2) arrays
-        Corners of each path; closed paths without repetition of the first corner.
-    closed : sequence of bool
-        True for each closed path.
-    tolerance : float
-        Length, at least 0.
-    keep_nodes : bool
-        Keep corners of neighbours as corners in straight edges, so that paths share whole edges.
-
-    Returns
-    -------
-    Snapped
-        Paths after snapping.
-
-    Raises
-    ------
-    InputError
-        The tolerance is negative or not finite.
+    paths: corners of each path; closed paths without repetition of the first corner. closed: True for each closed path.
+    tolerance: length, at least 0. keep_nodes: keep corners of neighbours as corners in straight edges, so that paths
+    share whole edges. Result: paths after snapping. Raises InputError: the tolerance is negative or not finite.
     """
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
@@ -288,15 +247,8 @@ def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed
 def straight(outline: Floats) -> Floats:
     """Remove the corners of a closed outline that lie in straight edges.
 
-    Parameters
-    ----------
-    outline : (k, 2) array
-        Corners in order.
-
-    Returns
-    -------
-    (n, 2) array
-        Remaining corners; the whole outline where fewer than three would remain.
+    outline: (k, 2) corners in order. Result: (n, 2) remaining corners; the whole outline where fewer than three would
+    remain.
     """
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])

@@ -17,17 +17,13 @@ from jld_core.geometry.spatial_contacts import near_pairs
 from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 
-_FLAT: Final = 0.995
-"""Cosine between normals below which two faces are not merged into one plane, whatever their size."""
+_FLAT: Final = 0.995  # cosine between normals below which two faces are not merged into one plane, whatever their size
 
-_RANK: Final = 0.05
-"""Relative singular value of the unit normals at a corner below which a direction stays free."""
+_RANK: Final = 0.05  # relative singular value of the unit normals at a corner below which a direction stays free
 
+# Largest displacement of a corner, in tolerances. Beyond, the corner stays in place: its planes meet at too flat an
+# angle to define their intersection.
 _FAR: Final = 4.0
-"""Largest displacement of a corner, in tolerances.
-
-Beyond, the corner stays in place: its planes meet at too flat an angle to define their intersection.
-"""
 
 
 @dataclass(frozen=True)

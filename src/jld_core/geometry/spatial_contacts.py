@@ -29,16 +29,8 @@ _AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of f
 class SpatialContact:
     """Plane contact of two polyhedra.
 
-    Attributes
-    ----------
-    a, b : int
-        Indices of the elements.
-    polygon : (k, 3) array
-        Corners in order, scene units.
-    normal : (3,) array
-        Unit normal from a to b.
-    holes : tuple of (k, 3) arrays
-        Corners of each hole, in the opposite sense of rotation.
+    a, b: indices of the elements. polygon: (k, 3) corners in order, scene units. normal: (3,) unit normal from a to b.
+    holes: corners of each hole, in the opposite sense of rotation.
     """
 
     a: int
@@ -157,17 +149,7 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's size.
     So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
 
-    Parameters
-    ----------
-    facets : Facets
-        Facets of all elements.
-    pairs : tuple of two (p,) int arrays
-        Candidate pairs of elements a < b, sorted.
-
-    Returns
-    -------
-    list of NearMiss
-        Near misses, ordered by (a, b).
+    facets: facets of all elements. pairs: candidate pairs of elements a < b, sorted.
     """
     one, two = _opposite_facets(facets, *pairs, tolerances.WEDGE)
     size = np.minimum(facets.size[one], facets.size[two])

@@ -16,19 +16,9 @@ def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
 
     The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1.
 
-    Parameters
-    ----------
-    contacts : list of SpatialContact
-        The m contacts.
+    contacts: the m contacts. Result: interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those
+    of other polygons are extents along e1 and e2. Sections are those of the area without its holes.
 
-    Returns
-    -------
-    Interfaces
-        Interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those of other polygons are extents
-        along e1 and e2. Sections are those of the area without its holes.
-
-    Notes
-    -----
     Source: docs/method.md (1.2), (2.2).
     """
     count = len(contacts)

@@ -20,26 +20,9 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
     The stated polygon gives the direction. The face of a that it lies on only gives the sign.
 
-    Parameters
-    ----------
-    polygons : list of (k, 3) arrays
-        Corners of the m contacts in order, k ≥ 3.
-    a : (m,) int array
-        Index of the first element of each contact.
-    facets : Facets
-        Facets of all elements.
-    where : callable
-        Maps the index of a contact to its key in the scene, for error messages.
-
-    Returns
-    -------
-    (m, 3) array
-        Unit normals.
-
-    Raises
-    ------
-    InputError
-        A contact has no area, or its corners do not lie in a plane.
+    polygons: corners of the m contacts in order, k ≥ 3. a: (m,) index of the first element of each contact. facets:
+    facets of all elements. where: maps the index of a contact to its key in the scene, for error messages. Returns (m,
+    3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
     """
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
     for chosen, stack in measures.by_corner_count(polygons):

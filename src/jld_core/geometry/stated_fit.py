@@ -18,11 +18,9 @@ from jld_core.geometry.overlay import area_of, intersections
 from jld_core.geometry.polygons import area
 from jld_core.geometry.vectors import across
 
-_ALONG: Final = 0.95
-"""Cosine of the angle between two normals from which a stated contact can lie on a face (18°)."""
+_ALONG: Final = 0.95  # cosine of the angle between two normals from which a stated contact can lie on a face (18°)
 
-_OFF: Final = 0.1
-"""Distance, relative to the contact's size, up to which a stated contact can lie on a face."""
+_OFF: Final = 0.1  # distance, relative to the contact's size, up to which a stated contact can lie on a face
 
 
 @dataclass(frozen=True)
@@ -43,19 +41,9 @@ class Fit:
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     """Measure the misfit of a stated straight contact and the edges of an element.
 
-    Parameters
-    ----------
-    ends : (2, 2) array
-        Ends of the contact, scene units.
-    outward : (2,) array
-        Unit normal of the contact, out of the element.
-    outline : (k, 2) array
-        Corners of the element, counter-clockwise.
-
-    Returns
-    -------
-    Fit
-        `beyond` is the length of the contact along which the element has no edge.
+    ends: (2, 2) ends of the contact, scene units. outward: (2,) unit normal of the contact, out of the element.
+    outline: (k, 2) corners of the element, counter-clockwise. Result: `beyond` is the length of the contact along which
+    the element has no edge.
     """
     # plain numbers: outlines have few corners, for which arrays take ten times as long
     (x, y), (x1, y1) = ends.tolist()
@@ -85,21 +73,9 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
     """Measure the misfit of a stated plane contact and the facets of an element.
 
-    Parameters
-    ----------
-    polygon : (k, 3) array
-        Corners of the contact in order, scene units.
-    outward : (3,) array
-        Unit normal of the contact, out of the element.
-    loops : sequence of tuples of (c, 3) arrays
-        Boundaries of each facet of the element and of its holes.
-    normals : (f, 3) array
-        Outward unit normals of the facets.
-
-    Returns
-    -------
-    Fit
-        `beyond` is the largest distance of a point of the contact from the facets that it lies on.
+    polygon: (k, 3) corners of the contact in order, scene units. outward: (3,) unit normal of the contact, out of the
+    element. loops: boundaries of each facet of the element and of its holes. normals: (f, 3) outward unit normals of
+    the facets. Result: `beyond` is the largest distance of a point of the contact from the facets that it lies on.
     """
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
@@ -128,29 +104,9 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
     """Return a warning about a stated contact that fits an element poorly, or "".
 
-    Parameters
-    ----------
-    where : str
-        Key of the contact in the scene.
-    name : str
-        Id of the element.
-    fit : Fit
-        Misfit of contact and element.
-    tolerance : float or None
-        Tolerance given by the scene, a length.
-    unit : str
-        Unit of length.
-
-    Returns
-    -------
-    str
-        Warning; empty where the contact fits.
-
-    Raises
-    ------
-    InputError
-        The contact exceeds the faces of the element, or lies inside it, by more than the larger of `tolerances.NEAR`
-        times its size and the tolerance.
+    where: key of the contact in the scene. name: id of the element. fit: misfit of contact and element. tolerance:
+    tolerance given by the scene, a length. unit: unit of length. Raises InputError: the contact exceeds the faces of
+    the element, or lies inside it, by more than the larger of `tolerances.NEAR` times its size and the tolerance.
     """
     allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
     whole = fit.beyond >= fit.size
@@ -171,19 +127,8 @@ def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: st
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
     """Raise InputError for a stated plane contact whose outline crosses itself.
 
-    Parameters
-    ----------
-    where : str
-        Key of the contact in the scene.
-    polygon : (k, 3) array
-        Corners in order.
-    normal : (3,) array
-        Unit normal of its plane.
-
-    Raises
-    ------
-    InputError
-        The outline crosses itself.
+    where: key of the contact in the scene. polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane.
+    Raises InputError: the outline crosses itself.
     """
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
@@ -195,17 +140,8 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
 def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
     """Raise InputError for stated contacts of one pair of elements that overlap.
 
-    Parameters
-    ----------
-    pairs : sequence of (int, int)
-        Elements (a, b) of each contact.
-    places : sequence of arrays
-        Ends (2, 2) or corners (k, 3) of each contact.
-
-    Raises
-    ------
-    InputError
-        Two contacts of the same pair share more than an end or an edge.
+    pairs: elements (a, b) of each contact. places: ends (2, 2) or corners (k, 3) of each contact. Raises InputError:
+    two contacts of the same pair share more than an end or an edge.
     """
     known: dict[tuple[int, int], list[int]] = {}
     for second, (a, b) in enumerate(pairs):

@@ -20,30 +20,22 @@ from jld_core.linalg import components
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+# Distance within which corners of a planar block coincide, relative to the block's size. It exceeds the gap that
+# contacts may have.
 _NEAR: Final = 1e-6
-"""Distance within which corners of a planar block coincide, relative to the block's size.
 
-It exceeds the gap that contacts may have.
-"""
-
+# Distance within which corners of a spatial block coincide, relative to the block's size
 _NEAR_SOLID: Final = 2.0 * tolerances.FACE
-"""Distance within which corners of a spatial block coincide, relative to the block's size."""
 
 
-_HAIR: Final = 1e-7
-"""Relative shrinkage of holes before triangulation, so that they do not touch the shell."""
+_HAIR: Final = 1e-7  # relative shrinkage of holes before triangulation, so that they do not touch the shell
 
 
 @dataclass(frozen=True)
 class Region:
     """Plane area with holes.
 
-    Attributes
-    ----------
-    shell : (k, 2) array
-        Outer boundary, counter-clockwise, scene units.
-    holes : tuple of (k, 2) arrays
-        Boundaries of holes, clockwise.
+    shell: (k, 2) outer boundary, counter-clockwise, scene units. holes: boundaries of holes, clockwise.
     """
 
     shell: Floats
@@ -54,14 +46,8 @@ class Region:
 class Surface:
     """Closed surface of plane faces, with a triangulation.
 
-    Attributes
-    ----------
-    points : (k, 3) array
-        Vertices, scene units.
-    faces : Faces
-        Plane loops of vertex indices, outward.
-    triangles : tuple of t index triples
-        Triangles of the same surface, outward.
+    points: (k, 3) vertices, scene units. faces: plane loops of vertex indices, outward. triangles: triangles of the
+    same surface, outward.
     """
 
     points: Floats
@@ -72,15 +58,8 @@ class Surface:
 def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
     """Unite polygons to regions, ordered from left to right.
 
-    Parameters
-    ----------
-    outlines : sequence of (k, 2) arrays
-        Corners of the polygons, scene units.
-
-    Returns
-    -------
-    list of Region
-        Connected parts of the union, ordered by their bounding boxes.
+    outlines: corners of the polygons, scene units. Result: connected parts of the union, ordered by their bounding
+    boxes.
     """
     size = float(np.ptp(np.concatenate(list(outlines)), axis=0).max())
     snapped = snap_polygons(outlines, _NEAR * size, keep_nodes=True)
@@ -93,15 +72,7 @@ def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
 def region_of(part: shapely.Polygon) -> Region:
     """Convert a shapely polygon to a `Region` without corners in straight edges.
 
-    Parameters
-    ----------
-    part : shapely.Polygon
-        Polygon, in any orientation.
-
-    Returns
-    -------
-    Region
-        Shell counter-clockwise, holes clockwise.
+    part: polygon, in any orientation.
     """
     part = shapely.Polygon(part.exterior, part.interiors)
     shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
@@ -113,17 +84,8 @@ def region_of(part: shapely.Polygon) -> Region:
 def extrude(region: Region, depth: float) -> Surface:
     """Extrude a region of the x–z plane from y = 0 to y = depth.
 
-    Parameters
-    ----------
-    region : Region
-        Cross-section; its second coordinate becomes z.
-    depth : float
-        Length along y, scene units.
-
-    Returns
-    -------
-    Surface
-        Closed surface with outward faces.
+    region: cross-section; its second coordinate becomes z. depth: length along y, scene units. Result: closed surface
+    with outward faces.
     """
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
@@ -151,17 +113,8 @@ def extrude(region: Region, depth: float) -> Surface:
 def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     """Compute the outer surface of polyhedra that touch along parts of their faces.
 
-    Parameters
-    ----------
-    vertices : sequence of (k, 3) arrays
-        Vertices of each polyhedron, scene units.
-    faces : sequence of Faces
-        Outward loops of each polyhedron, as `solids` returns them.
-
-    Returns
-    -------
-    Surface
-        Surface that is closed edge by edge.
+    vertices: vertices of each polyhedron, scene units. faces: outward loops of each polyhedron, as `solids` returns
+    them.
     """
     every = np.concatenate(list(vertices))
     size = float(np.ptp(every, axis=0).max())

@@ -91,15 +91,7 @@ def area_vector(corners: Floats) -> Floats:
 def across(normal: Floats) -> Floats:
     """Return two axes of a plane that form a right-handed frame with its normal.
 
-    Parameters
-    ----------
-    normal : (3,) array
-        Unit normal of the plane.
-
-    Returns
-    -------
-    (2, 3) array
-        Unit axes e1, e2 with e1 × e2 = normal.
+    normal: (3,) unit normal of the plane. Returns (2, 3): unit axes e1, e2 with e1 × e2 = normal.
     """
     # written out: the general cross product of numpy takes ten times as long for single vectors
     x, y, z = normal.tolist()
@@ -113,15 +105,7 @@ def across(normal: Floats) -> Floats:
 def frame(vectors: Floats) -> Floats:
     """Return a right-handed orthonormal frame that starts with d − 1 given vectors.
 
-    Parameters
-    ----------
-    vectors : (d − 1, d) array
-        Independent vectors; Gram–Schmidt makes the second orthogonal to the first.
-
-    Returns
-    -------
-    (d, d) array
-        Axes, as rows.
+    vectors: (d − 1, d) independent vectors; Gram–Schmidt makes the second orthogonal to the first. Returns (d, d).
     """
     first = vectors[0] / np.linalg.norm(vectors[0])
     if len(first) == 2:

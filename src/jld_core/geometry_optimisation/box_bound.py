@@ -22,37 +22,29 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("a bound over a box of positions", frozenset({"friction"}))
 
+# Six times the coefficients of a cubic in Bernstein form by its values at 0, 1/3, 2/3 and 1
 _TO_BERNSTEIN: Final = np.array(
     [[6.0, 0.0, 0.0, 0.0], [-5.0, 18.0, -9.0, 2.0], [2.0, -9.0, 18.0, -5.0], [0.0, 0.0, 0.0, 6.0]]
 )
-"""Six times the coefficients of a cubic in Bernstein form by its values at 0, 1/3, 2/3 and 1."""
 
+# Rounding error of a sum of at most some forty products, relative to the sum of their magnitudes
 _ROUNDED: Final = 64.0 * float(np.finfo(float).eps)
-"""Rounding error of a sum of at most some forty products, relative to the sum of their magnitudes."""
 
-_GROWTH: Final = 6.0
-"""Largest growth of a rounding error by the conversion to Bernstein form, for each parameter."""
+_GROWTH: Final = 6.0  # largest growth of a rounding error by the conversion to Bernstein form, for each parameter
 
-_REPAIRS: Final = 4
-"""Number of times that an opening motion is added to a mechanism before its box has no bound."""
+_REPAIRS: Final = 4  # number of times that an opening motion is added to a mechanism before its box has no bound
 
+# Tolerances of the linear programs; their answers are repaired and weighed
 _HIGHS: Final = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
-"""Tolerances of the linear programs; their answers are repaired and weighed."""
 
 
 @dataclass(frozen=True)
 class BoxBound:
     """Upper bound on λ over one box of positions.
 
-    Attributes
-    ----------
-    value : float
-        λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf
-        where no position stands.
-    velocity : (3·free,) array or None
-        Mechanism that proves it, scaled as `BoxProblem`.
-    case : int
-        Position of the load case whose mechanism it is.
+    value: λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf
+    where no position stands. velocity: (3·free,) mechanism that proves it, scaled as `BoxProblem`. case: position of
+    the load case whose mechanism it is.
     """
 
     value: float
@@ -66,22 +58,9 @@ class BoxProblem:
     Positions are X = X0 + Σ y_j D_j, with the p parameters y and the positions X0 of `mesh`. All faces are dry, without
     cohesion and compressive strength.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly at y = 0, with one load case.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : VertexMesh
-        Its vertices.
-    directions : (p, v, 2) array
-        D, the movements of all vertices by each parameter.
-
-    Raises
-    ------
-    InputError
-        A face is inner or has cohesion or compressive strength, or a load on an element that changes is neither
-        fixed nor proportional to its volume.
+    assembly: planar assembly at y = 0, with one load case. labels: (m,) True = dry. mesh: its vertices. directions: (p,
+    v, 2) D, the movements of all vertices by each parameter. Raises InputError: a face is inner or has cohesion or
+    compressive strength, or a load on an element that changes is neither fixed nor proportional to its volume.
     """
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, directions: Floats) -> None:

@@ -26,29 +26,19 @@ from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
 
-_MOST: Final = 4
-"""Largest number of parameters of a box."""
+_MOST: Final = 4  # largest number of parameters of a box
 
-_NARROW: Final = 1e-6
-"""Width of a box, relative to the whole, below which it is not split again."""
+_NARROW: Final = 1e-6  # width of a box, relative to the whole, below which it is not split again
 
 
 @dataclass
 class BoxNode:
     """Node of the tree of a branch and bound over positions.
 
-    Attributes
-    ----------
-    bound : float
-        Bound on λ of all positions in its box; inf where none was proven, −inf where no position stands.
-    motion : (n, 3) array or None
-        Velocities (ux, uy, ω) of all elements about their centroids, in a mechanism that proves it.
-    case : int
-        Position of the load case of the mechanism.
-    axis, at : int, float
-        Parameter along which the box is split, and where; axis −1 for a leaf.
-    halves : list of BoxNode
-        Lower and upper half; empty for a leaf.
+    bound: bound on λ of all positions in its box; inf where none was proven, −inf where no position stands. motion: (n,
+    3) velocities (ux, uy, ω) of all elements about their centroids, in a mechanism that proves it. case: position of
+    the load case of the mechanism. axis, at: parameter along which the box is split, and where; axis −1 for a leaf.
+    halves: lower and upper half; empty for a leaf.
     """
 
     bound: float
@@ -63,42 +53,15 @@ class BoxNode:
 class ProvenBox:
     """Best geometry in a box of positions, with bounds on λ of all of them.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene at the best position found.
-    before : LimitAnalysisResult
-        Analysis of the scene as it is.
-    after : LimitAnalysisResult
-        Analysis at the best position.
-    load_factor : float
-        Proven lower bound on λ at the best position; with load cases the governing factor.
-    bound : float
-        Proven upper bound on λ of every position in the box; inf where none was proven.
-    proven : bool
-        True if `load_factor` and `bound` agree within the gap asked for.
-    gap : float
-        Relative distance of `load_factor` and `bound`.
-    boxes : int
-        Number of boxes bounded.
-    seconds : float
-        Time, s.
-    parameters : (p,) array
-        Best position in the box, lengths from the start.
-    low, high : (p,) arrays
-        Least and greatest parameters of the box, lengths.
-    places : (v, 2) array
-        Positions of all vertices at the best position.
-    moved : (v, 2) array
-        Displacements of all vertices from the start.
-    tree : BoxNode
-        Tree of boxes with the mechanisms that prove `bound`.
-    stated : Scene
-        Scene at the start, with stated interfaces.
-    directions : (p, v, 2) array
-        Movements of all vertices by each parameter.
-    centroids : (n, 2) array
-        Points about which the motions of the tree turn, length.
+    scene: scene at the best position found. before: analysis of the scene as it is. after: analysis at the best
+    position. load_factor: proven lower bound on λ at the best position; with load cases the governing factor. bound:
+    proven upper bound on λ of every position in the box; inf where none was proven. proven: True if `load_factor` and
+    `bound` agree within the gap asked for. gap: relative distance of `load_factor` and `bound`. boxes: number of boxes
+    bounded. seconds: time, s. parameters: (p,) best position in the box, lengths from the start. low, high: (p,) least
+    and greatest parameters of the box, lengths. places: (v, 2) positions of all vertices at the best position. moved:
+    (v, 2) displacements of all vertices from the start. tree: tree of boxes with the mechanisms that prove `bound`.
+    stated: scene at the start, with stated interfaces. directions: (p, v, 2) movements of all vertices by each
+    parameter. centroids: (n, 2) points about which the motions of the tree turn, length.
     """
 
     scene: Scene
@@ -226,36 +189,12 @@ def prove_box(
 ) -> ProvenBox:
     """Find the best geometry in a box of positions, and prove a bound on λ of all of them.
 
-    Parameters
-    ----------
-    scene : Scene
-        Planar scene; its key "move" states the vertices that move, at most four after ties.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    box : float or (p,) and (p,) arrays
-        Largest distance from the start, or least and largest distances of each parameter, length.
-    gap : float
-        Relative distance of both bounds at which the search ends.
-    seconds : float
-        Time limit, s.
-    progress : callable, optional
-        Called with the best λ, the bound and the number of boxes.
+    scene: planar scene; its key "move" states the vertices that move, at most four after ties. labels: (m,) True = dry.
+    box: largest distance from the start, or least and largest distances of each parameter, length. gap: relative
+    distance of both bounds at which the search ends. seconds: time limit, s. progress: called with the best λ, the
+    bound and the number of boxes. Raises InputError: the structure is not of dry joints alone, the box has more than
+    four parameters or turns a cell over, or no position that was tried stands.
 
-    Returns
-    -------
-    ProvenBox
-        Best position with bounds on both sides.
-
-    Raises
-    ------
-    InputError
-        The structure is not of dry joints alone, the box has more than four parameters or turns a cell over, or no
-        position that was tried stands.
-
-    Notes
-    -----
     docs/method.md (11.7).
     """
     began = time.perf_counter()

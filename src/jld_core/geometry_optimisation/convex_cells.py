@@ -13,11 +13,10 @@ from scipy.spatial import ConvexHull
 from jld_core.arrays import Floats
 from jld_core.geometry import Faces, solids
 
-_ON: Final = 1e-9
-"""Distance from a plane, relative to the size of a cell, below which a vertex lies on the plane."""
+_ON: Final = 1e-9  # distance from a plane, relative to the size of a cell, below which a vertex lies on the plane
 
+# Volume between a solid and its convex hull, relative to the hull, below which the solid is convex
 _CONVEX: Final = 1e-9
-"""Volume between a solid and its convex hull, relative to the hull, below which the solid is convex."""
 
 Plane = tuple[Floats, float]
 """Unit normal (3,) and offset of a plane; points x with normal·x > offset lie outside."""
@@ -27,12 +26,7 @@ Plane = tuple[Floats, float]
 class ConvexCell:
     """Convex polyhedron.
 
-    Attributes
-    ----------
-    vertices : (k, 3) array
-        Vertices, scene units.
-    faces : Faces
-        Loops of vertex indices, counter-clockwise seen from outside.
+    vertices: (k, 3) vertices, scene units. faces: loops of vertex indices, counter-clockwise seen from outside.
     """
 
     vertices: Floats

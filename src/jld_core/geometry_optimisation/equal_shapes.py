@@ -9,8 +9,8 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 
+# Difference of distances of corners, relative to the larger element, up to which two elements are equal
 _EQUAL: Final = 1e-6
-"""Difference of distances of corners, relative to the larger element, up to which two elements are equal."""
 
 
 def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
@@ -64,12 +64,7 @@ class EqualShapes:
 
     Of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared.
 
-    Parameters
-    ----------
-    pairs : list of (corners, corners)
-        Equal outlines, corner by corner.
-    places : (v, 2) array
-        Positions at the start.
+    pairs: equal outlines, corner by corner. places: (v, 2) positions at the start.
     """
 
     def __init__(self, pairs: list[tuple[Ints, Ints]], places: Floats) -> None:

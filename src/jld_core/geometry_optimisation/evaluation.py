@@ -29,33 +29,22 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("joints that move")
 
-_ROUNDS: Final = 12
-"""Largest number of Newton steps to the least friction or thickness of one geometry."""
+_ROUNDS: Final = 12  # largest number of Newton steps to the least friction or thickness of one geometry
 
-_NEWTON: Final = 1e-10
-"""Relative change of friction or thickness at which these steps end."""
+_NEWTON: Final = 1e-10  # relative change of friction or thickness at which these steps end
 
+# Relative increases of the least friction or thickness at which standing is proven, in the order tried
 _MARGINS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
-"""Relative increases of the least friction or thickness at which standing is proven, in the order tried."""
 
 
 @dataclass(frozen=True)
 class Evaluated:
     """One geometry with its value and the forces from which the next step starts.
 
-    Attributes
-    ----------
-    values : (k,) array
-        Variables z, see `Variables`.
-    objective : float
-        Number that is maximised: λ, or minus the least friction factor, thickness or missing strength.
-    result : LimitAnalysisResult or None
-        Analysis at this geometry. None where the objective has no proof: a missing strength, and forces that are
-        predicted by the program of a step.
-    states : list of CaseState
-        Forces of the load cases that can govern.
-    friction : float
-        Factor on friction at which `result` holds.
+    values: (k,) variables z, see `Variables`. objective: number that is maximised: λ, or minus the least friction
+    factor, thickness or missing strength. result: analysis at this geometry. None where the objective has no proof: a
+    missing strength, and forces that are predicted by the program of a step. states: forces of the load cases that can
+    govern. friction: factor on friction at which `result` holds.
     """
 
     values: Floats
@@ -73,29 +62,10 @@ class Evaluated:
 class Evaluator:
     """Proven values of one structure at any positions of its vertices, for a search over them.
 
-    Parameters
-    ----------
-    moved : MovedScene or SpatialMovedScene
-        The scene at given positions.
-    mesh : VertexMesh or SpatialMesh
-        Vertices at the start.
-    labels : (m,) bool array
-        Labels, True = dry.
-    variables : Variables
-        Positions by variables.
-    limits : Limits or SpatialLimits
-        Limits on shapes.
-    unit : float
-        Length by which variables are scaled in programs.
-    robust : bool
-        Take the low values of materials.
-
-    Attributes
-    ----------
-    dead_stands : bool or None
-        Whether the dead load alone stands at the start, and so has to stand everywhere; None before the start.
-    solves : int
-        Number of proven solves so far.
+    moved: the scene at given positions. mesh: vertices at the start. labels: (m,) True = dry. variables: positions by
+    variables. limits: limits on shapes. unit: length by which variables are scaled in programs. robust: take the low
+    values of materials. dead_stands: whether the dead load alone stands at the start, and so has to stand everywhere;
+    None before the start. solves: number of proven solves so far.
     """
 
     def __init__(

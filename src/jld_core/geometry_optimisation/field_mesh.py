@@ -21,28 +21,18 @@ from jld_core.fields.problem import units_of
 from jld_core.geometry_optimisation.variables import SAME
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 
-_ROUNDING: Final = 1e-12
-"""Weights below this count as zero; weights of a node add up to 1."""
+_ROUNDING: Final = 1e-12  # weights below this count as zero; weights of a node add up to 1
 
 
 @dataclass(frozen=True)
 class FieldMesh:
     """Mesh of one load case whose nodes are affine functions of the vertices of joints.
 
-    Attributes
-    ----------
-    setting : FieldSetting
-        The case at the present positions.
-    base : Mesh
-        Mesh that every finer one was refined from, at the present positions, scene units. Loads are given over it.
-    mesh : Mesh
-        Refined mesh at the present positions, scene units.
-    follow : (b, v) sparse array
-        Weights by which the b nodes of the base follow the v vertices.
-    inside : (p, b) sparse array
-        Weights of the p nodes of the refined mesh in triangles of the base.
-    loaded : (k,) int array
-        Nodes of the base that are ends of loads and no vertices; they follow the loads.
+    setting: the case at the present positions. base: mesh that every finer one was refined from, at the present
+    positions, scene units. Loads are given over it. mesh: refined mesh at the present positions, scene units. follow:
+    (b, v) weights by which the b nodes of the base follow the v vertices. inside: (p, b) weights of the p nodes of the
+    refined mesh in triangles of the base. loaded: (k,) nodes of the base that are ends of loads and no vertices; they
+    follow the loads.
     """
 
     setting: FieldSetting

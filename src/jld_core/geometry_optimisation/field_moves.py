@@ -21,14 +21,13 @@ from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
+# Parts of each edge of the coarsest meshes, in the order of the search: a coarse optimum begins the finer search
 _PARTS: Final = (1, 2)
-"""Parts of each edge of the coarsest meshes, in the order of the search: a coarse optimum begins the finer search."""
 
-_FIRST: Final = 0.5
-"""Share of a limited time after which the first mesh is left: the second lies nearer to λ."""
+_FIRST: Final = 0.5  # share of a limited time after which the first mesh is left: the second lies nearer to λ
 
+# Expected time of the first step on the second mesh, over that of one solve on the first: 8 solves, each 6 times
 _FINER: Final = 50.0
-"""Expected time of the first step on the second mesh, over that of one solve on the first: 8 solves, each 6 times."""
 
 
 @one_thread()
@@ -43,20 +42,8 @@ def move_by_fields(
     Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
     returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
 
-    Parameters
-    ----------
-    scene, assembly, labels, **options
-        As for `move_joints`; the scene is planar and its objective is λ.
-
-    Returns
-    -------
-    MovedJoints
-        Best geometry found. Bound it by `bounds_by_fields` to know what it carries.
-
-    Raises
-    ------
-    InputError
-        As `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
+    Result: best geometry found. Bound it by `bounds_by_fields` to know what it carries. Raises InputError as
+    `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
     """
     run = MoveRun(**options)
     if assembly.dimension != 2:

@@ -27,29 +27,19 @@ from jld_core.geometry_optimisation.search import GeometrySearch
 from jld_core.geometry_optimisation.step import Region
 from jld_core.geometry_optimisation.vertex_mesh import VertexMesh
 
+# Predicted gain, relative to the objective, below which a point is stationary: meshes are not more exact
 _GAIN: Final = 1e-3
-"""Predicted gain, relative to the objective, below which a point is stationary: meshes are not more exact."""
 
-_LEAST: Final = 1e-4
-"""Radius of the trust region, relative to the mean edge, below which a point is stationary."""
+_LEAST: Final = 1e-4  # radius of the trust region, relative to the mean edge, below which a point is stationary
 
 
 @dataclass(frozen=True)
 class FieldPoint:
     """Positions of joints with stresses in weak equilibrium for each load case.
 
-    Attributes
-    ----------
-    values : (k,) array
-        Variables z.
-    objective : float
-        Governing bound on λ / required from above on the meshes, not proven.
-    meshes : tuple of FieldMesh
-        Mesh of each load case.
-    forms : tuple of WeakEquilibrium
-        Equilibrium of each load case.
-    stresses : tuple of arrays
-        Stresses and λ of each load case, see `WeakEquilibrium`.
+    values: (k,) variables z. objective: governing bound on λ / required from above on the meshes, not proven. meshes:
+    mesh of each load case. forms: equilibrium of each load case. stresses: stresses and λ of each load case, see
+    `WeakEquilibrium`.
     """
 
     values: Floats
@@ -69,10 +59,7 @@ class FieldPoint:
 class FieldSearch:
     """Search over positions of joints for the largest λ of blocks that may crack anywhere.
 
-    Parameters
-    ----------
-    search : GeometrySearch
-        Variables, limits and trust region.
+    search: variables, limits and trust region.
     """
 
     def __init__(self, search: GeometrySearch) -> None:

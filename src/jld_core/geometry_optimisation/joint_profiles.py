@@ -10,22 +10,15 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import ParameterError
 
-_SEGMENTS: Final = 8
-"""Number of straight segments of half a sine wave."""
+_SEGMENTS: Final = 8  # number of straight segments of half a sine wave
 
 
 @dataclass(frozen=True)
 class Key:
     """Trapezoidal key in the middle of a face; lengths relative to the face.
 
-    Attributes
-    ----------
-    depth : float
-        Height of the key.
-    width : float
-        Width at its root.
-    flank : float
-        How much narrower its top is on each side, measured along the face.
+    depth: height of the key. width: width at its root. flank: how much narrower its top is on each side, measured along
+    the face.
     """
 
     depth: float
@@ -52,12 +45,7 @@ class Key:
 class Sine:
     """Sine wave along a face.
 
-    Attributes
-    ----------
-    amplitude : float
-        Amplitude relative to the length of the face.
-    waves : int
-        Number of whole waves.
+    amplitude: amplitude relative to the length of the face. waves: number of whole waves.
     """
 
     amplitude: float
@@ -88,10 +76,7 @@ class Sine:
 class Incline:
     """Joint turned about the middle of its face.
 
-    Attributes
-    ----------
-    slope : float
-        Tangent of the angle between both; above 0 the joint rises along the face into the second element.
+    slope: tangent of the angle between both; above 0 the joint rises along the face into the second element.
     """
 
     slope: float

@@ -18,17 +18,15 @@ from jld_core.geometry_optimisation.solid_joints import solids_with_shape
 from jld_core.geometry_optimisation.vertex_mesh import vertex_mesh
 from jld_core.scene import Scene, parse_scene
 
-_SAME: Final = 1e-9
-"""Area, relative to that of a tooth or an element, below which a difference is rounding."""
+_SAME: Final = 1e-9  # area, relative to that of a tooth or an element, below which a difference is rounding
 
+# Depth beyond the root of a tooth to which its outline is cut, relative to the face; it lies in the other element
 _BEYOND: Final = 1e-3
-"""Depth beyond the root of a tooth to which its outline is cut, relative to the face; it lies in the other element."""
 
+# Height above the top of a key to which shoulders are cut, relative to the face; far below the reach of contacts
 _THREAD: Final = 1e-9
-"""Height above the top of a key to which shoulders are cut, relative to the face; far below the reach of contacts."""
 
-_PLAIN: Final = {"elements", "polygon", "label"}
-"""Keys of stated interfaces that say nothing about strengths."""
+_PLAIN: Final = {"elements", "polygon", "label"}  # keys of stated interfaces that say nothing about strengths
 
 
 def shaped_scene(
@@ -39,32 +37,13 @@ def shaped_scene(
     Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
     off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene; in space the elements that receive teeth are convex.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    shape : Key, Sine or Incline
-        Shape of each joint; the key of a face belongs to its first element.
-    direction : (3,) array, optional
-        In space, direction along which shapes run unchanged, projected on each joint; joints across it stay straight.
-        Planar scenes take None.
-
-    Returns
-    -------
-    Scene
-        Scene with stated interfaces; faces between the cells of a block are inner, all others dry.
-
-    Raises
-    ------
-    InputError
-        The scene has strengths or pressures of single faces or slits, a tooth does not fit into its element, or an
-        element that receives one in space is not convex.
-    ParameterError
-        The shape is none, or the direction is missing, given in the plane or across all joints.
+    scene: scene; in space the elements that receive teeth are convex. labels: (m,) True = dry. shape: shape of each
+    joint; the key of a face belongs to its first element. direction: (3,) in space, direction along which shapes run
+    unchanged, projected on each joint; joints across it stay straight. Planar scenes take None. Result: scene with
+    stated interfaces; faces between the cells of a block are inner, all others dry. Raises InputError: the scene has
+    strengths or pressures of single faces or slits, a tooth does not fit into its element, or an element that receives
+    one in space is not convex. Raises ParameterError: the shape is none, or the direction is missing, given in the
+    plane or across all joints.
     """
     shape.check()
     assembly.members.refuse("a shape of joints")

@@ -18,17 +18,15 @@ from jld_core.limit import LimitAnalysis, LimitAnalysisResult
 from jld_core.models.sensitivity import SolvedProgram
 from jld_core.program import Template
 
-_NULL: Final = 1e-8
-"""Singular value, relative to the largest, below which a direction belongs to a null space."""
+_NULL: Final = 1e-8  # singular value, relative to the largest, below which a direction belongs to a null space
 
+# Change of a rate over the optimal forces or mechanisms, relative to the largest rate, that makes a kink possible
 _VARIES: Final = 1e-5
-"""Change of a rate over the optimal forces or mechanisms, relative to the largest rate, that makes a kink possible."""
 
+# Number of columns of a program up to which kinks are looked for; null spaces are found by dense algebra
 _COLUMNS: Final = 900
-"""Number of columns of a program up to which kinks are looked for; null spaces are found by dense algebra."""
 
-_ALIKE: Final = 1e-6
-"""Difference of both rates, relative to the largest rate, below which they count as equal."""
+_ALIKE: Final = 1e-6  # difference of both rates, relative to the largest rate, below which they count as equal
 
 
 def one_sided(result: LimitAnalysisResult, mesh: VertexMesh, rates: Floats) -> tuple[Floats, Floats]:

@@ -25,26 +25,19 @@ EDGE: Final = 0.15
 LEAST_AREA: Final = 0.05
 """Least area of an element, relative to its area at the start."""
 
-_KEPT: Final = 0.98
-"""Share of its value at the start that a limit requires if the start violates the limit."""
+_KEPT: Final = 0.98  # share of its value at the start that a limit requires if the start violates the limit
 
-_STRAIGHT: Final = 1e-6
-"""Deviation from 180°, rad, up to which an angle of an element is straight."""
+_STRAIGHT: Final = 1e-6  # deviation from 180°, rad, up to which an angle of an element is straight
 
-_BEND: Final = np.radians(11.0)
-"""Largest bend of a block face at the end of a joint where "straight" is false, rad."""
+_BEND: Final = np.radians(11.0)  # largest bend of a block face at the end of a joint where "straight" is false, rad
 
 
 @dataclass(frozen=True)
 class LimitValues:
     """Values of all r limits at one position of v vertices, and their derivatives.
 
-    Attributes
-    ----------
-    values : (r,) array
-        Dimensionless values, each to be at least `Limits.least`, or equal to it where `Limits.equal`.
-    rates : (r, 2v) sparse array
-        Derivatives by the positions of vertices, column 2·vertex + axis.
+    values: (r,) dimensionless values, each to be at least `Limits.least`, or equal to it where `Limits.equal`. rates:
+    (r, 2v) derivatives by the positions of vertices, column 2·vertex + axis.
     """
 
     values: Floats
@@ -58,27 +51,9 @@ class Limits:
 
     A limit that the start violates is relaxed to its value at the start.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with its loads.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : VertexMesh
-        Vertices at the start.
-    moving : (v,) bool array
-        True for the vertices that move; limits of others are left out.
-    move : Move
-        Limits of the user.
-
-    Attributes
-    ----------
-    least : (r,) array
-        Least values, dimensionless.
-    equal : (r,) bool array
-        True where the value is to be kept exactly.
+    scene: scene with its loads. labels: (m,) True = dry. mesh: vertices at the start. moving: (v,) True for the
+    vertices that move; limits of others are left out. move: limits of the user. least: (r,) least values,
+    dimensionless. equal: (r,) True where the value is to be kept exactly.
     """
 
     def __init__(

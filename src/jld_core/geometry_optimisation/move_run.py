@@ -19,24 +19,10 @@ from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
 class Point:
     """Accepted point of a search.
 
-    Attributes
-    ----------
-    start : int
-        Number of the start, from 0.
-    step : int
-        Number of the point within its search; 0 is the start itself.
-    value : float
-        λ, least friction coefficient factor, or least thickness.
-    bracket : (float, float)
-        Proven bounds on λ; NaN where λ is not the objective or not bounded.
-    predicted : float
-        Value that the program of the step promised.
-    radius : float
-        Radius of the trust region, length.
-    solves : int
-        Number of proven solves so far.
-    seconds : float
-        Time since the search began, s.
+    start: number of the start, from 0. step: number of the point within its search; 0 is the start itself. value: λ,
+    least friction coefficient factor, or least thickness. bracket: (float, float) proven bounds on λ; NaN where λ is
+    not the objective or not bounded. predicted: value that the program of the step promised. radius: radius of the
+    trust region, length. solves: number of proven solves so far. seconds: time since the search began, s.
     """
 
     start: int
@@ -52,16 +38,9 @@ class Point:
 class MoveOptions(TypedDict, total=False):
     """Options that every optimisation of joints takes by keyword.
 
-    Attributes
-    ----------
-    seconds : float
-        Time limit, s. The point in work is finished. Default: none.
-    starts : int
-        Number of starts: the scene itself, and shaken ones. Default: 1.
-    trust : TrustRegion or None
-        Parameters of the search. Default: those of `TrustRegion`.
-    progress : callable or None
-        Called with every accepted point. Default: none.
+    seconds: time limit, s. The point in work is finished. Default: none. starts: number of starts: the scene itself,
+    and shaken ones. Default: 1. trust: parameters of the search. Default: those of `TrustRegion`. progress: called with
+    every accepted point. Default: none.
     """
 
     seconds: float
@@ -73,23 +52,9 @@ class MoveOptions(TypedDict, total=False):
 class MoveRun:
     """Starts of an optimisation under one time limit, and the record of their points.
 
-    Parameters
-    ----------
-    seconds, starts, trust, progress
-        As in `MoveOptions`.
-
-    Attributes
-    ----------
-    deadline : float
-        End of the time limit, as `time.perf_counter` counts, s.
-    trust : TrustRegion or None
-        Parameters of the search.
-    points : list of Point
-        All accepted points so far.
-    best : (k,) array or None
-        Variables of the best end so far, which the caller keeps here: later starts are shaken near it.
-    watched : bool
-        True if somebody is told of every point.
+    deadline: end of the time limit, as `time.perf_counter` counts, s. trust: parameters of the search. points: all
+    accepted points so far. best: (k,) variables of the best end so far, which the caller keeps here: later starts are
+    shaken near it. watched: True if somebody is told of every point.
     """
 
     def __init__(

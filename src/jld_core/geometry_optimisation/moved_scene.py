@@ -19,16 +19,7 @@ class MovedScene:
 
     Grids are written out as elements and interfaces. Points by which the key "move" names vertices move with them.
 
-    Parameters
-    ----------
-    scene : Scene
-        Planar scene.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : VertexMesh
-        Vertices of the assembly.
+    scene: planar scene. labels: (m,) True = dry. mesh: vertices of the assembly.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh) -> None:

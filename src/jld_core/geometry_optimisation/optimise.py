@@ -25,28 +25,12 @@ from jld_core.threads import one_thread
 class MovedJoints:
     """Result of an optimisation of joints.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the joints at the best positions found.
-    before, after : LimitAnalysisResult or None
-        Analyses at start and end; None where the start does not stand.
-    objective : str
-        The objective, as in the key "maximise".
-    start, value : float
-        Objective at start and end; NaN for a start that does not stand, inf for a locked end.
-    end : str
-        Why the best search ended: "stationary", "locked", "time", "points", or "interrupted" by KeyboardInterrupt.
-    points : list of Point
-        All accepted points of all starts.
-    places : (v, d) array
-        Positions of the vertices at the end.
-    moved : (v, d) array
-        Displacement of each vertex from the start, scene units.
-    parameters : int
-        Number of independent variables.
-    warnings : list of str
-        Reservations about the value, one line each.
+    scene: scene with the joints at the best positions found. before, after: analyses at start and end; None where the
+    start does not stand. objective: the objective, as in the key "maximise". start, value: objective at start and end;
+    NaN for a start that does not stand, inf for a locked end. end: why the best search ended: "stationary", "locked",
+    "time", "points", or "interrupted" by KeyboardInterrupt. points: all accepted points of all starts. places: (v, d)
+    positions of the vertices at the end. moved: (v, d) displacement of each vertex from the start, scene units.
+    parameters: number of independent variables. warnings: reservations about the value, one line each.
     """
 
     scene: Scene
@@ -74,31 +58,13 @@ def move_joints(
 
     The objective is the largest λ, or the least friction or thickness at which the dead load stands.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
-    assembly : Assembly
-        Its assembly; one of `build_robust` is optimised at the low values of materials.
-    labels : (m,) bool array
-        Labels, True = dry.
-    **options
-        Time limit, number of starts, trust region and progress, as in `MoveOptions`.
+    scene: scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
+    assembly: its assembly; one of `build_robust` is optimised at the low values of materials. labels: (m,) True = dry.
+    **options: time limit, number of starts, trust region and progress, as in `MoveOptions`. Result: best geometry
+    found, every accepted point of all searches, and why the best one ended. Raises InputError: the key "move" does not
+    fit the structure, or neither it nor any position tried stands. Raises KeyboardInterrupt: an interrupt before the
+    first accepted point; a later one ends the search with the best so far.
 
-    Returns
-    -------
-    MovedJoints
-        Best geometry found, every accepted point of all searches, and why the best one ended.
-
-    Raises
-    ------
-    InputError
-        The key "move" does not fit the structure, or neither it nor any position tried stands.
-    KeyboardInterrupt
-        An interrupt before the first accepted point; a later one ends the search with the best so far.
-
-    Notes
-    -----
     docs/method.md (11.6).
     """
     run = MoveRun(**options)

@@ -30,14 +30,8 @@ def length_rates(mesh: VertexMesh) -> sp.csr_array:
 class AreaRates:
     """Areas and centroids of elements, and their derivatives by the vertices.
 
-    Attributes
-    ----------
-    area : (n,) array
-        Areas.
-    by_area : (n, 2v) sparse array
-        Derivatives of the areas.
-    by_centroid : (2n, 2v) sparse array
-        Derivatives of the centroids, x and y of each element in turn.
+    area: (n,) areas. by_area: (n, 2v) derivatives of the areas. by_centroid: (2n, 2v) derivatives of the centroids, x
+    and y of each element in turn.
     """
 
     area: Floats
@@ -101,12 +95,8 @@ def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_fa
 class FaceRates:
     """Derivatives of the forces of interfaces on free elements, as k entries of a matrix.
 
-    Attributes
-    ----------
-    row, column, face : (k,) int arrays
-        Equilibrium row 3·(number of the free element) + freedom, coordinate 2·vertex + axis, and interface.
-    value : (k,) array
-        Derivatives, scene units.
+    row, column, face: (k,) equilibrium row 3·(number of the free element) + freedom, coordinate 2·vertex + axis, and
+    interface. value: (k,) derivatives, scene units.
     """
 
     row: Ints

@@ -32,25 +32,12 @@ _ROUTE: Final = Route("joints that move")
 class TrustRegion:
     """Parameters of the trust region, lengths relative to the mean edge of the structure.
 
-    Attributes
-    ----------
-    first, largest, least : float
-        Radius at the start, largest radius, and radius at which a search ends.
-    accepted : float
-        Share of the predicted gain that a point must keep to be accepted.
-    good : float
-        Share of the predicted gain above which the radius grows.
-    growth, shrinkage : float
-        Factors on the radius.
-    coarse, gain : float
-        Predicted gain, relative to the objective, below which a search from one start ends, and below which the best
-        point of all starts is stationary.
-    kicks : int
-        Number of times that a stationary point is tried with other optimal forces.
-    corrections : int
-        Largest number of corrections of second order of one step.
-    points : int
-        Largest number of points of one search.
+    first, largest, least: radius at the start, largest radius, and radius at which a search ends. accepted: share of
+    the predicted gain that a point must keep to be accepted. good: share of the predicted gain above which the radius
+    grows. growth, shrinkage: factors on the radius. coarse, gain: predicted gain, relative to the objective, below
+    which a search from one start ends, and below which the best point of all starts is stationary. kicks: number of
+    times that a stationary point is tried with other optimal forces. corrections: largest number of corrections of
+    second order of one step. points: largest number of points of one search.
     """
 
     first: float = 0.1
@@ -67,14 +54,11 @@ class TrustRegion:
     points: int = 120
 
 
-_RESTORED: Final = 1e-9
-"""Violation of a dimensionless limit that counts as none."""
+_RESTORED: Final = 1e-9  # violation of a dimensionless limit that counts as none
 
-_RESTORATIONS: Final = 6
-"""Largest number of Newton steps back into the limits."""
+_RESTORATIONS: Final = 6  # largest number of Newton steps back into the limits
 
-_SHAKE: Final = 0.15
-"""Standard deviation of the variables of further starts, relative to the mean edge."""
+_SHAKE: Final = 0.15  # standard deviation of the variables of further starts, relative to the mean edge
 
 
 class GeometrySearch:
@@ -82,16 +66,8 @@ class GeometrySearch:
 
     Start from `first`, or from `standing` where the structure does not stand, and improve the point by `improve`.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene; its key "move" states variables, limits and objective.
-    assembly : Assembly
-        Its assembly; one of `build_robust` has every point at the low values of materials.
-    labels : (m,) bool array
-        Labels, True = dry.
-    trust : TrustRegion, optional
-        Parameters of the search.
+    scene: scene; its key "move" states variables, limits and objective. assembly: its assembly; one of `build_robust`
+    has every point at the low values of materials. labels: (m,) True = dry. trust: parameters of the search.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:

@@ -25,23 +25,10 @@ class GeometrySensitivities:
 
     Elements and interfaces that share a vertex move together with it. Loads with a stated place stay there.
 
-    Parameters
-    ----------
-    vertices : (v, d) array
-        Positions, scene units.
-    derivative : (v, d) array
-        ∂λ/∂(position), 1/length; NaN where λ has a kink.
-    left, right : (v, d) arrays
-        Rates for a decrease and for an increase of each coordinate; NaN where unknown.
-
-    Attributes
-    ----------
-    vertices : (v, d) array
-        Positions, scene units.
-    derivative : (v, d) array
-        ∂λ/∂(position), 1/length; NaN where the two sides differ.
-    left, right : (v, d) arrays
-        Rates for a decrease and for an increase of each coordinate.
+    vertices: (v, d) positions, scene units. derivative: (v, d) ∂λ/∂(position), 1/length; NaN where λ has a kink. left,
+    right: (v, d) rates for a decrease and for an increase of each coordinate; NaN where unknown. vertices: (v, d)
+    positions, scene units. derivative: (v, d) ∂λ/∂(position), 1/length; NaN where the two sides differ. left, right:
+    (v, d) rates for a decrease and for an increase of each coordinate.
     """
 
     vertices: Floats

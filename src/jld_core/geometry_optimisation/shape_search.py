@@ -19,35 +19,22 @@ from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 
-_FIRST: Final = 0.4
-"""Relative change of a parameter in the first step."""
+_FIRST: Final = 0.4  # relative change of a parameter in the first step
 
-_LAST: Final = 0.02
-"""Relative change at which the search ends."""
+_LAST: Final = 0.02  # relative change at which the search ends
 
-_LEAST: Final = 0.005
-"""First value of a parameter that is 0, as a share of the length of a face."""
+_LEAST: Final = 0.005  # first value of a parameter that is 0, as a share of the length of a face
 
-_NOTHING: Final = 1e-4
-"""Value of a parameter below which it is taken as 0, as a share of the length of a face."""
+_NOTHING: Final = 1e-4  # value of a parameter below which it is taken as 0, as a share of the length of a face
 
 
 @dataclass(frozen=True)
 class ShapedJoints:
     """Result of a search for the best shape of joints.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with joints of the best shape.
-    shape : Shape
-        That shape.
-    before, after : LimitAnalysisResult
-        Analyses with straight joints and with the best shape.
-    trials : list of (Shape, float)
-        All shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where locked.
-    end : str
-        Why the search ended: "stationary", "time" or "interrupted".
+    scene: scene with joints of the best shape. shape: that shape. before, after: analyses with straight joints and with
+    the best shape. trials: all shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where
+    locked. end: why the search ended: "stationary", "time" or "interrupted".
     """
 
     scene: Scene
@@ -74,34 +61,11 @@ def shape_joints(
     Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
     stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene, as for `shaped_scene`.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    shape : Key, Sine or Incline
-        Shape from which the search begins.
-    direction : (3,) array, optional
-        In space, direction along which shapes run, as for `shaped_scene`.
-    seconds : float
-        Time limit, s; the first shape is always analysed.
-    progress : callable, optional
-        Called with every shape and its λ.
-
-    Returns
-    -------
-    ShapedJoints
-        Best shape found, and all that were tried.
-
-    Raises
-    ------
-    InputError
-        As `shaped_scene`, for the first shape.
-    KeyboardInterrupt
-        An interrupt before the first shape is analysed; a later one ends the search with the best so far.
+    scene: scene, as for `shaped_scene`. labels: (m,) True = dry. shape: shape from which the search begins. direction:
+    (3,) in space, direction along which shapes run, as for `shaped_scene`. seconds: time limit, s; the first shape is
+    always analysed. progress: called with every shape and its λ. Result: best shape found, and all that were tried.
+    Raises InputError as `shaped_scene`, for the first shape. Raises KeyboardInterrupt: an interrupt before the first
+    shape is analysed; a later one ends the search with the best so far.
     """
     trials: list[tuple[Shape, float]] = []
     known: dict[tuple[float, ...], float] = {}

@@ -17,14 +17,12 @@ from jld_core.geometry_optimisation.convex_cells import ConvexCell, Plane, insid
 from jld_core.geometry_optimisation.joint_profiles import Key, Shape
 from jld_core.scene import Scene, parse_scene
 
-_SAME: Final = 1e-9
-"""Volume or area, relative to that of a tooth or joint, below which a difference is rounding."""
+_SAME: Final = 1e-9  # volume or area, relative to that of a tooth or joint, below which a difference is rounding
 
+# Sine of the angle between a direction and the normal of a joint below which the joint is across the direction
 _ACROSS: Final = 1e-6
-"""Sine of the angle between a direction and the normal of a joint below which the joint is across the direction."""
 
-_PLANE: Final = 1e-9
-"""Distance of a point from a plane, relative to the structure, below which it lies on the plane."""
+_PLANE: Final = 1e-9  # distance of a point from a plane, relative to the structure, below which it lies on the plane
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
@@ -63,19 +61,8 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
 class SolidJoint:
     """Plane joint between two convex elements, with a frame along and across its shape.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    face : int
-        Interface that is the joint.
-    direction : (3,) array
-        Unit direction along which the shape runs, projected on the joint.
-
-    Attributes
-    ----------
-    across : bool
-        True for a joint across the direction, which has no shape.
+    assembly: spatial assembly. face: interface that is the joint. direction: (3,) unit direction along which the shape
+    runs, projected on the joint. across: True for a joint across the direction, which has no shape.
     """
 
     def __init__(self, assembly: Assembly, face: int, direction: Floats) -> None:

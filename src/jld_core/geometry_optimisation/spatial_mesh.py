@@ -15,24 +15,16 @@ from jld_core.geometry_optimisation.moved_scene import move_with_points
 from jld_core.geometry_optimisation.vertex_mesh import merged_points
 from jld_core.scene import Scene, parse_scene
 
-_MERGED: Final = 1e-2
-"""Distance of two corners that are one vertex, relative to the shortest edge."""
+_MERGED: Final = 1e-2  # distance of two corners that are one vertex, relative to the shortest edge
 
 
 @dataclass(frozen=True)
 class SpatialMesh:
     """Elements and interfaces of a spatial assembly by the v vertices they share.
 
-    Attributes
-    ----------
-    places : (v, 3) array
-        Positions of the vertices, scene units.
-    corners : tuple of (k,) int arrays
-        Vertex of each corner of each element.
-    rings : tuple of tuples of (k,) int arrays
-        Vertices around each face of each element, seen from outside counter-clockwise.
-    polygons : tuple of (k,) int arrays
-        Vertices around each interface.
+    places: (v, 3) positions of the vertices, scene units. corners: vertex of each corner of each element. rings:
+    vertices around each face of each element, seen from outside counter-clockwise. polygons: vertices around each
+    interface.
     """
 
     places: Floats
@@ -86,18 +78,8 @@ class SpatialMovedScene:
 
     Outer faces with a vertex that moves become triangles, since they would not stay plane.
 
-    Parameters
-    ----------
-    scene : Scene
-        Spatial scene.
-    assembly : Assembly
-        Its assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : SpatialMesh
-        Vertices of the assembly.
-    moving : (v,) bool array
-        True for the vertices that move.
+    scene: spatial scene. labels: (m,) True = dry. mesh: vertices of the assembly. moving: (v,) True for the vertices
+    that move.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools) -> None:

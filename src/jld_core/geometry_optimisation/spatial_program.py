@@ -25,8 +25,7 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("joints that move in space", frozenset({"friction"}))
 
-_PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")
-"""Keys of "move" that have a meaning in the plane alone."""
+_PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")  # keys of "move" that have a meaning in the plane alone
 
 
 def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
@@ -109,25 +108,9 @@ class SpatialLimits:
 
     They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure at the start.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : SpatialMesh
-        Vertices at the start.
-    moving : (v,) bool array
-        True for the vertices that move.
-    move : Move
-        Limits of the user.
-
-    Attributes
-    ----------
-    least : (r,) array
-        Least values, dimensionless.
-    equal : (r,) bool array
-        True where the value is to be kept exactly.
+    assembly: structure at the start. labels: (m,) True = dry. mesh: vertices at the start. moving: (v,) True for the
+    vertices that move. move: limits of the user. least: (r,) least values, dimensionless. equal: (r,) True where the
+    value is to be kept exactly.
     """
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools, move: Move) -> None:

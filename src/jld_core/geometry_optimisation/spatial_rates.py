@@ -24,11 +24,11 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("rates by the vertices of solids")
 
+# Step of central differences of explicit functions of a polygon, relative to its size; their error is its square
 _STEP: Final = 1e-5
-"""Step of central differences of explicit functions of a polygon, relative to its size; their error is its square."""
 
+# Share of the force of a face by which corner forces may miss its resultants before they are corrected
 _ROUNDED: Final = 1e-9
-"""Share of the force of a face by which corner forces may miss its resultants before they are corrected."""
 
 
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
@@ -88,16 +88,8 @@ def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Float
 class HeldForces:
     """Forces of one face, held while its polygon changes.
 
-    Attributes
-    ----------
-    corner : (k,) array
-        Normal forces at the corners.
-    shear : (3,) array
-        Force in the plane.
-    normal : (3,) array
-        Present normal.
-    twist : float
-        Torque over the torsion length.
+    corner: (k,) normal forces at the corners. shear: (3,) force in the plane. normal: (3,) present normal. twist:
+    torque over the torsion length.
     """
 
     corner: Floats

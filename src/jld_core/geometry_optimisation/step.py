@@ -23,32 +23,19 @@ from jld_core.solvers import ClarabelSolver, RawStatus
 Goal = Literal["load_factor", "friction", "thickness", "slack"]
 """Objective of a step: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
 
-_TOLERANCE: Final = 1e-9
-"""Residual and gap of the programs of steps; accepted points are proven apart."""
+_TOLERANCE: Final = 1e-9  # residual and gap of the programs of steps; accepted points are proven apart
 
 
-_KICKED: Final = 1e-9
-"""Share of its value that the goal may lose while other optimal forces are sought."""
+_KICKED: Final = 1e-9  # share of its value that the goal may lose while other optimal forces are sought
 
 
 @dataclass(frozen=True)
 class CaseState:
     """Forces of one load case at the present position.
 
-    Attributes
-    ----------
-    template : Template
-        Program data of the case.
-    forces : (m, q) array
-        Optimal forces, scene units; q = 3, or 6 in space.
-    load_factor : float
-        Their λ.
-    required : float
-        Required load factor of the case.
-    dead : bool
-        True where only the dead load acts, which has to stand; λ is 0 and no goal.
-    mechanism : (n, 6) array or None
-        In space: mechanism by which corner forces are chosen that are not unique.
+    template: program data of the case. forces: (m, q) optimal forces, scene units; q = 3, or 6 in space. load_factor:
+    their λ. required: required load factor of the case. dead: True where only the dead load acts, which has to stand; λ
+    is 0 and no goal. mechanism: (n, 6) in space: mechanism by which corner forces are chosen that are not unique.
     """
 
     template: Template
@@ -63,16 +50,8 @@ class CaseState:
 class StepAnswer:
     """Answer of the program of one step: it is not proven, and its geometry is linearised.
 
-    Attributes
-    ----------
-    value : float
-        Governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the goal.
-    change : (k,) array
-        Step of the variables.
-    forces : tuple of (m, q) arrays
-        Forces of each case, scene units.
-    load_factors : tuple of float
-        λ of each case.
+    value: governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the
+    goal. change: (k,) step of the variables. forces: forces of each case, scene units. load_factors: λ of each case.
     """
 
     value: float
@@ -87,20 +66,9 @@ class Region:
 
     There are k variables, and v vertices in d dimensions.
 
-    Attributes
-    ----------
-    jacobian : (d·v, k) sparse array
-        Derivatives of positions by variables.
-    limits : LimitValues
-        Values of the r limits at the present position.
-    least : (r,) array
-        Least value of each limit, dimensionless.
-    equal : (r,) bool array
-        True where a limit is an equation.
-    ties : (t, k) array
-        Ties of variables: ties @ step = 0.
-    low, high : (k,) arrays
-        Bounds of the step.
+    jacobian: (d·v, k) derivatives of positions by variables. limits: values of the r limits at the present position.
+    least: (r,) least value of each limit, dimensionless. equal: (r,) True where a limit is an equation. ties: (t, k)
+    ties of variables: ties @ step = 0. low, high: (k,) bounds of the step.
     """
 
     jacobian: sp.csr_array

@@ -17,36 +17,20 @@ from jld_core.scene.move import Move, Path
 SAME: Final = 1e-6
 """Distance of a stated point from the vertex that it names, and of mirrored vertices, relative to the structure."""
 
-_STRAIGHT: Final = 1e-6
-"""Sine of the angle between two edges of the outline that form a straight line."""
+_STRAIGHT: Final = 1e-6  # sine of the angle between two edges of the outline that form a straight line
 
-_NULL: Final = 1e-9
-"""Entry of a reduced tie below which it counts as zero; ties have entries of order one."""
+_NULL: Final = 1e-9  # entry of a reduced tie below which it counts as zero; ties have entries of order one
 
 
 @dataclass(frozen=True)
 class Variables:
     """Positions of vertices as functions of k variables z, lengths along lines and circles.
 
-    Attributes
-    ----------
-    start : (v, d) array
-        Positions at z = 0, scene units; d = 2, or 3 in space.
-    vertex : (k,) int array
-        Vertex of each variable.
-    direction : (k, d) array
-        Unit direction of each variable at z = 0.
-    centre : (k, d) array
-        Centre of its circle; NaN for a line.
-    ties : (t, k) array
-        Ties between variables: ties @ z = 0.
-    rings : (v,) array
-        Signed distance of each vertex from the middle circle of an arch whose thickness is the last variable. Empty
-        where no thickness is a variable.
-    middle : (2,) array
-        Centre of that arch.
-    thickness : float
-        Its thickness at z = 0.
+    start: (v, d) positions at z = 0, scene units; d = 2, or 3 in space. vertex: (k,) vertex of each variable.
+    direction: (k, d) unit direction of each variable at z = 0. centre: (k, d) centre of its circle; NaN for a line.
+    ties: (t, k) ties between variables: ties @ z = 0. rings: (v,) signed distance of each vertex from the middle circle
+    of an arch whose thickness is the last variable. Empty where no thickness is a variable. middle: (2,) centre of that
+    arch. thickness: its thickness at z = 0.
     """
 
     start: Floats

@@ -15,25 +15,19 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.linalg import components
 
+# Distance of two corners that are one vertex, relative to the longest edge of the scene
 _REACH: Final = 4.0 * tolerances.CONTACT
-"""Distance of two corners that are one vertex, relative to the longest edge of the scene."""
 
-_SHARE: Final = 0.1
-"""The same distance relative to the shortest edge, which it never exceeds."""
+_SHARE: Final = 0.1  # the same distance relative to the shortest edge, which it never exceeds
 
 
 @dataclass(frozen=True)
 class VertexMesh:
     """Elements and interfaces of a planar assembly by the v vertices they share.
 
-    Attributes
-    ----------
-    places : (v, 2) array
-        Positions of the vertices, scene units.
-    loops : tuple of (k,) int arrays
-        Vertices around each element, counter-clockwise, with the ends of interfaces that lie on its edges.
-    ends : (m, 2) int array
-        First and last vertex p, q of each interface; q − p points along e1.
+    places: (v, 2) positions of the vertices, scene units. loops: vertices around each element, counter-clockwise, with
+    the ends of interfaces that lie on its edges. ends: (m, 2) first and last vertex p, q of each interface; q − p
+    points along e1.
     """
 
     places: Floats

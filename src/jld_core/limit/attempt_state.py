@@ -74,29 +74,11 @@ class Analysis(Protocol):
 class AttemptState:
     """Bounds proven so far for one labelling, and conditions under which fallbacks are tried.
 
-    Parameters
-    ----------
-    analysis : Analysis
-        Limit analysis of the assembly.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Attributes
-    ----------
-    proof : Proof
-        Bounds proven so far.
-    raw : RawSolution or None
-        Last raw solver answer, from which repairs start; None before the first.
-    settled : bool
-        True if no further fallback is to be tried.
-    batch_results : BatchResults or None
-        Results of the batch solver; None before it was tried.
-    reduction_tried : bool
-        True if facial reduction was tried.
-    less_margin_tried : bool
-        True if the program was solved with less margin.
-    mechanism_found : bool
-        True if the mechanism of the last raw answer is proven without loss, so that repairs need none.
+    analysis: limit analysis of the assembly. labels: (m,) True = dry. proof: bounds proven so far. raw: last raw solver
+    answer, from which repairs start; None before the first. settled: True if no further fallback is to be tried.
+    batch_results: results of the batch solver; None before it was tried. reduction_tried: True if facial reduction was
+    tried. less_margin_tried: True if the program was solved with less margin. mechanism_found: True if the mechanism of
+    the last raw answer is proven without loss, so that repairs need none.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -117,10 +99,7 @@ class AttemptState:
         If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
         better.
 
-        Parameters
-        ----------
-        found : Proof
-            Finished proof, scaled.
+        found: finished proof, scaled.
         """
         mine = self.proof
         mine.solve_log += found.solve_log

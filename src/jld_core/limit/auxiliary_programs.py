@@ -20,11 +20,10 @@ A self-stress that needs more counts as none, for example that of friction a rou
 """
 
 
+# Number of sides of the polygons inscribed in friction circles, with corners on both axes and between them
 _SIDES: Final = 16
-"""Number of sides of the polygons inscribed in friction circles, with corners on both axes and between them."""
 
-_SIMPLEX: Final = 6000
-"""Number of columns up to which a dual simplex is used."""
+_SIMPLEX: Final = 6000  # number of columns up to which a dual simplex is used
 
 
 def slack_rows(structure: Structure) -> Ints:
@@ -82,24 +81,11 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
     """Find a point at which as many yield rows as possible have positive slack.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Supplies the rows.
-    rhs : (rows,) float array
-        Right-hand side; zero below the equilibrium rows for recession cones.
-    columns : int
-        Number of leading columns that the point has. One less than all leaves out λ, the last column.
-    cap : float
-        Largest slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that
-        rows do not compete for slack.
-
-    Returns
-    -------
-    raw : RawSolution
-        Solution of the auxiliary program.
-    slack : float array
-        Slack of each row of `slack_rows`, in [0, cap].
+    program: supplies the rows. rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones.
+    columns: number of leading columns that the point has. One less than all leaves out λ, the last column. cap: largest
+    slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that rows do not
+    compete for slack. Result: raw: solution of the auxiliary program; slack: slack of each row of `slack_rows`, in [0,
+    cap].
     """
     raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]
@@ -109,14 +95,9 @@ def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float
 class LargestSupport:
     """Point of the recession cones at which as many rows as possible have positive slack.
 
-    Attributes
-    ----------
-    point : (columns,) float array
-        The point.
-    slack : (linear rows + cones,) float array
-        Slack of each row of `slack_rows`: 1 where slack is possible, else 0, up to the solver's residual.
-    values : (rows,) float array
-        Values −M y of the program's matrix M at the point y, which give its position in each cone.
+    point: (columns,) the point. slack: (linear rows + cones,) slack of each row of `slack_rows`: 1 where slack is
+    possible, else 0, up to the solver's residual. values: (rows,) values −M y of the program's matrix M at the point y,
+    which give its position in each cone.
     """
 
     point: Floats
@@ -142,21 +123,10 @@ def largest_support(
 
     Among such points it has the most cones whose first row is positive.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Supplies the rows.
-    columns : int
-        Number of leading columns that the point has; the others are left out.
-    target : (equalities,) float array, optional
-        Right-hand side of the equations; default zero, for a self-stress.
-    largest : float
-        Bound on every column of the point, infinite for none.
-
-    Returns
-    -------
-    LargestSupport
-        The point, exact to the solver's residual; arbitrary if the solver fails, so check it.
+    program: supplies the rows. columns: number of leading columns that the point has; the others are left out. target:
+    (equalities,) right-hand side of the equations; default zero, for a self-stress. largest: bound on every column of
+    the point, infinite for none. Result: the point, exact to the solver's residual; arbitrary if the solver fails, so
+    check it.
     """
     s = program.structure
     rhs = np.zeros(s.shape[0])
@@ -181,19 +151,9 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
     frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point method finds
     only half its digits. The method needs cones of three rows.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Supplies the rows.
-    columns : int
-        Number of leading columns that the point has; the others are left out.
-    target : (equalities,) float array, optional
-        Right-hand side of the equations; default zero, for a self-stress.
-
-    Returns
-    -------
-    LargestSupport or None
-        The point; None if there is none, if a cone has another size, or if the program is too large.
+    program: supplies the rows. columns: number of leading columns that the point has; the others are left out. target:
+    (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point; None if there is
+    none, if a cone has another size, or if the program is too large.
     """
     s = program.structure
     if set(s.cones) - {3} or s.shape[1] > _SIMPLEX:
@@ -227,24 +187,10 @@ def project_onto_faces(
     The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their direction.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Supplies the rows.
-    found : LargestSupport
-        Point to project.
-    target : (equalities,) float array
-        Right-hand side of the equations.
-    snap : float
-        Components of that direction, a unit vector, below this value are set to zero.
-    least : float
-        Slack, and value of the first row of a cone, up to which it counts as zero. Default: half of the slack to which
-        a self-stress can be scaled. Use a small value where the target is not zero.
-
-    Returns
-    -------
-    (columns,) float array
-        The projected point.
+    program: supplies the rows. found: point to project. target: (equalities,) right-hand side of the equations. snap:
+    components of that direction, a unit vector, below this value are set to zero. least: slack, and value of the first
+    row of a cone, up to which it counts as zero. Default: half of the slack to which a self-stress can be scaled. Use a
+    small value where the target is not zero. Result: (columns,) the projected point.
     """
     s, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
@@ -306,17 +252,9 @@ def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
 
     The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Equations E, then the row of λ, which is omitted, then the yield rows G.
-    columns : int
-        Number of leading columns of E and G that the condition Eᵀu + Gᵀz = 0 covers.
-
-    Returns
-    -------
-    (equalities,) float array or None
-        Velocities u with Eᵀu + Gᵀz = 0; None if there are none.
+    program: equations E, then the row of λ, which is omitted, then the yield rows G. columns: number of leading columns
+    of E and G that the condition Eᵀu + Gᵀz = 0 covers. Returns (equalities,): velocities u with Eᵀu + Gᵀz = 0; None if
+    there are none.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
@@ -349,23 +287,10 @@ def least_multipliers(
     They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
     dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
 
-    Parameters
-    ----------
-    equations, yields : sparse array
-        Matrices E and G; the rows of G are linear, then those of the cones.
-    least : (rows of G,) float array
-        Lower bound of the multipliers in the sense of the cones.
-    linear : int
-        Number of linear rows of G.
-    cones : tuple of int
-        Sizes of the cones.
-    structure : Structure
-        Structure of the program that the rows come from.
-
-    Returns
-    -------
-    float array
-        u and z, concatenated; NaN if the dual program is unbounded.
+    equations, yields: matrices E and G; the rows of G are linear, then those of the cones. least: (rows of G,) lower
+    bound of the multipliers in the sense of the cones. linear: number of linear rows of G. cones: sizes of the cones.
+    structure: structure of the program that the rows come from. Result: u and z, concatenated; NaN if the dual program
+    is unbounded.
     """
     equalities, columns = equations.shape
     if is_large(structure):

@@ -21,16 +21,9 @@ from jld_core.limit.status import Status
 class BatchBounds:
     """Bounds and statuses that the batch solver settled for k labellings.
 
-    Attributes
-    ----------
-    settled : (k,) bool array
-        True where `status` is conclusive.
-    falls : (k,) bool array
-        True where no λ ≥ 0 is admissible (unstable).
-    locked : (k,) bool array
-        True where λ is unbounded.
-    low, high : (k,) float array
-        Bounds on λ, scaled. Both are NaN where a labelling is unstable; the upper bound is NaN where it is locked.
+    settled: (k,) True where `status` is conclusive. falls: (k,) True where no λ ≥ 0 is admissible (unstable). locked:
+    (k,) True where λ is unbounded. low, high: (k,) bounds on λ, scaled. Both are NaN where a labelling is unstable; the
+    upper bound is NaN where it is locked.
     """
 
     settled: Bools
@@ -42,15 +35,7 @@ class BatchBounds:
     def status(self, position: int) -> Status | None:
         """Return the status of one labelling.
 
-        Parameters
-        ----------
-        position : int
-            Index of the labelling, from 0 to k − 1.
-
-        Returns
-        -------
-        Status or None
-            Status; None where the batch solver left it open.
+        position: index of the labelling, from 0 to k − 1. Result: status; None where the batch solver left it open.
         """
         if not self.settled[position]:
             return None

@@ -27,18 +27,10 @@ class BlockMultipliers:
     The counts k (parts), f (shared faces), n (elements) and p (blocks) are those of `BlockParts`; all values are
     scaled.
 
-    Attributes
-    ----------
-    velocity : (k, q) float array
-        Velocities of the parts.
-    wall : (f, q) float array
-        Velocities of the shared faces.
-    price, portion : (n,) float array
-        Multipliers of each element: v of its cover row, docs/method.md (6.6), and σ of its row for the share of λ.
-    share : (p,) float array
-        Share x of every block.
-    solved : bool
-        True if the values are final; if False, a further solve may give a better bound.
+    velocity: (k, q) velocities of the parts. wall: (f, q) velocities of the shared faces. price, portion: (n,)
+    multipliers of each element: v of its cover row, docs/method.md (6.6), and σ of its row for the share of λ. share:
+    (p,) share x of every block. solved: True if the values are final; if False, a further solve may give a better
+    bound.
     """
 
     velocity: Floats
@@ -53,12 +45,8 @@ class BlockMultipliers:
 class BlockMechanism:
     """Velocities and multipliers of one block relaxation, which prove its bound.
 
-    Attributes
-    ----------
-    case : int
-        Index of the load case.
-    multipliers : BlockMultipliers
-        Values that the solver returned; `BlockRelaxation.evaluate` repairs them before use.
+    case: index of the load case. multipliers: values that the solver returned; `BlockRelaxation.evaluate` repairs them
+    before use.
     """
 
     case: int
@@ -70,14 +58,8 @@ class BatchBlockProgram:
 
     It is safe for concurrent use by several threads.
 
-    Parameters
-    ----------
-    parts : BlockParts
-        Parts, sides and joints of the possible blocks.
-    blocks : sequence of BlockColumns
-        Columns of each block.
-    places : (f + n, d) float array
-        Positions of the shared faces, then of the elements.
+    parts: parts, sides and joints of the possible blocks. blocks: columns of each block. places: (f + n, d) positions
+    of the shared faces, then of the elements.
     """
 
     def __init__(self, parts: BlockParts, blocks: Sequence[BlockColumns], places: Floats) -> None:
@@ -113,20 +95,9 @@ class BatchBlockProgram:
     ) -> list[BlockMultipliers]:
         """Solve the programs of k sets of allowed blocks.
 
-        Parameters
-        ----------
-        allowed : (k, p) bool array
-            Blocks that may be chosen.
-        thresholds, most : (k,) float array
-            Scaled λ to reach, and scaled λ that is not exceeded, see `AllBlocksProgram.of`.
-        pool : ThreadPoolExecutor or None
-            Supplies one more thread, which takes half of the full registers. A single register is not split, because a
-            partly filled register takes as long as a full one.
-
-        Returns
-        -------
-        list of BlockMultipliers
-            Values for each set.
+        allowed: (k, p) blocks that may be chosen. thresholds, most: (k,) scaled λ to reach, and scaled λ that is not
+        exceeded, see `AllBlocksProgram.of`. pool: supplies one more thread, which takes half of the full registers. A
+        single register is not split, because a partly filled register takes as long as a full one.
         """
         width = self._batch.width
         registers = -(-len(allowed) // width)

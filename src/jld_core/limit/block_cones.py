@@ -38,17 +38,8 @@ class ConeProgram(AllBlocksProgram):
     shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`,
     `equal_forces`, `balance`: as in `BlockProgram`.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-    parts : BlockParts
-        Parts, sides and joints of the possible blocks.
-
-    Raises
-    ------
-    TypeError
-        If cones have different sizes.
+    template: scaled programs of one assembly. parts: parts, sides and joints of the possible blocks. Raises TypeError
+    if cones have different sizes.
     """
 
     def __init__(self, template: Template, parts: BlockParts) -> None:

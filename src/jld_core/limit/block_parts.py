@@ -25,28 +25,13 @@ class BlockParts:
     block. A joint is a face inside a block. Counts: k parts, s sides, j joints, n free elements, f faces between two
     free elements; q = 3, in space 6.
 
-    Attributes
-    ----------
-    blocks, elements, shared : int
-        Counts p, n and f.
-    part_block, part_element : (k,) int array
-        Block of each part, and index of its element among the free elements.
-    side_part, side_face, side_block : (s,) int array
-        Part, face and block of each side.
-    side_shared : (s,) int array
-        Index of the side's face among the f shared faces; −1 where the other side is a support.
-    sign : (s,) float array
-        1 where the part is element a of its face, −1 where it is element b.
-    arm : (s, q, q) float array
-        Matrix from the resultants of the face to the equilibrium of the part.
-    joint_block, joint_face : (j,) int array
-        Block and face of each joint.
-    joint_a, joint_b : (j,) int array
-        Parts on either side of each joint.
-    arm_a, arm_b : (j, q, q) float array
-        Matrices from the resultants of the joint to the equilibrium of both parts.
-    dead, live : (k, q) float array
-        Loads on the parts.
+    blocks, elements, shared: counts p, n and f. part_block, part_element: (k,) block of each part, and index of its
+    element among the free elements. side_part, side_face, side_block: (s,) part, face and block of each side.
+    side_shared: (s,) index of the side's face among the f shared faces; −1 where the other side is a support. sign:
+    (s,) 1 where the part is element a of its face, −1 where it is element b. arm: (s, q, q) matrix from the resultants
+    of the face to the equilibrium of the part. joint_block, joint_face: (j,) block and face of each joint. joint_a,
+    joint_b: (j,) parts on either side of each joint. arm_a, arm_b: (j, q, q) matrices from the resultants of the joint
+    to the equilibrium of both parts. dead, live: (k, q) loads on the parts.
     """
 
     blocks: int
@@ -112,19 +97,8 @@ class BlockParts:
 def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
     """Create the parts, sides and joints of possible blocks.
 
-    Parameters
-    ----------
-    template : Template
-        Supplies the assembly, the equilibrium matrix and the loads.
-    members : sequence of sequences of int
-        Elements of each block.
-    inside : sequence of sequences of int
-        Faces inside each block.
-
-    Returns
-    -------
-    BlockParts
-        Parts in the order of blocks and of their elements.
+    template: supplies the assembly, the equilibrium matrix and the loads. members: elements of each block. inside:
+    faces inside each block. Result: parts in the order of blocks and of their elements.
     """
     assembly = template.assembly
     q = assembly.freedoms

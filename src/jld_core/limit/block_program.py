@@ -42,20 +42,9 @@ class AllBlocksProgram:
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
         """Create the program that has only the allowed blocks.
 
-        Parameters
-        ----------
-        allowed : (p,) bool array
-            Blocks that may be chosen.
-        threshold, most : float
-            Scaled λ. The λ of each block is bounded by the share `LEAST` of `threshold` from below and by `most` from
-            above.
-
-        Returns
-        -------
-        program : ConicProgram
-            The program.
-        rows, columns : int array
-            Indices of its rows and columns in the program of all blocks.
+        allowed: (p,) blocks that may be chosen. threshold, most: scaled λ. The λ of each block is bounded by the share
+        `LEAST` of `threshold` from below and by `most` from above. Result: program: the program; rows, columns: indices
+        of its rows and columns in the program of all blocks.
         """
         row, column, value = self._table
         value = value.copy()
@@ -88,27 +77,10 @@ class BlockProgram(AllBlocksProgram):
     cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on
     each block's λ.
 
-    Parameters
-    ----------
-    parts : BlockParts
-        Parts, sides and joints of the possible blocks.
-    dry, inner : CoulombWedge
-        Yield sets of all faces under either label.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Numbers of rows and columns of the program of all blocks.
-    x : (p,) int array
-        Columns of x.
-    cover, share : (n,) int array
-        Rows of the cover and of the shares of λ, per element.
-    equal_forces : (f, 3) int array
-        Rows of the equal forces on shared faces.
-    balance : (k, 3) int array
-        Equilibrium rows of the parts.
-    cohesive : int array
-        Indices of the sides with cohesion.
+    parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either label.
+    shape: (int, int) numbers of rows and columns of the program of all blocks. x: (p,) columns of x. cover, share: (n,)
+    rows of the cover and of the shares of λ, per element. equal_forces: (f, 3) rows of the equal forces on shared
+    faces. balance: (k, 3) equilibrium rows of the parts. cohesive: indices of the sides with cohesion.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:

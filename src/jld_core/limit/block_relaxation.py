@@ -40,17 +40,16 @@ from jld_core.limit.equilibrium import usable
 from jld_core.mechanics.yield_set import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 
+# Residual requested from the solver; bounds are computed from its answer, so it need not be exact
 _RESIDUAL: Final = 1e-7
-"""Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
-_FINE: Final = 1e-10
-"""Residual requested for a second solve, where the bound is closer to the threshold than `_NEAR`."""
+_FINE: Final = 1e-10  # residual requested for a second solve, where the bound is closer to the threshold than `_NEAR`
 
+# Distance of a bound above the threshold, relative to max(1, |threshold|), up to which a second solve is made
 _NEAR: Final = 1e-4
-"""Distance of a bound above the threshold, relative to max(1, |threshold|), up to which a second solve is made."""
 
+# Relative distances above the solver's λ at which a bound is tried, in order
 _STEPS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-"""Relative distances above the solver's λ at which a bound is tried, in order."""
 
 
 Asked = tuple[Bools, float, float]
@@ -61,21 +60,11 @@ Asked = tuple[Bools, float, float]
 class Choice:
     """Result of the block relaxation for the segmentations into allowed blocks.
 
-    Attributes
-    ----------
-    bound : float
-        λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
-        comes from `CaseBlockRelaxation`.
-    refuted : bool
-        True if none of them reaches the threshold.
-    share : (p,) float array
-        Values x of the solver, in [0, 1]; without proof.
-    inside : (p,) float array
-        Dissipation of the mechanism inside each block; without proof.
-    useless : (p,) bool array
-        Blocks that occur in no segmentation that reaches the threshold.
-    mechanisms : tuple of BlockMechanism
-        Proof of the bound and of the useless blocks: one mechanism for each load case that was solved.
+    bound: λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
+    comes from `CaseBlockRelaxation`. refuted: True if none of them reaches the threshold. share: (p,) values x of the
+    solver, in [0, 1]; without proof. inside: (p,) dissipation of the mechanism inside each block; without proof.
+    useless: (p,) blocks that occur in no segmentation that reaches the threshold. mechanisms: proof of the bound and of
+    the useless blocks: one mechanism for each load case that was solved.
     """
 
     bound: float
@@ -108,23 +97,10 @@ class BlockRelaxation:
 
     All values are scaled as in `Template`.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of the assembly.
-    members : sequence of sequences of int
-        Elements of each of the p possible blocks.
-    inside : sequence of sequences of int
-        Faces inside each block.
-    seconds : float
-        Time limit of one program, seconds. After it, the bound is computed from the solver's last values.
-
-    Raises
-    ------
-    TypeError
-        If there is no block relaxation of this assembly (`applies_to`).
-    ArithmeticError
-        If the opening motion does not open every face on both sides.
+    members: elements of each of the p possible blocks. inside: faces inside each block. seconds: time limit of one
+    program, seconds. After it, the bound is computed from the solver's last values. Raises TypeError if there is no
+    block relaxation of this assembly (`applies_to`). Raises ArithmeticError if the opening motion does not open every
+    face on both sides.
     """
 
     def __init__(
@@ -167,19 +143,8 @@ class BlockRelaxation:
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ over the segmentations into allowed blocks.
 
-        Parameters
-        ----------
-        allowed : (p,) bool array
-            Blocks that may be chosen.
-        threshold : float
-            Scaled λ that segmentations must reach to be of interest.
-        most : float
-            Scaled upper bound on λ of these segmentations, finite.
-
-        Returns
-        -------
-        Choice
-            Bound, refutation and useless blocks.
+        allowed: (p,) blocks that may be chosen. threshold: scaled λ that segmentations must reach to be of interest.
+        most: scaled upper bound on λ of these segmentations, finite.
         """
         found = self._choose(allowed, threshold, most, self._coarse_solver)
         if not self._is_close(found, threshold):
@@ -191,19 +156,8 @@ class BlockRelaxation:
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ by the mechanism of an earlier program, without a solver.
 
-        Parameters
-        ----------
-        mechanism : BlockMechanism
-            Mechanism of a program of this relaxation, for any allowed blocks.
-        allowed : (p,) bool array
-            Blocks that may be chosen now.
-        threshold, most : float
-            As in `choose`.
-
-        Returns
-        -------
-        Choice
-            Bound, refutation and useless blocks that the mechanism proves.
+        mechanism: mechanism of a program of this relaxation, for any allowed blocks. allowed: (p,) blocks that may be
+        chosen now. Result: bound, refutation and useless blocks that the mechanism proves.
         """
         return self._proven_choice(mechanism.multipliers, allowed, threshold, most)
 
@@ -222,17 +176,7 @@ class BlockRelaxation:
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies.
 
-        Parameters
-        ----------
-        asked : sequence of Asked
-            Arguments of `choose` for each set.
-        pool : ThreadPoolExecutor or None
-            Supplies one more thread for the batch solver.
-
-        Returns
-        -------
-        list of Choice
-            One result for each set.
+        asked: arguments of `choose` for each set. pool: supplies one more thread for the batch solver.
         """
         if not self.batched or self._batch_program is None or not asked:
             return [self.choose(*one) for one in asked]
@@ -371,16 +315,6 @@ def applies_to(analysis: LimitAnalysis) -> bool:
 
     It needs associative friction, known hulls, and joints that can all open, or that all crush. It knows no members,
     since these act on elements of several blocks at once.
-
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of the assembly.
-
-    Returns
-    -------
-    bool
-        True if `BlockRelaxation` accepts the analysis.
     """
     sets = analysis.template.yield_set
     if analysis.assembly.of_members.any() or sets.hull() is None:

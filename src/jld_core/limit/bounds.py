@@ -22,14 +22,14 @@ from jld_core.linalg.projection import dense_if_small
 from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template
 
+# Share of the largest force up to which the forces of a ray are taken out, in turn, where it is none otherwise
 _FAINT_SHARES: Final = (1e-12, 1e-9)
-"""Share of the largest force up to which the forces of a ray are taken out, in turn, where it is none otherwise."""
 
+# Rounding of a difference of two coordinates, relative to the larger one
 _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
-"""Rounding of a difference of two coordinates, relative to the larger one."""
 
+# Share of the largest force of a ray up to which those of a face are zero
 _LAST_DIGIT: Final = 8.0 * float(np.finfo(float).eps)
-"""Share of the largest force of a ray up to which those of a face are zero."""
 
 
 class Prover:

@@ -61,17 +61,8 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
 
     In that case neither bound is reliable.
 
-    Parameters
-    ----------
-    low, high : float or float array
-        Bounds, NaN where there is none.
-    least : float
-        Size below which rounding is not relative; 1 for scaled bounds.
-
-    Returns
-    -------
-    bool or bool array
-        True where the bounds contradict each other; False where one is NaN.
+    low, high: bounds, NaN where there is none. least: size below which rounding is not relative; 1 for scaled bounds.
+    Result: True where the bounds contradict each other; False where one is NaN.
     """
     return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
 
@@ -79,15 +70,8 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
     """Return True if two brackets of the same λ are disjoint.
 
-    Parameters
-    ----------
-    one, other : (float, float)
-        Lower and upper bound in any one unit; NaN or infinite where unknown.
-
-    Returns
-    -------
-    bool
-        True if the lower bound of either exceeds the upper bound of the other by more than rounding.
+    one, other: (float, float) lower and upper bound in any one unit; NaN or infinite where unknown. Result: True if the
+    lower bound of either exceeds the upper bound of the other by more than rounding.
     """
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 

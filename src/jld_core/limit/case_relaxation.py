@@ -23,12 +23,11 @@ from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_core.limit.partial_labellings import PartialLabellingBounds
 from jld_core.limit.relaxation import Relaxation
 
+# Relative amount by which bounds are raised and thresholds lowered on a change of units, so that bounds stay valid
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
-"""Relative amount by which bounds are raised and thresholds lowered on a change of units, so that bounds stay valid."""
 
 
-_Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)
-"""Kind of relaxation of the single load cases."""
+_Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)  # kind of relaxation of the single load cases
 
 
 class _Cases(Generic[_Kind]):
@@ -71,12 +70,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     The governing factor is the minimum over cases of λ / required. Bounds and thresholds are governing factors, not
     scaled. The case that refuted most is tried first. Methods are documented in `PartialLabellingBounds`.
 
-    Parameters
-    ----------
-    cases : sequence of Relaxation
-        Relaxation of each load case.
-    required : sequence of float
-        Required factor of each case.
+    cases: relaxation of each load case. required: required factor of each case.
     """
 
     @property
@@ -174,30 +168,14 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     Bounds and thresholds are governing factors, not scaled. The least bound of all cases holds. The case that refuted
     most is asked first, and after a refutation the remaining cases are skipped.
 
-    Parameters
-    ----------
-    cases : sequence of BlockRelaxation
-        Block relaxation of each load case.
-    required : sequence of float
-        Required factor of each case.
+    cases: block relaxation of each load case. required: required factor of each case.
     """
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound the governing factor over the segmentations into allowed blocks.
 
-        Parameters
-        ----------
-        allowed : (p,) bool array
-            Blocks that may be chosen.
-        threshold : float
-            Governing factor that segmentations must reach to be of interest.
-        most : float
-            Upper bound on the governing factor of these segmentations, finite.
-
-        Returns
-        -------
-        Choice
-            Bound, refutation and useless blocks.
+        allowed: (p,) blocks that may be chosen. threshold: governing factor that segmentations must reach to be of
+        interest. most: upper bound on the governing factor of these segmentations, finite.
         """
         return self.bound_all([(allowed, threshold, most)])[0]
 
@@ -215,17 +193,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound the governing factor for many sets of allowed blocks.
 
-        Parameters
-        ----------
-        asked : sequence of Asked
-            Arguments of `choose` for each set.
-        pool : ThreadPoolExecutor or None
-            Supplies one more thread for the batch solver.
-
-        Returns
-        -------
-        list of Choice
-            One result for each set.
+        asked: arguments of `choose` for each set. pool: supplies one more thread for the batch solver.
         """
         found: list[Choice | None] = [None] * len(asked)
         left, counts = list(range(len(asked))), [0] * len(self._cases)
@@ -271,17 +239,8 @@ AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
     """Create the relaxation of a structure, for its load or for all its load cases.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    analyses : sequence of LimitAnalysis
-        Analyses of its load cases, in their order, if they exist already.
-
-    Returns
-    -------
-    Relaxation, CaseRelaxation or None
-        The relaxation; None where no hull of the yield sets is known.
+    assembly: the structure. analyses: analyses of its load cases, in their order, if they exist already. Result: the
+    relaxation; None where no hull of the yield sets is known.
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     if any(analysis.template.yield_set.hull() is None for analysis in known):
@@ -299,28 +258,9 @@ def block_relaxation_of(
 ) -> AnyBlockRelaxation:
     """Create the block relaxation of a structure, for its load or for all its load cases.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    members : sequence of sequences of int
-        Elements of each possible block.
-    inside : sequence of sequences of int
-        Faces inside each block.
-    analyses : sequence of LimitAnalysis
-        Analyses of its load cases, in their order, if they exist already.
-    seconds : float
-        Time limit of one program, seconds, see `BlockRelaxation`.
-
-    Returns
-    -------
-    BlockRelaxation or CaseBlockRelaxation
-        The block relaxation.
-
-    Raises
-    ------
-    TypeError
-        If there is no block relaxation of the structure (`applies_to`).
+    assembly: the structure. members: elements of each possible block. inside: faces inside each block. analyses:
+    analyses of its load cases, in their order, if they exist already. seconds: time limit of one program, seconds, see
+    `BlockRelaxation`. Raises TypeError if there is no block relaxation of the structure (`applies_to`).
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]

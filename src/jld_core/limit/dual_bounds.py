@@ -13,19 +13,10 @@ class DualBound:
 
     It is the dual certificate of a relaxation, with the work balance that it proves.
 
-    Attributes
-    ----------
-    excess : float
-        threshold · b_λ·u + b·u − Σ D, scaled, rounding deducted; positive (docs/method.md (6.4)).
-    cost : (m,) float array
-        Reduction of the excess if a face becomes undecided, scaled; inf where no bound remains.
-    bound : float
-        λ that no such labelling exceeds, scaled; −inf where none is admissible at any λ. In the unit of the governing
-        factor if it comes from `CaseRelaxation`.
-    velocity : (q·free,) float array
-        The mechanism, scaled.
-    case : int
-        Index of the load case of the mechanism.
+    excess: threshold · b_λ·u + b·u − Σ D, scaled, rounding deducted; positive (docs/method.md (6.4)). cost: (m,)
+    reduction of the excess if a face becomes undecided, scaled; inf where no bound remains. bound: λ that no such
+    labelling exceeds, scaled; −inf where none is admissible at any λ. In the unit of the governing factor if it comes
+    from `CaseRelaxation`. velocity: (q·free,) the mechanism, scaled. case: index of the load case of the mechanism.
     """
 
     excess: float
@@ -39,23 +30,11 @@ class DualBound:
 class MinimizedConflict:
     """Result of minimising the conflict of a labelling, or of one of its neighbours.
 
-    Attributes
-    ----------
-    labelling : int
-        Index of the requested labelling.
-    drawn : bool
-        True for the labelling itself, False for a neighbour.
-    decided : (m,) bool array
-        Faces whose labels are part of the conflict.
-    bound : float or None
-        Scaled λ that no labelling with these labels exceeds; −inf where none is admissible at any λ. None where nothing
-        refuted it. In the unit of the governing factor if it comes from `CaseRelaxation`.
-    carries : bool
-        True if the forces found carry more than the threshold.
-    velocity : (q·free,) float array or None
-        Mechanism that refuted the labelling, scaled.
-    case : int
-        Index of the load case of the mechanism.
+    labelling: index of the requested labelling. drawn: True for the labelling itself, False for a neighbour. decided:
+    (m,) faces whose labels are part of the conflict. bound: scaled λ that no labelling with these labels exceeds; −inf
+    where none is admissible at any λ. None where nothing refuted it. In the unit of the governing factor if it comes
+    from `CaseRelaxation`. carries: True if the forces found carry more than the threshold. velocity: (q·free,)
+    mechanism that refuted the labelling, scaled. case: index of the load case of the mechanism.
     """
 
     labelling: int

@@ -60,10 +60,7 @@ class EquilibriumProjectors:
 
     A labelling drops the resultants that its faces do not resist. Projectors are computed when first needed and kept.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
+    template: scaled programs of one assembly.
     """
 
     def __init__(self, template: Template) -> None:
@@ -83,17 +80,8 @@ class EquilibriumProjectors:
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """Return the projector onto equilibrium for the resultants that a labelling keeps.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        projector : Projector
-            Projector of the kept resultants; with dropped resultants it has λ as its last column.
-        mask : (q·m,) float array or None
-            1 for each kept resultant, 0 for the others; None if all are kept.
+        labels: (m,) True = dry. Result: projector: projector of the kept resultants; with dropped resultants it has λ
+        as its last column; mask: (q·m,) 1 for each kept resultant, 0 for the others; None if all are kept.
         """
         active = self.template.yield_set.active(labels)
         if active.all():

@@ -56,12 +56,7 @@ class FacialReduction:
     A self-stress is a set of forces in equilibrium without any load. Where one lies in the recession cones of the yield
     sets, no motion opens every face, and the usual repair of motions fails, docs/method.md (3.12).
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-    prover : Prover
-        Checks motions and states of this template.
+    template: scaled programs of one assembly. prover: checks motions and states of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
@@ -72,20 +67,9 @@ class FacialReduction:
 
         The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
 
-        Parameters
-        ----------
-        motion : Motion
-            A solver's motion, scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-        normalise : bool
-            Scale the result to live work 1.
-
-        Returns
-        -------
-        Motion or None
-            Motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if
-            the assembly is too large.
+        motion: a solver's motion, scaled. labels: (m,) True = dry. normalise: scale the result to live work 1. Result:
+        motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if the
+        assembly is too large.
         """
         if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
             return None
@@ -128,19 +112,8 @@ class FacialReduction:
         The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
         is looked for. Programs without cones only.
 
-        Parameters
-        ----------
-        motion : Motion
-            The solver's motion, scaled.
-        multipliers : (rows,) float array
-            Multipliers of all rows of the program.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion or None
-            Motion of finite dissipation, with live work 1; None if the projection has none.
+        motion: the solver's motion, scaled. multipliers: (rows,) multipliers of all rows of the program. labels: (m,)
+        True = dry. Result: motion of finite dissipation, with live work 1; None if the projection has none.
         """
         program = self.template.program(labels)
         rows = kept_rows(program).linear
@@ -172,15 +145,8 @@ class FacialReduction:
         the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)). The
         program of these half-spaces gives F.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        list of State
-            States found, not necessarily admissible; empty if the assembly is too large or has no cones.
+        labels: (m,) True = dry. Result: states found, not necessarily admissible; empty if the assembly is too large or
+        has no cones.
         """
         template = self.template
         if template.matrix.shape[0] > DENSE or not template.structure.cones:
@@ -361,8 +327,8 @@ def _without_projection(program: ConicProgram, columns: int) -> LargestSupport |
     return largest_support(program, columns, largest=np.inf)
 
 
+# Function that finds a self-stress from a program and its number of columns
 _Search = Callable[[ConicProgram, int], LargestSupport | None]
-"""Function that finds a self-stress from a program and its number of columns."""
 SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without_projection)
 """Searches for a self-stress in the order tried; programs without cones use the last one only."""
 

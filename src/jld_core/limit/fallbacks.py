@@ -20,16 +20,9 @@ from jld_core.limit.proof_attempt import ProofAttempt
 class Fallback:
     """One named solution method with the condition under which it is tried.
 
-    Attributes
-    ----------
-    name : str
-        Name of the method.
-    when : callable
-        Takes the `ProofAttempt`; returns True if the method is to be tried.
-    run : callable
-        Takes the `ProofAttempt`, tries the method and offers its bounds to `ProofAttempt.proof`.
-    supplies : str
-        Description of the bounds that the method may supply.
+    when: takes the `ProofAttempt`; returns True if the method is to be tried. run: takes the `ProofAttempt`, tries the
+    method and offers its bounds to `ProofAttempt.proof`. supplies: description of the bounds that the method may
+    supply.
     """
 
     name: str
@@ -155,24 +148,8 @@ FALLBACKS: Final = (
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
     """Return fallbacks with one more of them, placed before the one of a given name.
 
-    Parameters
-    ----------
-    fallbacks : tuple of Fallback
-        Solution methods in order.
-    name : str
-        Name of the method before which the new one is tried.
-    inserted : Fallback
-        New method.
-
-    Returns
-    -------
-    tuple of Fallback
-        Methods in their new order.
-
-    Raises
-    ------
-    ValueError
-        If no method has this name.
+    fallbacks: solution methods in order. name: name of the method before which the new one is tried. inserted: new
+    method. Raises ValueError if no method has this name.
     """
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
@@ -184,17 +161,8 @@ def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback
 def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Proof:
     """Run every solution method whose condition holds, in order, until the attempt is settled.
 
-    Parameters
-    ----------
-    attempt : ProofAttempt
-        Attempt to prove bounds for one labelling; its state changes.
-    fallbacks : tuple of Fallback
-        Solution methods, in the order in which they are tried.
-
-    Returns
-    -------
-    Proof
-        Bounds and status after the last method.
+    attempt: attempt to prove bounds for one labelling; its state changes. fallbacks: solution methods, in the order in
+    which they are tried. Result: bounds and status after the last method.
     """
     limit = attempt.analysis.options.seconds
     until = math.inf if limit is None else time.perf_counter() + limit

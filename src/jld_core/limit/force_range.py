@@ -28,20 +28,16 @@ from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template
 from jld_core.program.template import Beside
 
+# Values from which λ is counted, in weights of the structure; the first one that no state reaches is used
 _REACHES: Final = (2.0, 32.0, 1024.0)
-"""Values from which λ is counted, in weights of the structure; the first one that no state reaches is used."""
 
 
 @dataclass(frozen=True)
 class ForceFunction:
     """Linear function R(F) = Σ weights · F of the resultants at interfaces.
 
-    Attributes
-    ----------
-    weights : (m, q) array
-        Coefficient of each resultant; R is in scene units.
-    unit : float
-        Size of R for which R / unit is a force: 1 for forces, a length for moments, a speed for work rates.
+    weights: (m, q) coefficient of each resultant; R is in scene units. unit: size of R for which R / unit is a force: 1
+    for forces, a length for moments, a speed for work rates.
     """
 
     weights: Floats
@@ -52,18 +48,10 @@ class ForceFunction:
 class Thrust:
     """Least or greatest value of a linear function of forces, such as a reaction.
 
-    Attributes
-    ----------
-    value : float
-        R, scene units; NaN where there is no end.
-    bracket : (float, float)
-        Proven bounds on R, NaN where unproven.
-    gap : float
-        Width of the bracket over max(|R|, 1e-3 · weight · unit of the function).
-    status : str
-        "certified" (both bounds are proven), "unbounded" or "uncertified".
-    state : LimitAnalysisResult or None
-        Forces at this end and the mechanism, moved supports included; its λ is R. None where there is no end.
+    value: R, scene units; NaN where there is no end. bracket: (float, float) proven bounds on R, NaN where unproven.
+    gap: width of the bracket over max(|R|, 1e-3 · weight · unit of the function). status: "certified" (both bounds are
+    proven), "unbounded" or "uncertified". state: forces at this end and the mechanism, moved supports included; its λ
+    is R. None where there is no end.
     """
 
     value: float
@@ -75,10 +63,8 @@ class Thrust:
     def to_json(self) -> dict[str, Any]:
         """Return this end of the range as plain numbers.
 
-        Returns
-        -------
-        dict
-            Reaction, bracket, gap, status, mechanism and forces in the form of `jld solve --json`; None where missing.
+        Result: reaction, bracket, gap, status, mechanism and forces in the form of `jld solve --json`; None where
+        missing.
         """
         whole = None if self.state is None else self.state.to_json()
         return {
@@ -104,25 +90,10 @@ def extreme_value(
 
     The model has associative friction and convex contact. All states in equilibrium with the dead load count.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with one load case; its live load does not act.
-    function : ForceFunction
-        The function R.
-    labels : (m,) bool array
-        Labels, True = dry.
-    greatest : bool
-        True for the greatest value, False for the least.
-    gap : float
-        Relative width of the bracket up to which the end counts as certified.
-    moved : (n, q) array, optional
-        Velocities of supports, scene units, of which R is the work rate; they are added to the mechanism.
-
-    Returns
-    -------
-    Thrust
-        The end of the range of R.
+    assembly: structure with one load case; its live load does not act. function: the function R. labels: (m,) True =
+    dry. greatest: True for the greatest value, False for the least. gap: relative width of the bracket up to which the
+    end counts as certified. moved: (n, q) velocities of supports, scene units, of which R is the work rate; they are
+    added to the mechanism.
     """
     sign = 1.0 if greatest else -1.0
     if not function.weights.any():

@@ -33,17 +33,9 @@ class CaseBounds:
 class Governing:
     """Status and bounds of the governing factor of a structure.
 
-    Attributes
-    ----------
-    status : Status
-        Outcome of the structure.
-    low, high : float
-        Proven bounds on the governing factor; NaN where a bound is missing.
-    load_factor : float
-        Governing factor; NaN where there is none.
-    case : int
-        Index of the governing case. Of several cases with overlapping brackets it is the first.
-        Two solution methods that find the same λ thus name the same case.
+    status: outcome of the structure. low, high: proven bounds on the governing factor; NaN where a bound is missing.
+    load_factor: governing factor; NaN where there is none. case: index of the governing case. Of several cases with
+    overlapping brackets it is the first. Two solution methods that find the same λ thus name the same case.
     """
 
     status: Status

@@ -42,14 +42,8 @@ class Movement(StrEnum):
 class FaceMotion:
     """Movement of one face in a mechanism.
 
-    Attributes
-    ----------
-    kind : Movement
-        Kind of the movement.
-    place : (d,) float array
-        Position of the hinge, or the centroid of the face, scene units.
-    size : float
-        Largest of the opening at the corners, the slip at the centroid and the slip by spin alone, scene units.
+    place: (d,) position of the hinge, or the centroid of the face, scene units. size: largest of the opening at the
+    corners, the slip at the centroid and the slip by spin alone, scene units.
     """
 
     kind: Movement
@@ -89,17 +83,8 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
 
     See docs/method.md (3.1).
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    mechanism : (n, q) float array
-        Velocities about the centroids, scene units; supports may move.
-
-    Returns
-    -------
-    (m, q) float array
-        Jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
+    assembly: the structure. mechanism: (n, q) velocities about the centroids, scene units; supports may move. Returns
+    (m, q): jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
     """
     moving = assembly.elements.support & mechanism.any(axis=1)
     if moving.any():
@@ -116,20 +101,8 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
     rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement.
     An inner face that moves is a crack, in shear where it slips more than it opens.
 
-    Parameters
-    ----------
-    result : LimitAnalysisResult
-        Result with a mechanism.
-
-    Returns
-    -------
-    tuple of FaceMotion
-        Movement of each of the m faces.
-
-    Raises
-    ------
-    ValueError
-        If the result holds no mechanism.
+    result: result with a mechanism. Result: movement of each of the m faces. Raises ValueError if the result holds no
+    mechanism.
     """
     if result.mechanism is None:
         raise ValueError("the result holds no mechanism")

@@ -11,8 +11,8 @@ from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.equilibrium import usable
 from jld_core.solvers import make_solver
 
+# Residual requested from the solver where there is no batch solver; a heuristic needs no more digits
 _RESIDUAL: Final = 1e-8
-"""Residual requested from the solver where there is no batch solver; a heuristic needs no more digits."""
 
 
 class Movements:
@@ -20,11 +20,6 @@ class Movements:
 
     Searches use them as a hint which labels to change; nothing is proven. The batch solver computes the mechanisms
     where it supports the yield rows, else Clarabel.
-
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of the assembly.
     """
 
     def __init__(self, analysis: LimitAnalysis) -> None:
@@ -35,15 +30,8 @@ class Movements:
     def of(self, labellings: Bits) -> Floats:
         """Compute the relative size of the jump of each face in the mechanism of each labelling.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (k, m) float array
-            Largest entry of the scaled jump of a face, over the largest of all faces; zero where no mechanism is found.
+        labellings: (k, m) True = dry. Returns (k, m): largest entry of the scaled jump of a face, over the largest of
+        all faces; zero where no mechanism is found.
         """
         if self._batch is not None:
             velocities = self._batch.solve(labellings, vectors=True).velocities

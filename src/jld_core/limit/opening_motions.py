@@ -26,12 +26,7 @@ _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as openi
 class OpeningMotions:
     """Motions that open every face of one assembly, computed once.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-    prover : Prover
-        Checks motions of this template.
+    template: scaled programs of one assembly. prover: checks motions of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
@@ -48,10 +43,7 @@ class OpeningMotions:
         (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings of the
         assembly. The result is cached.
 
-        Returns
-        -------
-        Motion or None
-            Motion with positive margin on every face, not normalised.
+        Result: motion with positive margin on every face, not normalised.
         """
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
@@ -74,12 +66,9 @@ class OpeningMotions:
         All elements move away from the supports, and the courses may separate faster than the elements within them. The
         result is cached.
 
-        Returns
-        -------
-        Motion or None
-            Motion with positive margin on every face; None if no motion of this form opens every face. It is also None
-            without supports or weight, with an additional equation, and where joints crush or inner faces have the
-            larger friction.
+        Result: motion with positive margin on every face; None if no motion of this form opens every face. It is also
+        None without supports or weight, with an additional equation, and where joints crush or inner faces have the
+        larger friction.
         """
         if not self._expansion_known:
             self._expansion, self._expansion_known = self._expanding(), True

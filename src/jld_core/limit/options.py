@@ -28,8 +28,8 @@ FLOOR_SECONDS: Final = 60.0
 FIELD_SECONDS: Final = 60.0
 """Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
 
+# Allowed values of each option that takes one of several words
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
-"""Allowed values of each option that takes one of several words."""
 
 
 @dataclass(frozen=True)

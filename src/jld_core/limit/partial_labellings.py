@@ -39,19 +39,9 @@ class PartialLabellingBounds(ABC):
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         """Refute a threshold for all labellings that agree on the decided faces.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Value to refute, in the unit of the object.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism that proves it; None where no proof is found.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        threshold: value to refute, in the unit of the object. Result: mechanism that proves it; None where no proof is
+        found.
         """
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
@@ -61,21 +51,10 @@ class PartialLabellingBounds(ABC):
     ) -> list[DualBound | None]:
         """Refute thresholds for many partial labellings, by the batch solver where it applies.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-        thresholds : (k,) float array
-            Values to refute, in the unit of the object.
-        thorough : (k,) bool array or None
-            True where another solver is tried if the batch solver finds no proof. Default: everywhere.
-
-        Returns
-        -------
-        list of DualBound or None
-            Mechanism that refutes each threshold, of the first load case that does; None where no proof is found.
+        labellings: (k, m) labels, True = dry; ignored where undecided. undecided: (k, m) faces that may have either
+        label. thresholds: (k,) values to refute, in the unit of the object. thorough: (k,) True where another solver is
+        tried if the batch solver finds no proof. Default: everywhere. Result: mechanism that refutes each threshold, of
+        the first load case that does; None where no proof is found.
         """
 
     @abstractmethod
@@ -85,60 +64,28 @@ class PartialLabellingBounds(ABC):
         Neighbours of the labellings are treated as well. The work balance of every refutation is evaluated again here.
         It requires the batch solver, see `batched`.
 
-        Parameters
-        ----------
-        request : ConflictRequest
-            Labellings and thresholds, in the unit of the object.
-
-        Returns
-        -------
-        list of MinimizedConflict
-            One entry for each labelling or neighbour that was begun. With load cases, a labelling is treated under the
-            first case that refutes it; labellings that no case refutes come last, without bound.
+        request: labellings and thresholds, in the unit of the object. Result: one entry for each labelling or neighbour
+        that was begun. With load cases, a labelling is treated under the first case that refutes it; labellings that no
+        case refutes come last, without bound.
         """
 
     @abstractmethod
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate the work balance of known mechanisms, without solving a program.
 
-        Parameters
-        ----------
-        case : int
-            Index of the load case; a single load has only case 0.
-        velocities : (k, q·free) float array
-            Mechanisms, scaled.
-        labellings : (k, m) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (k, m) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        (k,) float array
-            Values that no labelling exceeds that agrees where decided, in the unit of the object. −inf where none is
-            admissible at any λ, inf where the mechanism proves nothing.
-
-        Raises
-        ------
-        ValueError
-            If the load case does not exist.
+        case: index of the load case; a single load has only case 0. velocities: (k, q·free) mechanisms, scaled.
+        labellings: (k, m) labels, True = dry; ignored where undecided. undecided: (k, m) faces that may have either
+        label. Result: (k,) values that no labelling exceeds that agrees where decided, in the unit of the object. −inf
+        where none is admissible at any λ, inf where the mechanism proves nothing. Raises ValueError if the load case
+        does not exist.
         """
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Return an upper bound for a partial labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        float
-            Value that no labelling exceeds that agrees where decided, in the unit of the object; inf where no bound was
-            found.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        Result: value that no labelling exceeds that agrees where decided, in the unit of the object; inf where no bound
+        was found.
         """
         found = self.least_bound(labels, undecided)
         return np.inf if found is None else found.bound
@@ -147,15 +94,6 @@ class PartialLabellingBounds(ABC):
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         """Return the mechanism with the least bound found for a partial labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism with its bound, in the unit of the object; None where no bound was found.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        Result: mechanism with its bound, in the unit of the object; None where no bound was found.
         """

@@ -93,14 +93,7 @@ class ProofAttempt(AttemptState):
         the proof has no ray. The solver of a very large program stops as soon as both bounds of an iterate are close
         enough.
 
-        Parameters
-        ----------
-        route : Solver
-            Solver to run.
-        margin : float
-            Slack kept in every yield row, scaled.
-        early : bool
-            Stop early whatever the size.
+        route: solver to run. margin: slack kept in every yield row, scaled. early: stop early whatever the size.
         """
         program = self.template.program(self.labels, margin)
         early = early or program.structure.equalities >= EARLY_FROM

@@ -22,15 +22,9 @@ class Reduced:
 
     Only their multipliers may differ from zero beside a self-stress.
 
-    Attributes
-    ----------
-    linear : (k,) int array
-        Linear inequalities that are kept, as rows of the program.
-    cones : tuple of int
-        Indices of the cones that are kept.
-    rays : dict of int to (size − 1,) array
-        For each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit
-        vector.
+    linear: (k,) linear inequalities that are kept, as rows of the program. cones: indices of the cones that are kept.
+    rays: for each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit
+    vector.
     """
 
     linear: Ints

@@ -31,11 +31,10 @@ from jld_core.limit.work_balance import WorkBalances
 from jld_core.program import ConicProgram
 from jld_core.solvers import make_solver
 
-_ANY: Final = 1e12
-"""Threshold above every scaled λ of interest; with it any finite bound counts as a refutation."""
+_ANY: Final = 1e12  # threshold above every scaled λ of interest; with it any finite bound counts as a refutation
 
+# Residual requested from the solver; bounds are computed from its answer, so it need not be exact
 _RESIDUAL: Final = 1e-10
-"""Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
 
 class Relaxation(PartialLabellingBounds):
@@ -43,15 +42,8 @@ class Relaxation(PartialLabellingBounds):
 
     Methods and units are documented in `PartialLabellingBounds`.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of the assembly; its template, prover and opening motion are shared.
-
-    Raises
-    ------
-    TypeError
-        If no hull of the yield sets is known.
+    analysis: analysis of the assembly; its template, prover and opening motion are shared. Raises TypeError if no hull
+    of the yield sets is known.
     """
 
     def __init__(self, analysis: LimitAnalysis) -> None:
@@ -80,17 +72,7 @@ class Relaxation(PartialLabellingBounds):
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
         """Return the program of a partial labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-
-        Returns
-        -------
-        ConicProgram
-            The program, scaled.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
         """
         if self._shared is not None:
             return self._shared.program(labels, undecided, self._margin)

@@ -45,12 +45,7 @@ _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as openi
 class Repair:
     """Auxiliary programs that make answers of one template admissible.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-    prover : Prover
-        Checks states and motions of this template.
+    template: scaled programs of one assembly. prover: checks states and motions of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
@@ -65,15 +60,7 @@ class Repair:
     def state(self, labels: Bits) -> State | None:
         """Find the state of largest slack at any λ.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State or None
-            State of largest slack; None where it is not admissible.
+        labels: (m,) True = dry. Result: state of largest slack; None where it is not admissible.
         """
         state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
@@ -81,15 +68,8 @@ class Repair:
     def standing_state(self, labels: Bits) -> State | None:
         """Find the state of largest least slack at λ = 0.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State or None
-            Admissible state, in which yield rows are slack where they can be; None if none is found.
+        labels: (m,) True = dry. Result: admissible state, in which yield rows are slack where they can be; None if none
+        is found.
         """
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
@@ -99,15 +79,8 @@ class Repair:
     def stands(self, labels: Bits) -> bool | None:
         """Decide whether λ = 0 is admissible.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        bool or None
-            True with an admissible state, False with a motion that gains energy, None if neither is found.
+        labels: (m,) True = dry. Result: True with an admissible state, False with a motion that gains energy, None if
+        neither is found.
         """
         found = self.proof_at_zero(labels)
         return None if found is None else isinstance(found, State)
@@ -149,15 +122,8 @@ class Repair:
 
         They do so where the largest slack at any λ is negative; the caller has to check it.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (≥ q·free,) float array
-            Raw multipliers of the program of largest slack; the velocities come first.
+        labels: (m,) True = dry. Returns (≥ q·free,): raw multipliers of the program of largest slack; the velocities
+        come first.
         """
         return self._largest_slack_solution(labels).dual
 
@@ -178,19 +144,8 @@ class Repair:
         The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with a
         state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in it.
 
-        Parameters
-        ----------
-        point : (≥ columns,) float array or None
-            Point to start from, without λ where `load_fixed`. Default: the state that leaves all other rows slack.
-        labels : (m,) bool array
-            Labels, True = dry.
-        load_fixed : bool
-            Keep λ = 0.
-
-        Returns
-        -------
-        State or None
-            Admissible state; None if none is found.
+        point: (≥ columns,) point to start from, without λ where `load_fixed`. Default: the state that leaves all other
+        rows slack. labels: (m,) True = dry. load_fixed: keep λ = 0.
         """
         program = self.template.program(labels)
         s = program.structure
@@ -263,15 +218,7 @@ class Repair:
     def self_stress_states(self, labels: Bits) -> list[State]:
         """Find states that rely on a self-stress at the boundary of the friction cones.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        list of State
-            States found, not necessarily admissible, see `FacialReduction.states`.
+        labels: (m,) True = dry.
         """
         inside = self._largest_slack_solution(labels).point[: self.template.columns]
         return [
@@ -286,15 +233,7 @@ class Repair:
 
         It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State or None
-            Ray that holds to rounding; None where no proof is found.
+        labels: (m,) True = dry. Result: ray that holds to rounding; None where no proof is found.
         """
         # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
         # residual.
@@ -323,15 +262,7 @@ class Repair:
     def ray_with_self_stress(self, labels: Bits) -> State | None:
         """Find a ray that is admissible together with a self-stress that grows faster.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State or None
-            Ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
+        labels: (m,) True = dry. Result: ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
         """
         inside = self.state(labels)
         return None if inside is None or inside.slack < _OPENS else SelfStress(self.prover, labels).ray()
@@ -355,17 +286,8 @@ class Repair:
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a small opening motion to a motion whose live work is negative by rounding.
 
-        Parameters
-        ----------
-        motion : Motion
-            Motion to be changed.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion
-            Changed motion; the same one if no opening motion with positive live work exists.
+        motion: motion to be changed. labels: (m,) True = dry. Result: changed motion; the same one if no opening motion
+        with positive live work exists.
         """
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
@@ -376,19 +298,8 @@ class Repair:
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
         """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
 
-        Parameters
-        ----------
-        motion : Motion
-            Motion to be repaired.
-        labels : (m,) bool array
-            Labels, True = dry.
-        normalise : bool
-            Scale the result to live work 1.
-
-        Returns
-        -------
-        Motion or None
-            Repaired motion; None if none was found.
+        motion: motion to be repaired. labels: (m,) True = dry. normalise: scale the result to live work 1. Result:
+        repaired motion; None if none was found.
         """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 

@@ -24,29 +24,19 @@ from jld_core.threads import one_thread
 
 _ROUTE: Final = Route("the geometric reserve")
 
-_WIDTH: Final = 2e-3
-"""Width of the bracket of the share at which its bisection ends."""
+_WIDTH: Final = 2e-3  # width of the bracket of the share at which its bisection ends
 
-_IDLE: Final = 1e-6
-"""Shear over the largest force of the structure up to which it counts as none."""
+_IDLE: Final = 1e-6  # shear over the largest force of the structure up to which it counts as none
 
 
 @dataclass(frozen=True)
 class Reserve:
     """State in which the faces use the least possible share of their capacity.
 
-    Attributes
-    ----------
-    bracket : (float, float)
-        Proven bounds on the share: with less than the first one there is no state, with the second one there is.
-    forces : (m, q) array
-        Resultants of this state, scene units.
-    share : (m,) array
-        Share of its capacity that each face uses, 0 to 1.
-    bending : (m,) array
-        Share of the eccentricity, tension or compression alone.
-    slip : (m,) array
-        Share of shear and torsion alone; reserve against slip is 1 minus it.
+    bracket: (float, float) proven bounds on the share: with less than the first one there is no state, with the second
+    one there is. forces: (m, q) resultants of this state, scene units. share: (m,) share of its capacity that each face
+    uses, 0 to 1. bending: (m,) share of the eccentricity, tension or compression alone. slip: (m,) share of shear and
+    torsion alone; reserve against slip is 1 minus it.
     """
 
     bracket: tuple[float, float]
@@ -60,25 +50,9 @@ class Reserve:
 def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
     """Find the state under the dead load in which faces use the least share of their capacity.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with one load case; its live load does not act.
-    labels : (m,) bool array
-        Labels, True = dry.
+    assembly: structure with one load case; its live load does not act. labels: (m,) True = dry. Result: the state; None
+    if the structure is not proven to stand. Raises InputError if a material that the labelling needs is missing.
 
-    Returns
-    -------
-    Reserve or None
-        The state; None if the structure is not proven to stand.
-
-    Raises
-    ------
-    InputError
-        If a material that the labelling needs is missing.
-
-    Notes
-    -----
     Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
     are nested. docs/method.md (3.16).
     """

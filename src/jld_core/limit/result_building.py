@@ -144,17 +144,8 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
 def element_velocities(template: Template, velocity: Floats) -> Floats:
     """Convert scaled velocities of the free elements to scene units with b_λ·u = 1.
 
-    Parameters
-    ----------
-    template : Template
-        Supplies the assembly and the scaling.
-    velocity : (q·free,) float array
-        Scaled velocities with scaled live work 1.
-
-    Returns
-    -------
-    (n, q) float array
-        Velocities about the centroids of all elements, scene units; zero for supports.
+    template: supplies the assembly and the scaling. velocity: (q·free,) scaled velocities with scaled live work 1.
+    Returns (n, q): velocities about the centroids of all elements, scene units; zero for supports.
     """
     assembly, scaling = template.assembly, template.scaling
     full = np.zeros((len(assembly.elements), assembly.freedoms))

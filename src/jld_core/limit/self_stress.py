@@ -37,8 +37,8 @@ _ACCURACIES: Final = ((1e-9, 2e-8), (1e-12, 4e-9))  # Residual to reach, and sla
 _CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces may grow along a self-stress.
 _TIMES: Final = np.logspace(0.0, 14.0, 57)  # Factors of a self-stress, scaled, tried in turn.
 _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
+# Bounds on the forces, scaled, and slacks below which a row counts as tight, in the order tried; 0: by simplex
 _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
-"""Bounds on the forces, scaled, and slacks below which a row counts as tight, in the order tried; 0: by simplex."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,7 @@ class SelfStress:
     yield rows that restrict other forces, docs/method.md (3.14a). Small programs whose cones have three rows are
     treated; for others nothing is found.
 
-    Parameters
-    ----------
-    prover : Prover
-        Checks forces of one assembly in space.
-    labels : (m,) bool array
-        Labels, True = dry.
+    prover: checks forces of one assembly in space. labels: (m,) True = dry.
     """
 
     def __init__(self, prover: Prover, labels: Bits) -> None:
@@ -103,11 +98,8 @@ class SelfStress:
     def ray(self) -> State | None:
         """Find a ray that is admissible together with self-stresses that grow faster than it.
 
-        Returns
-        -------
-        State or None
-            R₁ with A R₁ + b_λ = 0, its slack measured in the rows that the self-stresses leave; None where no proof is
-            found. With a state that has slack in all yield sets, it proves that every larger λ is admissible.
+        Result: R₁ with A R₁ + b_λ = 0, its slack measured in the rows that the self-stresses leave; None where no proof
+        is found. With a state that has slack in all yield sets, it proves that every larger λ is admissible.
         """
         for stage in self.stages:
             left = program_of_rows(self.program, stage.left)
@@ -137,15 +129,8 @@ class SelfStress:
         Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses are
         then added until all rows hold.
 
-        Parameters
-        ----------
-        inside : (columns + 1,) float array
-            Forces with slack in every yield set, further variables, and λ as the last entry, scaled.
-
-        Yields
-        ------
-        State
-            Admissible state. Its error is that of its large forces: the exact forces next to them are admissible.
+        inside: (columns + 1,) forces with slack in every yield set, further variables, and λ as the last entry, scaled.
+        Result: admissible state. Its error is that of its large forces: the exact forces next to them are admissible.
         """
         resultants = self.template.matrix.shape[1]
         inner = self._balanced(inside)

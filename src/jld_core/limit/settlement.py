@@ -81,26 +81,10 @@ def settle(
 
     The model has associative friction and convex contact.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure, analysed under its dead load; of several load cases the first counts.
-    settlement : Settlement
-        Velocities of the supports, and the factor of the live load that is added to the dead load.
-    labels : (m,) bool array or None
-        Labels, True = dry. Default: those of the assembly.
-    gap : float
-        Relative width of a bracket up to which an end counts as certified.
-
-    Returns
-    -------
-    Settled
-        Range of thrust with its mechanisms.
-
-    Raises
-    ------
-    InputError
-        If a material that the labelling needs is missing, or the assembly has members.
+    assembly: structure, analysed under its dead load; of several load cases the first counts. settlement: velocities of
+    the supports, and the factor of the live load that is added to the dead load. labels: (m,) labels, True = dry.
+    Default: those of the assembly. gap: relative width of a bracket up to which an end counts as certified. Raises
+    InputError if a material that the labelling needs is missing, or the assembly has members.
     """
     assembly.members.refuse("the range of reactions under a movement of supports")
     start = time.perf_counter()
@@ -124,19 +108,8 @@ def settle(
 def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
     """Compute the resultants of the interface forces on some elements, supports included.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    forces : (m, q) float array
-        Resultants of the faces, scene units.
-    elements : (k,) int array
-        Indices of the elements.
-
-    Returns
-    -------
-    (k, q) float array
-        Force and moment on each element about its centroid, scene units.
+    assembly: the structure. forces: (m, q) resultants of the faces, scene units. elements: (k,) indices of the
+    elements. Returns (k, q): force and moment on each element about its centroid, scene units.
     """
     matrix, rows = _support_rows(assembly, np.isin(np.arange(len(assembly.elements)), elements))
     found = np.zeros((len(assembly.elements), assembly.freedoms))

@@ -21,15 +21,7 @@ from jld_core.program import ConicProgram, Structure, Template
 class SharedHull:
     """Programs of partial labellings of one template whose joints may crush.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-
-    Raises
-    ------
-    ValueError
-        If yield rows have extra columns.
+    template: scaled programs of one assembly. Raises ValueError if yield rows have extra columns.
     """
 
     def __init__(self, template: Template) -> None:
@@ -100,20 +92,10 @@ class SharedHull:
     def program(self, labels: Bits, undecided: Bools, margin: float) -> ConicProgram:
         """Return the program of a partial labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        margin : float
-            Reward of every normal force in the objective, scaled, so that the jumps found are opening.
-
-        Returns
-        -------
-        ConicProgram
-            The program, scaled. Columns: the resultants of the first, then of the second copy of each face; the share
-            of its second copy; λ as the last one.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        margin: reward of every normal force in the objective, scaled, so that the jumps found are opening. Result: the
+        program, scaled. Columns: the resultants of the first, then of the second copy of each face; the share of its
+        second copy; λ as the last one.
         """
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)

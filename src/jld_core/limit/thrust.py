@@ -27,27 +27,21 @@ from jld_core.limit.result import number
 from jld_core.mechanics import equilibrium_matrix, require_materials
 from jld_core.threads import one_thread
 
+# Components in the axes of the scene, by dimension
 _GLOBAL: Final = {2: ("Fx", "Fy", "M"), 3: ("Fx", "Fy", "Fz", "Mx", "My", "Mz")}
-"""Components in the axes of the scene, by dimension."""
 
+# Components in the axes of a face, by dimension
 _LOCAL: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
-"""Components in the axes of a face, by dimension."""
 
 
 @dataclass(frozen=True)
 class Resultant:
     """One component of the resultant of some faces, as a function of the forces.
 
-    Attributes
-    ----------
-    place : str
-        Name of the faces: "support NAME", "joint A, B" or "section x, y to x, y".
-    component : str
-        Fx, Fy, Fz, Mx, My, Mz or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face.
-    point : (d,) array
-        Point about which moments are taken, scene units.
-    function : ForceFunction
-        Value of the component for any forces at the interfaces, scene units.
+    place: name of the faces: "support NAME", "joint A, B" or "section x, y to x, y". component: fx, Fy, Fz, Mx, My, Mz
+    or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face. point: (d,) point about
+    which moments are taken, scene units. function: value of the component for any forces at the interfaces, scene
+    units.
     """
 
     place: str
@@ -60,12 +54,7 @@ class Resultant:
 class ResultantRange:
     """Least and greatest value of a resultant over all admissible states.
 
-    Attributes
-    ----------
-    resultant : Resultant
-        The resultant.
-    least, most : Thrust
-        Both ends, each with its bracket.
+    least, most: both ends, each with its bracket.
     """
 
     resultant: Resultant
@@ -83,10 +72,7 @@ class ResultantRange:
     def to_json(self) -> dict[str, Any]:
         """Return the range as plain numbers.
 
-        Returns
-        -------
-        dict
-            Place, component, point, interval, and of both ends value, bracket, gap and status; None where missing.
+        Result: place, component, point, interval, and of both ends value, bracket, gap and status; None where missing.
         """
         what = self.resultant
         return {
@@ -110,20 +96,9 @@ class ResultantRange:
 class ThrustRanges:
     """Ranges of reactions and resultants of one structure under one load.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        The structure; its dead load holds the given part of the live load.
-    labels : (m,) bool array
-        Labels, True = dry.
-    load_factor : float
-        Factor of the live load that acts.
-    stands : bool or None
-        True if the structure stands under this load, False if not; None where undecided.
-    ranges : tuple of ResultantRange
-        One per resultant; empty if the structure does not stand.
-    seconds : float
-        Wall-clock time.
+    assembly: the structure; its dead load holds the given part of the live load. labels: (m,) True = dry. load_factor:
+    factor of the live load that acts. stands: True if the structure stands under this load, False if not; None where
+    undecided. ranges: one per resultant; empty if the structure does not stand. seconds: wall-clock time.
     """
 
     assembly: Assembly
@@ -136,10 +111,7 @@ class ThrustRanges:
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld thrust --json` prints for each load case.
 
-        Returns
-        -------
-        dict
-            Load factor, whether it stands, ranges and seconds.
+        Result: load factor, whether it stands, ranges and seconds.
         """
         return {
             "load_factor": self.load_factor,
@@ -162,30 +134,12 @@ def thrust_ranges(
 
     The model has associative friction and convex contact.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with one load case.
-    labels : (m,) bool array or None
-        Labels, True = dry. Default: those of the assembly.
-    resultants : sequence of Resultant, optional
-        Resultants to bracket. Default: all components of the reaction of every support.
-    load_factor : float
-        Factor of the live load that acts beside the dead load.
-    gap : float
-        Relative width of a bracket up to which an end counts as certified.
-
-    Returns
-    -------
-    ThrustRanges
-        One range per resultant; none if the structure does not stand.
-
-    Raises
-    ------
-    InputError
-        If a material that the labelling needs is missing, or the assembly has members.
-    ParameterError
-        If the load factor is not finite; the parameter is `load_factor`.
+    assembly: structure with one load case. labels: (m,) labels, True = dry. Default: those of the assembly. resultants:
+    resultants to bracket. Default: all components of the reaction of every support. load_factor: factor of the live
+    load that acts beside the dead load. gap: relative width of a bracket up to which an end counts as certified.
+    Result: one range per resultant; none if the structure does not stand. Raises InputError if a material that the
+    labelling needs is missing, or the assembly has members. Raises ParameterError if the load factor is not finite; the
+    parameter is `load_factor`.
     """
     assembly.members.refuse("the range of reactions and joint forces")
     if not np.isfinite(load_factor):
@@ -211,22 +165,9 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
 
     Moments are about the centroid of the contact with the structure.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    names : sequence of str, optional
-        Supports. Default: all that touch a free element.
-
-    Returns
-    -------
-    tuple of Resultant
-        Three (planar) or six (spatial) per support, in the axes of the scene.
-
-    Raises
-    ------
-    ParameterError
-        If a name is no support that touches a free element; the parameter is `support`.
+    assembly: the structure. names: supports. Default: all that touch a free element. Result: three (planar) or six
+    (spatial) per support, in the axes of the scene. Raises ParameterError if a name is no support that touches a free
+    element; the parameter is `support`.
     """
     elements, faces = assembly.elements, assembly.interfaces
     bearing = [k for k in np.flatnonzero(elements.support).tolist() if ((faces.a == k) | (faces.b == k)).any()]
@@ -250,22 +191,8 @@ def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Res
     It acts on the second element. Components are in the axes of the faces if these are parallel (N is positive in
     compression), else in the axes of the scene.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The structure.
-    first, second : str
-        Names of two elements that touch.
-
-    Returns
-    -------
-    tuple of Resultant
-        Three (planar) or six (spatial).
-
-    Raises
-    ------
-    ParameterError
-        If an element is unknown or the two do not touch; the parameter is `joint`.
+    assembly: the structure. first, second: names of two elements that touch. Raises ParameterError if an element is
+    unknown or the two do not touch; the parameter is `joint`.
     """
     elements, faces = assembly.elements, assembly.interfaces
     for name in (first, second):
@@ -285,22 +212,8 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
 
     They act on the part to the left of the direction from start to end.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        A planar structure.
-    start, end : (2,) sequences
-        Ends of the line, scene units.
-
-    Returns
-    -------
-    tuple of Resultant
-        N, V and M.
-
-    Raises
-    ------
-    ParameterError
-        If the structure is spatial, the line has no length, or no face lies on it; the parameter is `section`.
+    assembly: a planar structure. start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure
+    is spatial, the line has no length, or no face lies on it; the parameter is `section`.
     """
     if assembly.dimension != 2:
         raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
@@ -372,17 +285,8 @@ def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
 def words_of_range(one: ResultantRange, force: str, length: str) -> str:
     """Describe one range in a line.
 
-    Parameters
-    ----------
-    one : ResultantRange
-        The range.
-    force, length : str
-        Units of the scene.
-
-    Returns
-    -------
-    str
-        Component, both ends and their unit. An end may read "no least", "no greatest" or "uncertified".
+    one: the range. force, length: units of the scene. Result: component, both ends and their unit. An end may read "no
+    least", "no greatest" or "uncertified".
     """
     unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
     ends = []

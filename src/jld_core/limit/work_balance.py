@@ -13,8 +13,8 @@ from jld_core.limit.bounds import Prover
 from jld_core.limit.repair import Repair
 from jld_core.program import Template
 
+# Violation of a margin, relative to the largest jump, up to which a small opening motion repairs it
 _TINY: Final = 1e-6
-"""Violation of a margin, relative to the largest jump, up to which a small opening motion repairs it."""
 
 
 @dataclass(frozen=True)
@@ -23,19 +23,12 @@ class WorkBalance:
 
     The inequality holds for every labelling that agrees with the partial one on its decided faces.
 
-    Attributes
-    ----------
-    velocities : (k, q·free) array
-        Mechanisms, scaled: q velocities of each free element, with the opening motion that repairs rounding errors.
-    work : (k,) array
-        Work of the live load, scaled.
-    total : (k,) array
-        Dissipation minus work of the dead load, plus a bound on rounding errors, scaled; valid where `sound` is True.
-    sound : (k,) bool array
-        True where the dissipation is finite and the work not negative.
-    own, either : (k, m) arrays
-        Dissipation of each face, scaled, or inf. `either`: the larger of its dissipations under the two labels.
-        `own`: its dissipation under its own label; equal to `either` for undecided faces.
+    velocities: (k, q·free) mechanisms, scaled: q velocities of each free element, with the opening motion that repairs
+    rounding errors. work: (k,) work of the live load, scaled. total: (k,) dissipation minus work of the dead load, plus
+    a bound on rounding errors, scaled; valid where `sound` is True. sound: (k,) True where the dissipation is finite
+    and the work not negative. own, either: (k, m) dissipation of each face, scaled, or inf. `either`: the larger of its
+    dissipations under the two labels. `own`: its dissipation under its own label; equal to `either` for undecided
+    faces.
     """
 
     velocities: Floats
@@ -49,14 +42,7 @@ class WorkBalance:
 class WorkBalances:
     """Work balances of mechanisms of one template, with the support function of the hull.
 
-    Parameters
-    ----------
-    template : Template
-        Scaled programs of one assembly.
-    prover : Prover
-        Measures jumps and rounding.
-    repair : Repair
-        Supplies the opening motion.
+    template: scaled programs of one assembly. prover: measures jumps and rounding. repair: supplies the opening motion.
     """
 
     def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:

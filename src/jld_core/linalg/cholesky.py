@@ -37,27 +37,12 @@ class Fronts:
 
     Make it once per pattern; then call `factor` for each matrix.
 
-    Parameters
-    ----------
-    rows, columns : (e,) int arrays
-        Positions of the entries, in either triangle, without repetition.
-    node : (n,) int array
-        Graph node of each unknown; unknowns of one node have the same neighbours.
-    places : (nodes, d) array, optional
-        Coordinates of the nodes; default: computed from distances in the graph.
-
-    Attributes
-    ----------
-    order, place : (n,) int arrays
-        Unknowns in order of elimination, and the position of each unknown in it.
-    size : int
-        Number of unknowns n.
-    parent : (fronts,) int array
-        Parent of each front in the elimination tree, −1 for a root.
-    bounds : (fronts + 1,) int array
-        Front k eliminates the positions from bounds[k] to bounds[k + 1].
-    passed : list of int arrays
-        For each front, positions of the later unknowns that its elimination changes.
+    rows, columns: (e,) positions of the entries, in either triangle, without repetition. node: (n,) graph node of each
+    unknown; unknowns of one node have the same neighbours. places: (nodes, d) coordinates of the nodes; default:
+    computed from distances in the graph. order, place: (n,) unknowns in order of elimination, and the position of each
+    unknown in it. size: number of unknowns n. parent: (fronts,) parent of each front in the elimination tree, −1 for a
+    root. bounds: (fronts + 1,) front k eliminates the positions from bounds[k] to bounds[k + 1]. passed: for each
+    front, positions of the later unknowns that its elimination changes.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:
@@ -134,20 +119,8 @@ class Fronts:
     def factor(self, data: Floats) -> Factor:
         """Compute the Cholesky factor of a matrix with this pattern.
 
-        Parameters
-        ----------
-        data : (e,) array
-            Values of the entries, in the order of `rows` and `columns`.
-
-        Returns
-        -------
-        Factor
-            The factor.
-
-        Raises
-        ------
-        np.linalg.LinAlgError
-            The matrix is not positive definite in floating point.
+        data: (e,) values of the entries, in the order of `rows` and `columns`. Raises np.linalg.LinAlgError: the matrix
+        is not positive definite in floating point.
         """
         values, where, cut, bounds = data[self.entries], self.where, self.cut, self.bounds
         pivots: list[Floats] = []
@@ -228,14 +201,8 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
 class Factor:
     """Cholesky factorisation of a matrix, made by `Fronts.factor`; it solves linear systems.
 
-    Parameters
-    ----------
-    fronts : Fronts
-        Analysis of the pattern.
-    pivots : list of (p, p) arrays
-        Lower Cholesky factor of the p unknowns that each front eliminates.
-    panels : list of (r, p) arrays
-        Rows of the factor below them, for the r later unknowns of the front.
+    fronts: analysis of the pattern. pivots: lower Cholesky factor of the p unknowns that each front eliminates. panels:
+    rows of the factor below them, for the r later unknowns of the front.
     """
 
     def __init__(self, fronts: Fronts, pivots: list[Floats], panels: list[Floats]) -> None:
@@ -244,15 +211,7 @@ class Factor:
     def solve(self, rhs: Floats) -> Floats:
         """Solve the system for one or several right-hand sides.
 
-        Parameters
-        ----------
-        rhs : (n,) or (n, k) array
-            Right-hand sides.
-
-        Returns
-        -------
-        (n,) or (n, k) array
-            Solutions.
+        rhs: (n,) right-hand sides. Returns (n,).
         """
         fronts = self._fronts
         x = np.array(rhs[fronts.order], dtype=float)

@@ -21,14 +21,8 @@ from jld_core.arrays import Bools, Floats, Ints
 class Dissection:
     """Parts of a graph of n nodes in the order of elimination, children before their parents.
 
-    Attributes
-    ----------
-    order : (n,) int array
-        Nodes in order of elimination.
-    start : (parts + 1,) int array
-        Part p is order[start[p] : start[p + 1]]; it may be empty.
-    parent : (parts,) int array
-        Parent of each part in the tree of separators, −1 for a root.
+    order: (n,) nodes in order of elimination. start: (parts + 1,) part p is order[start[p] : start[p + 1]]; it may be
+    empty. parent: (parts,) parent of each part in the tree of separators, −1 for a root.
     """
 
     order: Ints
@@ -39,21 +33,9 @@ class Dissection:
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
     """Order the nodes of a graph for sparse elimination, by recursive bisection.
 
-    Parameters
-    ----------
-    rows, columns : (e,) int arrays
-        Ends of the edges, each edge at least once; loops are ignored.
-    count : int
-        Number of nodes.
-    leaf : int
-        Number of nodes up to which a part is not bisected.
-    places : (count, d) array, optional
-        Coordinates of the nodes; default: computed from distances in the graph.
-
-    Returns
-    -------
-    Dissection
-        Order of elimination, its parts (separators and leaves), and their tree.
+    rows, columns: (e,) ends of the edges, each edge at least once; loops are ignored. count: number of nodes. leaf:
+    number of nodes up to which a part is not bisected. places: (count, d) coordinates of the nodes; default: computed
+    from distances in the graph. Result: order of elimination, its parts (separators and leaves), and their tree.
     """
     proper = rows != columns
     rows, columns = rows[proper], columns[proper]

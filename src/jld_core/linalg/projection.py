@@ -26,19 +26,9 @@ class Projector:
 
     The projected vector is F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
 
-    Parameters
-    ----------
-    matrix : (rows, columns) sparse array
-        A, restricted to the active resultants.
-    places : (rows, d) array, optional
-        Coordinates of the element of each row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full.
-
-    Attributes
-    ----------
-    matrix : (rows, columns) sparse array
-        Matrix A.
-    rows : sparse or dense array
-        A in a form for fast products with vectors (see `dense_if_small`).
+    matrix: (rows, columns) A, restricted to the active resultants. places: (rows, d) coordinates of the element of each
+    row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full. matrix: (rows, columns) matrix A. rows: a in a
+    form for fast products with vectors (see `dense_if_small`).
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
@@ -54,15 +44,7 @@ class Projector:
     def correction(self, residual: Floats) -> Floats:
         """Return the least-norm change of F that removes a residual.
 
-        Parameters
-        ----------
-        residual : (rows,) array
-            A F − r.
-
-        Returns
-        -------
-        (columns,) array
-            Change to subtract from F.
+        residual: (rows,) a F − r. Returns (columns,).
         """
         if self._dense is not None:
             return self._dense @ residual
@@ -117,10 +99,7 @@ class ConsistentProjector:
     value σ > 0. Source: Hanke & Groetsch, Nonstationary iterated Tikhonov regularization, J. Optim. Theory Appl. 98
     (1998).
 
-    Parameters
-    ----------
-    equations : (rows, columns) sparse array
-        E, with rows of order one.
+    equations: (rows, columns) E, with rows of order one.
     """
 
     def __init__(self, equations: sp.csr_array) -> None:
@@ -138,17 +117,7 @@ class ConsistentProjector:
     def project(self, y: Floats, right: Floats) -> Floats:
         """Return the solution next to a point, up to rounding.
 
-        Parameters
-        ----------
-        y : (columns,) array
-            Point to project.
-        right : (rows,) array
-            r.
-
-        Returns
-        -------
-        (columns,) array
-            Projected point.
+        y: (columns,) point to project. right: (rows,) r. Returns (columns,).
         """
         if self._inverse is not None:
             for _ in range(3):
@@ -170,14 +139,6 @@ class ConsistentProjector:
 def dense_if_small(matrix: Any) -> Any:
     """Return a small sparse matrix as a dense one, which multiplies vectors faster.
 
-    Parameters
-    ----------
-    matrix : sparse matrix
-        Any sparse matrix.
-
-    Returns
-    -------
-    dense or sparse matrix
-        Dense up to `_FULL` entries (rows × columns), else the same matrix.
+    matrix: any sparse matrix. Result: dense up to `_FULL` entries (rows × columns), else the same matrix.
     """
     return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix

@@ -26,20 +26,11 @@ class Bending:
     With the scaled moments x = (m1, m2), a dry face requires c·x ≤ N for each of its rows c in `dry`. An inner face
     requires c·x ≤ N + σtA for each of its rows c in `inner`. Face f has the rows start[f] to start[f + 1] − 1.
 
-    Attributes
-    ----------
-    start : (m + 1,) int array
-        First row of each face, then the number of rows.
-    dry, inner : (rows, 2) arrays
-        Coefficients c of (m1, m2), in order of angle.
-    dry_corners, inner_corners : (rows, 2) arrays
-        Corners of {x : c·x ≤ 1}, each between a row and the next.
-    crushed : int array
-        Faces whose inner set also has an upper limit, c·x ≥ N − σcA.
-    crush_start : int array
-        First corner of each crushed face, then the number of corners.
-    crush_corners : (corners, 3) array
-        Corners (ν, x) of the solid of each crushed face, where N = −σtA + ν (σcA + σtA) and x is divided by σcA + σtA.
+    start: (m + 1,) first row of each face, then the number of rows. dry, inner: (rows, 2) coefficients c of (m1, m2),
+    in order of angle. dry_corners, inner_corners: (rows, 2) corners of {x : c·x ≤ 1}, each between a row and the next.
+    crushed: faces whose inner set also has an upper limit, c·x ≥ N − σcA. crush_start: first corner of each crushed
+    face, then the number of corners. crush_corners: (corners, 3) corners (ν, x) of the solid of each crushed face,
+    where N = −σtA + ν (σcA + σtA) and x is divided by σcA + σtA.
     """
 
     start: Ints
@@ -65,10 +56,10 @@ class Bending:
         return np.asarray(np.maximum.reduceat(product, self.start[:-1]))
 
 
+# Rows c of a rectangle with uncoupled moments, in order of angle
 _SIDES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-"""Rows c of a rectangle with uncoupled moments, in order of angle."""
+# Corners of the uncoupled rectangle, and rows c of its kern, in order of angle
 _DIAGONALS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-"""Corners of the uncoupled rectangle, and rows c of its kern, in order of angle."""
 # Corners of the kern of a rectangle, each between a row and the next.
 _TIPS = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 
@@ -126,17 +117,8 @@ def _local(faces: Interfaces, face: int) -> Floats:
 def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
     """Return the convex hulls of some faces in their own frames.
 
-    Parameters
-    ----------
-    faces : Interfaces
-        All faces.
-    which : int array
-        Indices of the faces wanted.
-
-    Returns
-    -------
-    list of (h, 2) arrays
-        Corners, counter-clockwise, scene units, without corners inside an edge.
+    faces: all faces. which: indices of the faces wanted. Result: corners, counter-clockwise, scene units, without
+    corners inside an edge.
     """
     local = [_local(faces, face) for face in which.tolist()]
     # Take the hull first: the outline of a face with a hole passes its bridges twice.

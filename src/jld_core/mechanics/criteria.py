@@ -127,17 +127,8 @@ class Criterion(Protocol):
     def rows(self, faces: FaceGeometry, values: Mapping[str, float]) -> FaceRows:
         """Return the yield set of faces.
 
-        Parameters
-        ----------
-        faces : FaceGeometry
-            k faces.
-        values : mapping of str to float
-            Value of each parameter, scene units.
-
-        Returns
-        -------
-        FaceRows
-            Rows of k faces, or of one for all of them.
+        faces: k faces. values: value of each parameter, scene units. Result: rows of k faces, or of one for all of
+        them.
         """
 
 

@@ -16,8 +16,8 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry import moment_about
 
+# Rounding of a difference of two coordinates, relative to the larger one
 _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
-"""Rounding of a difference of two coordinates, relative to the larger one."""
 
 
 def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:

@@ -19,21 +19,10 @@ class Frictional(Strengths):
 
     Shear is limited by |V| ≤ c + μN, in space by |V| + |mT| ≤ c + μN, docs/method.md (2.4), (2.7).
 
-    Attributes
-    ----------
-    friction, cohesion : (m,) arrays
-        μ and c of dry faces.
-    inner_friction, shear : (m,) arrays
-        μ and c = τA of inner faces.
-    tension : (m,) array
-        σtA of inner faces, at most c/μ.
-    crush_dry, crush_inner : (m,) arrays
-        σcA; inf where none is given.
-    pattern : RowPattern
-        Rows of the program.
+    friction, cohesion: (m,) μ and c of dry faces. inner_friction, shear: (m,) μ and c = τA of inner faces. tension:
+    (m,) σtA of inner faces, at most c/μ. crush_dry, crush_inner: (m,) σcA; inf where none is given. pattern: rows of
+    the program.
 
-    Notes
-    -----
     All values except μ are divided by the force scale.
     """
 

@@ -17,8 +17,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.mechanics.frictional import Frictional
 from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
-_STEPS: Final = 257
-"""Number of points on a parabola at which `_interaction_planes` evaluates tangent planes."""
+_STEPS: Final = 257  # number of points on a parabola at which `_interaction_planes` evaluates tangent planes
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:

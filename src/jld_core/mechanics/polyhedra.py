@@ -15,17 +15,16 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 
+# Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats
 _NEAR: Final = 1e-6
-"""Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats."""
 
+# Determinant of unit rows below which their point of intersection is found in exact arithmetic alone
 _FLAT: Final = 1e-9
-"""Determinant of unit rows below which their point of intersection is found in exact arithmetic alone."""
 
-_SAME: Final = 1e-9
-"""Distance below which two unit normals of facets are one."""
+_SAME: Final = 1e-9  # distance below which two unit normals of facets are one
 
+# Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then
 _INSIDE: Final = 1e-11
-"""Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then."""
 
 Vector = tuple[Fraction, ...]
 

@@ -45,19 +45,10 @@ class PrescribedFriction:
 
     Bending and cohesion are those of `base`. Faces of both labels have friction.
 
-    Attributes
-    ----------
-    base : FrictionSet
-        Set with associative friction.
-    alpha : float
-        α, share of the present N: 1 is associative friction, 0 is friction without dilation.
-    previous : (m,) array
-        N_prev, scaled; raised to the least N that a face can carry.
-    areas : EffectiveAreas or None
-        None leaves the torsion of dry faces as in `base`.
+    base: set with associative friction. alpha: α, share of the present N: 1 is associative friction, 0 is friction
+    without dilation. previous: (m,) n_prev, scaled; raised to the least N that a face can carry. areas: None leaves the
+    torsion of dry faces as in `base`.
 
-    Notes
-    -----
     Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 

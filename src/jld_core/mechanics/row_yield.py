@@ -26,33 +26,20 @@ from jld_core.strengths import CRITERIA, STANDARD, Route, StatedCriterion, Stren
 
 _ROUTE: Final = Route("yield sets stated as rows", STANDARD - {"dry crushing"} | CRITERIA)
 
-_ROUNDED: Final = 1e-12
-"""Share of a strength by which N may pass the apex of friction in rounding."""
+_ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
 
-_TOUCHES: Final = 1e-12
-"""Distance of a vertex from a row, relative to strengths, below which the row touches it."""
+_TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
 
 
 @dataclass(frozen=True)
 class LabelRows:
     """Yield sets of m faces under one label, stated as rows, in stresses or scaled.
 
-    Attributes
-    ----------
-    C : (m, r, 3) array
-        Rows of the core; zeros are idle.
-    d : (m, r) array
-        Constants.
-    B : (m, 2, 2) array
-        Of the gauge of shear.
-    k, c, mu : (m, 2) arrays
-        Factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion.
-    coupled : (m,) bool array
-        True where one gauge limits both; its numbers stand twice.
-    vertices, rays : (m, p, 3) and (m, q, 3) arrays
-        Of the core, filled up with the first vertex, and with zeros.
-    kind : (m,) int array
-        Class of the core of each face: faces of one class have the same rows of stresses.
+    C: (m, r, 3) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear. k, c, mu:
+    (m, 2) factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion. coupled: (m,)
+    True where one gauge limits both; its numbers stand twice. vertices, rays: (m, p, 3) of the core, filled up with the
+    first vertex, and with zeros. kind: (m,) class of the core of each face: faces of one class have the same rows of
+    stresses.
     """
 
     C: Floats
@@ -115,14 +102,8 @@ def _either(labels: Bits, dry: Floats, inner: Floats) -> Floats:
 class RowYield:
     """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`.
 
-    Attributes
-    ----------
-    dimension : int
-        2 or 3.
-    dry, inner, enclosing : LabelRows
-        Scaled sets of either label, and sets that enclose both, with as many rows each.
-    criteria : tuple of StatedCriterion
-        Criteria of plug-ins among them, for messages.
+    dimension: 2 or 3. dry, inner, enclosing: scaled sets of either label, and sets that enclose both, with as many rows
+    each. criteria: criteria of plug-ins among them, for messages.
     """
 
     dimension: int

@@ -109,19 +109,9 @@ def reference_load(assembly: Assembly) -> float:
 
     Forces far below it count as zero in the width of a bracket.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        A planar or spatial structure.
+    assembly: a planar or spatial structure. Result: total weight, scene units. Without weight: the least strength times
+    area of any face, under either label. Without strengths: the total live load.
 
-    Returns
-    -------
-    float
-        Total weight, scene units. Without weight: the least strength times area of any face, under either label.
-        Without strengths: the total live load.
-
-    Notes
-    -----
     Source: docs/method.md (3.13).
     """
     if assembly.total_dead:

@@ -34,21 +34,10 @@ class PlanarYield(Frictional):
 
     `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
 
-    Attributes
-    ----------
-    friction, cohesion : (m,) arrays
-        μ and c of dry faces, scaled.
-    inner_friction, shear : (m,) arrays
-        μ and τA of inner faces, scaled.
-    tension : (m,) array
-        σtA of inner faces, scaled.
-    crush_dry, crush_inner : (m,) arrays
-        N_c = σcA of either label, scaled; inf where none is given.
-    pattern : RowPattern
-        Rows of the program.
+    friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    none is given. pattern: rows of the program.
 
-    Notes
-    -----
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
     """
 
@@ -227,8 +216,8 @@ def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
 
+# Faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side
 _Rows = tuple[Ints, list[tuple[int, Floats, Floats]], Floats, Floats]
-"""Faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side."""
 
 
 def _planar_rows(sets: Strengths) -> RowPattern:

@@ -76,12 +76,8 @@ class Hull:
 
     Relaxations use them in the places of the rows of dry faces, see `hull_rows`.
 
-    Attributes
-    ----------
-    pattern : RowPattern
-        Yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
-    either : (m, q) bool array
-        Scaled resultants, q per face, that at least one of the labels allows to be non-zero.
+    pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
+    either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
     """
 
     pattern: RowPattern
@@ -101,18 +97,10 @@ class ParabolicBending:
     set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
     where v is the shear of the corner above the dry line.
 
-    Attributes
-    ----------
-    crushed : (k,) int array
-        Faces.
-    parabola : (k, 2) array
-        c and n₀.
-    rows : (k, 3, 3) array
-        a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
-        where there is none.
-    interaction : (k, 12) array or None
-        Interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and
-        c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
+    crushed: (k,) faces. parabola: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line
+    −a N ± b M ≤ h that also bounds bending, with a = b = 0 where there is none. interaction: (k, 12) interaction of V
+    and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA,
+    N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
     crushed: Ints
@@ -128,12 +116,7 @@ class CoulombWedge:
     Bending: bending·|m| ≤ N + tension; shear: |V| ≤ cohesion + friction·N. Directions of recession are N (1, ±μ,
     ±1/bending).
 
-    Attributes
-    ----------
-    tension, friction, cohesion : (m,) arrays
-        Strengths.
-    bending : float
-        1 (dry) or 3 (inner), the same for all faces.
+    tension, friction, cohesion: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
     """
 
     tension: Floats

@@ -35,25 +35,11 @@ class SpatialYield(Frictional):
     Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc also N³ ≤ N_c (N − |m1|)(N − |m2|)
     (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, with the μ of inner faces.
 
-    Attributes
-    ----------
-    friction, cohesion : (m,) arrays
-        μ and c of dry faces, scaled.
-    inner_friction, shear : (m,) arrays
-        μ and τA of inner faces, scaled.
-    tension : (m,) array
-        σtA of inner faces, scaled.
-    crush_dry, crush_inner : (m,) arrays
-        N_c = σcA of either label, scaled; inf where none is given.
-    pattern : RowPattern
-        Rows of the program.
-    point : (m,) bool array
-        Faces that are points and have no moments (`point_contact_assembly`); they are always dry.
-    bending : Bending
-        Rows and corners of the bending sets.
+    friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    none is given. pattern: rows of the program. point: (m,) faces that are points and have no moments
+    (`point_contact_assembly`); they are always dry. bending: rows and corners of the bending sets.
 
-    Notes
-    -----
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12); support functions (3.4), (3.5), (3.8).
     """
 
@@ -275,25 +261,10 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
 def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> SpatialYield:
     """Make the yield sets of all faces of a spatial assembly, and their row pattern.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        A spatial structure; for concave contact its `point_contact_assembly`.
-    scaling : Scaling
-        Scales of the assembly.
-    inner_bending : {"uncoupled", "kern"}
-        "uncoupled": each moment of a rectangle is limited by itself, docs/method.md (2.5). "kern": elastic edge stress
-        for all faces, (2.6). Faces that are no rectangles always have the kern form.
-
-    Returns
-    -------
-    SpatialYield
-        Yield sets.
-
-    Raises
-    ------
-    InputError
-        A dry compressive strength is given for a face that is no rectangle.
+    assembly: a spatial structure; for concave contact its `point_contact_assembly`. scaling: scales of the assembly.
+    inner_bending: "uncoupled": each moment of a rectangle is limited by itself, docs/method.md (2.5). "kern": elastic
+    edge stress for all faces, (2.6). Faces that are no rectangles always have the kern form. Raises InputError: a dry
+    compressive strength is given for a face that is no rectangle.
     """
     faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)

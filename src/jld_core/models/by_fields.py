@@ -24,29 +24,18 @@ from jld_core.threads import one_thread
 if TYPE_CHECKING:
     from jld_core.fields.space_bounds import SpatialBounds
 
-_COARSE: Final = 0.9
-"""Gap of bounds of which only the sign counts."""
+_COARSE: Final = 0.9  # gap of bounds of which only the sign counts
 
+# Least time for the question whether a structure stands without live load, s; else that of its bounds
 _LEAST_SECONDS: Final = 5.0
-"""Least time for the question whether a structure stands without live load, s; else that of its bounds."""
 
 
 @dataclass(frozen=True, repr=False)
 class FieldResult(Result):
     """λ of one labelling by stress and velocity fields, with what every `Result` has.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        The structure analysed.
-    labels : (m,) bool array
-        Labels, True = dry.
-    cracks : FieldCracks
-        The crack model, with the gap asked for.
-    cases : dict of str to FieldBounds or SpatialBounds
-        Bounds of each load case by its name; a single load has the name "".
-    seconds : dict of str to float
-        Wall-clock time: total, s.
+    assembly: the structure analysed. labels: (m,) True = dry. cracks: the crack model, with the gap asked for. cases:
+    bounds of each load case by its name; a single load has the name "". seconds: wall-clock time: total, s.
     """
 
     assembly: Assembly
@@ -180,13 +169,7 @@ class FieldResult(Result):
         }
 
     def facts_in_words(self) -> dict[str, str]:
-        """Describe the result by named facts, for the terminal.
-
-        Returns
-        -------
-        dict of str to str
-            Facts by name.
-        """
+        """Describe the result by named facts, for the terminal."""
         found, several = self.governing, bool(self.assembly.cases)
         width = _width(found.low, found.high)
         bracket = f"{_shown(found.low)} {_shown(found.high)}"
@@ -213,15 +196,7 @@ class FieldResult(Result):
 def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
-    Parameters
-    ----------
-    bounds : FieldBounds or SpatialBounds
-        Bounds by fields.
-
-    Returns
-    -------
-    CaseBounds
-        Bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
+    bounds: bounds by fields. Result: bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
     """
     if bounds.upper < 0.0:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
@@ -309,21 +284,9 @@ def least_by_fields(
 
     The reversed live load that it carries is the opposite of that λ.
 
-    Parameters
-    ----------
-    alone : Assembly
-        Structure under one load case.
-    labels : (m,) bool array
-        Labels, True = dry.
-    bounds : FieldBounds or SpatialBounds
-        Its bounds by fields.
-    seconds : float
-        Time for the bounds under the reversed live load, on a coarse mesh, s.
-
-    Returns
-    -------
-    (float, float)
-        Proven bounds; NaN where one is unknown.
+    alone: structure under one load case. labels: (m,) True = dry. bounds: its bounds by fields. seconds: time for the
+    bounds under the reversed live load, on a coarse mesh, s. Returns (float, float): proven bounds; NaN where one is
+    unknown.
     """
     if bounds.upper < 0.0:
         return math.nan, math.nan
@@ -342,17 +305,8 @@ def stands_by(bounds: FieldBounds | SpatialBounds, least: tuple[float, float]) -
 
     It does if it carries some live load and some of the reversed one, since the states between both are admissible.
 
-    Parameters
-    ----------
-    bounds : FieldBounds or SpatialBounds
-        Its bounds by fields.
-    least : (float, float)
-        Bounds on its least λ, see `least_by_fields`.
-
-    Returns
-    -------
-    bool or None
-        None where it is undecided.
+    bounds: its bounds by fields. least: (float, float) bounds on its least λ, see `least_by_fields`. Result: None where
+    it is undecided.
     """
     if bounds.upper < 0.0 or least[0] > 0.0:
         return False

@@ -21,22 +21,11 @@ class CaseAnalysis:
 
     The analyses are set up once and serve any number of labellings. Threads may share the object; they solve in turn.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure, with or without load cases.
-    model : Model, optional
-        Model and solver options. Default: those of `solve`.
-    reference : (m,) bool array, optional
-        Labelling on which solvers are set up, True = dry. Default: that of the assembly.
-    single_labelling : bool
-        State that only one labelling will be solved. Each analysis is then set up for it alone where that is faster,
-        when its load case is solved, and dropped afterwards, which bounds the memory.
-
-    Raises
-    ------
-    InputError
-        If the solver of the model does not accept programs of this structure.
+    assembly: structure, with or without load cases. model: model and solver options. Default: those of `solve`.
+    reference: (m,) labelling on which solvers are set up, True = dry. Default: that of the assembly. single_labelling:
+    state that only one labelling will be solved. Each analysis is then set up for it alone where that is faster, when
+    its load case is solved, and dropped afterwards, which bounds the memory. Raises InputError if the solver of the
+    model does not accept programs of this structure.
 
     Examples
     --------
@@ -61,22 +50,9 @@ class CaseAnalysis:
     def solve(self, labels: Bits, *, stands: bool = False) -> LimitAnalysisResult:
         """Solve one labelling under every load case.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        stands : bool
-            Also decide whether the structure stands without live load, that is, at λ = 0.
-
-        Returns
-        -------
-        LimitAnalysisResult
-            Result in scene units. With load cases: the governing factor, with the result of each case in `cases`.
-
-        Raises
-        ------
-        InputError
-            If a material that the labelling needs is missing, or the solver does not accept the programs.
+        labels: (m,) True = dry. stands: also decide whether the structure stands without live load, that is, at λ = 0.
+        Result: result in scene units. With load cases: the governing factor, with the result of each case in `cases`.
+        Raises InputError if a material that the labelling needs is missing, or the solver does not accept the programs.
         """
         require_materials(self.assembly, labels, ~labels)
         with self._turn:
@@ -112,8 +88,8 @@ class CaseAnalysis:
         return analysis
 
 
+# Factor between a λ at which a structure stands and the least one, above which the least is sought once more
 _FAR: Final = 4.0
-"""Factor between a λ at which a structure stands and the least one, above which the least is sought once more."""
 
 
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
@@ -122,22 +98,9 @@ def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Pr
     The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
     that, it takes λ₀ less the least λ.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of the structure.
-    labels : (m,) bool array
-        Labels, True = dry.
-    model : Model
-        Model of the proof.
-    proof : Proof
-        Proof of the labelling, with `stands` decided.
-
-    Returns
-    -------
-    (float, float)
-        Proven bounds in scene units; zeros where the structure stands without live load. NaN where unknown, and where
-        friction has no dilation or areas are effective, since the states under such models are not convex.
+    labels: (m,) True = dry. proof: proof of the labelling, with `stands` decided. Returns (float, float): proven bounds
+    in scene units; zeros where the structure stands without live load. NaN where unknown, and where friction has no
+    dilation or areas are effective, since the states under such models are not convex.
     """
     unknown = math.nan, math.nan
     if proof.stands:

@@ -22,49 +22,33 @@ from jld_core.arrays import Floats, Ints
 from jld_core.deadline import checkpoint
 from jld_core.models.moving_rows import MovingRows
 
-_BOUNDARY: Final = 0.9
-"""Share of the way to the boundary of the cones that a step may go."""
+_BOUNDARY: Final = 0.9  # share of the way to the boundary of the cones that a step may go
 
+# Added to the diagonal of the Newton matrix, for columns and equalities: free directions get no step
 _REGULAR: Final = (1e-11, 1e-13)
-"""Added to the diagonal of the Newton matrix, for columns and equalities: free directions get no step."""
 
-_RESIDUAL: Final = 0.3
-"""Residual over the gap above which a step only returns to the path."""
+_RESIDUAL: Final = 0.3  # residual over the gap above which a step only returns to the path
 
+# Distance from the path, relative to its parameter and per cone, above which a step only returns to the path
 _CENTRED: Final = 0.9
-"""Distance from the path, relative to its parameter and per cone, above which a step only returns to the path."""
 
-_REDUCTIONS: Final = (0.1, 0.3, 0.8)
-"""Least, first and largest factor on the parameter of the path in one step."""
+_REDUCTIONS: Final = (0.1, 0.3, 0.8)  # least, first and largest factor on the parameter of the path in one step
 
-_STALLED: Final = 30
-"""Number of steps within which the gap must halve."""
+_STALLED: Final = 30  # number of steps within which the gap must halve
 
-_UNBOUNDED: Final = 1e7
-"""Scaled λ at which the path ends, because λ grows without limit."""
+_UNBOUNDED: Final = 1e7  # scaled λ at which the path ends, because λ grows without limit
 
-_FLIP: Final = np.array([1.0, -1.0, -1.0])
-"""Signs of the quadratic form of a second-order cone of size three."""
+_FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a second-order cone of size three
 
 
 @dataclass(frozen=True)
 class PathPoint:
     """Primal and dual variables of one iterate.
 
-    Attributes
-    ----------
-    y : (n,) array
-        Forces, further variables, and λ as the last entry, scaled.
-    u : (equalities,) array
-        Multipliers of equilibrium, which are velocities.
-    s : (rows,) array
-        Slacks of the rows.
-    z : (rows,) array
-        Multipliers of the rows.
-    gap : float
-        Gap s·z. Where residuals are zero, it bounds the distance of the frozen optimum above λ.
-    residual : float
-        Norm of the residuals of equilibrium, rows and stationarity.
+    y: (n,) forces, further variables, and λ as the last entry, scaled. u: (equalities,) multipliers of equilibrium,
+    which are velocities. s: (rows,) slacks of the rows. z: (rows,) multipliers of the rows. gap: gap s·z. Where
+    residuals are zero, it bounds the distance of the frozen optimum above λ. residual: norm of the residuals of
+    equilibrium, rows and stationarity.
     """
 
     y: Floats
@@ -84,21 +68,9 @@ class PathPoint:
 class CentralPath:
     """Central path of a program whose rows depend on its own solution.
 
-    Parameters
-    ----------
-    rows : MovingRows
-        The program.
-    weights : (rows,) array
-        Weight of the barrier of each row; a cone has the weight of its first row.
-    size : float
-        Size of normal forces, slacks and multipliers in the first iterate, scaled.
-    most : int
-        Largest number of steps.
-
-    Attributes
-    ----------
-    steps : int
-        Number of steps so far.
+    rows: the program. weights: (rows,) weight of the barrier of each row; a cone has the weight of its first row. size:
+    size of normal forces, slacks and multipliers in the first iterate, scaled. most: largest number of steps. steps:
+    number of steps so far.
     """
 
     rows: MovingRows
@@ -124,10 +96,7 @@ class CentralPath:
 
         It ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the cones.
 
-        Yields
-        ------
-        PathPoint
-            Iterate; of a converged path the last ones have a small gap and residual.
+        Yields: iterate; of a converged path the last ones have a small gap and residual.
         """
         point, reduction = self._start(), _REDUCTIONS[1]
         best, since = np.inf, 0

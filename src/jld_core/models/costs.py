@@ -18,14 +18,12 @@ from jld_core.geometry.certain_contacts import certain_contacts
 from jld_core.memory import memory_limit
 from jld_core.scene import Scene
 
-_FACES: Final = 2e4
-"""Number of faces at which the times in `_COSTS` were measured."""
+_FACES: Final = 2e4  # number of faces at which the times in `_COSTS` were measured
 
+# Cost by dimension: seconds and bytes at `_FACES` faces, each followed by its exponent of the number of faces
 _COSTS: Final = {2: (14.0, 1.6, 3.2e8, 1.0), 3: (90.0, 1.5, 1.4e9, 1.17)}
-"""Cost by dimension: seconds and bytes at `_FACES` faces, each followed by its exponent of the number of faces."""
 
-_BASE: Final = 1.5e8
-"""Memory of Python and its libraries, in bytes."""
+_BASE: Final = 1.5e8  # memory of Python and its libraries, in bytes
 
 LONG: Final = 5.0
 """Time of one evaluation in seconds above which the user is warned in advance."""
@@ -35,19 +33,8 @@ LONG: Final = 5.0
 class CostEstimate:
     """Expected time and memory to evaluate one labelling.
 
-    Parameters
-    ----------
-    seconds : float
-        Time on one core, in seconds.
-    memory : float
-        Memory of one process, in bytes.
-
-    Attributes
-    ----------
-    seconds : float
-        Time on one core, in seconds.
-    memory : float
-        Memory of one process, in bytes.
+    seconds: time on one core, in seconds. memory: memory of one process, in bytes. seconds: time on one core, in
+    seconds. memory: memory of one process, in bytes.
     """
 
     seconds: float

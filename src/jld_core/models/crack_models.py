@@ -11,8 +11,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.limit import Model
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_of
 
-_DIVIDES: Final = 1e-9
-"""Relative error that a whole number of cells may have."""
+_DIVIDES: Final = 1e-9  # relative error that a whole number of cells may have
 
 
 def under(assembly: Assembly, model: Model | None = None) -> Assembly:
@@ -37,18 +36,9 @@ def under(assembly: Assembly, model: Model | None = None) -> Assembly:
 def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     """Raise InputError if an assembly cannot be analysed with its crack model.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with its crack model, see `under`.
-    model : Model, optional
-        Model options. Cracks by fields take associative friction and whole faces only.
-
-    Raises
-    ------
-    InputError
-        If the cells do not divide the grid. With cracks by fields: if an option asks for another model or solver,
-        or as `require_fields` (planar) or `require_spatial_fields`.
+    assembly: assembly with its crack model, see `under`. model: model options. Cracks by fields take associative
+    friction and whole faces only. Raises InputError if the cells do not divide the grid. With cracks by fields: if an
+    option asks for another model or solver, or as `require_fields` (planar) or `require_spatial_fields`.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)

@@ -28,23 +28,19 @@ from jld_core.strengths import STANDARD, Route
 
 _ROUTE: Final = Route("effective areas", STANDARD - {"cohesion"})
 
-_STEPS = 5
-"""Number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`."""
+_STEPS = 5  # number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`
 
-_SLACK = 1e-8
-"""Limit of the scaled slack requested of the next state; the limit grows to five times this value."""
+_SLACK = 1e-8  # limit of the scaled slack requested of the next state; the limit grows to five times this value
 
-_RAYS = 8
-"""Number of rays tried, each under the effective areas of the one before."""
+_RAYS = 8  # number of rays tried, each under the effective areas of the one before
 
+# Scaled λ along a ray, added to forces under whole faces, at which forces within their own areas are sought
 _ALONG = (1.0, 1e2, 1e4)
-"""Scaled λ along a ray, added to forces under whole faces, at which forces within their own areas are sought."""
 
+# Shares of an opening motion that are added to an instability, relative to its largest velocity
 _OPENINGS = (1e-9, 1e-6, 1e-3)
-"""Shares of an opening motion that are added to an instability, relative to its largest velocity."""
 
-_SAME = 1e-12
-"""Largest change of the effective areas that the last projection of a ray may cause, relative."""
+_SAME = 1e-12  # largest change of the effective areas that the last projection of a ray may cause, relative
 
 HOLDING_WEIGHT: Final = 30.0
 """Weight of the proximal term that holds the forces while effective areas converge."""
@@ -70,17 +66,8 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Compute the largest change of effective areas between two iterates.
 
-    Parameters
-    ----------
-    old : EffectiveAreas
-        Previous iterate.
-    new : EffectiveAreas
-        Current iterate.
-
-    Returns
-    -------
-    float
-        Largest change of c_T,e / c_T and of a = x / c_T over all faces.
+    old: previous iterate. new: current iterate. Result: largest change of c_T,e / c_T and of a = x / c_T over all
+    faces.
     """
     return float(_changes(old, new).max(initial=0.0))
 
@@ -112,30 +99,13 @@ def prove_effective_area(
     problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by a
     ray within the areas that the ray itself causes, since the areas approach those as λ grows.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of a spatial assembly with dry rectangles, with whole faces.
-    labels : (m,) bool array
-        Labels, True = dry.
-    stands : bool
-        Also decide whether λ = 0 is admissible, with whole faces.
-    most : int
-        Largest number of programs solved by the proximal iteration, which follows if central paths fail.
-    weight : float
-        Weight of its proximal term, which keeps the areas from jumping between equally good states.
-
-    Returns
-    -------
-    Proof
-        `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The status is uncertified if it
-        exceeds 1e-8, or if the bracket is wider than the gap of the analysis. `extra["effective_area"]` is None where
-        the labelling is unstable or has no state with whole faces.
-
-    Raises
-    ------
-    InputError
-        If the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
+    analysis: analysis of a spatial assembly with dry rectangles, with whole faces. labels: (m,) True = dry. stands:
+    also decide whether λ = 0 is admissible, with whole faces. most: largest number of programs solved by the proximal
+    iteration, which follows if central paths fail. weight: weight of its proximal term, which keeps the areas from
+    jumping between equally good states. Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is
+    left. The status is uncertified if it exceeds 1e-8, or if the bracket is wider than the gap of the analysis.
+    `extra["effective_area"]` is None where the labelling is unstable or has no state with whole faces. Raises
+    InputError if the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)

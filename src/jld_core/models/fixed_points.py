@@ -21,58 +21,41 @@ from jld_core.models.moving_rows import MovingRows, areas_under, frozen_areas
 STARTS: Final = 16
 """Number of central paths tried."""
 
+# Scaled compression of the first iterate, in turn: forces of arches exceed the weight above them
 _SIZES: Final = (10.0, 100.0)
-"""Scaled compression of the first iterate, in turn: forces of arches exceed the weight above them."""
 
+# Logarithm of the largest factor on weights of the barrier, of the first four starts; later ones have the last
 _SPREAD: Final = (0.0, 0.7, 0.0, 1.5)
-"""Logarithm of the largest factor on weights of the barrier, of the first four starts; later ones have the last."""
 
-_WAVES: Final = 40.0
-"""Largest wave number of the weights, over half the size of the structure."""
+_WAVES: Final = 40.0  # largest wave number of the weights, over half the size of the structure
 
-_CLOSE: Final = 1e-3
-"""Relative gap of an iterate from which on it is checked."""
+_CLOSE: Final = 1e-3  # relative gap of an iterate from which on it is checked
 
-_BALANCED: Final = 1e-4
-"""Residual of an iterate up to which it is checked."""
+_BALANCED: Final = 1e-4  # residual of an iterate up to which it is checked
 
-_FINE: Final = 1e-9
-"""Relative width of the bracket below which a path is not followed any further."""
+_FINE: Final = 1e-9  # relative width of the bracket below which a path is not followed any further
 
-_REFINEMENTS: Final = 8
-"""Number of iterates after the first converged one, so that λ is more exact than asked."""
+_REFINEMENTS: Final = 8  # number of iterates after the first converged one, so that λ is more exact than asked
 
+# Relative width of the bracket at the end of a path below which the frozen problem is solved once more
 _PROMISING: Final = 1e-4
-"""Relative width of the bracket at the end of a path below which the frozen problem is solved once more."""
 
+# Scaled λ at the end of a path above which λ may be unbounded; no third path of this kind is followed
 _GROWS: Final = 1e4
-"""Scaled λ at the end of a path above which λ may be unbounded; no third path of this kind is followed."""
 
-_EDGE: Final = 1e-9
-"""Scaled violation up to which forces are moved onto the boundary of the yield sets."""
+_EDGE: Final = 1e-9  # scaled violation up to which forces are moved onto the boundary of the yield sets
 
-_PARALLEL: Final = 0.1
-"""Sine of the angle below which two directions count as parallel."""
+_PARALLEL: Final = 0.1  # sine of the angle below which two directions count as parallel
 
 
 @dataclass(frozen=True)
 class FixedPoint:
     """Forces, their effective areas, and a mechanism of the problem with these areas held constant.
 
-    Attributes
-    ----------
-    state : State
-        Forces under the areas; a lower bound on λ of the problem with constant areas if admissible.
-    areas : EffectiveAreas
-        Effective areas of the forces.
-    prover : Prover
-        Prover of the problem with constant areas.
-    motion : Motion or None
-        Mechanism of that problem with finite dissipation.
-    width : float
-        Relative width of the bracket; inf if an end is missing.
-    starts : int
-        Number of central paths followed.
+    state: forces under the areas; a lower bound on λ of the problem with constant areas if admissible. areas: effective
+    areas of the forces. prover: prover of the problem with constant areas. motion: mechanism of that problem with
+    finite dissipation. width: relative width of the bracket; inf if an end is missing. starts: number of central paths
+    followed.
     """
 
     state: State
@@ -97,23 +80,10 @@ def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, 
 def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS) -> FixedPoint | None:
     """Search forces that are an optimum of the problem frozen at their own effective areas.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of a spatial assembly with whole faces.
-    labels : (m,) bool array
-        Labels, True = dry.
-    starts : int
-        Largest number of central paths.
+    analysis: analysis of a spatial assembly with whole faces. labels: (m,) True = dry. starts: largest number of
+    central paths. Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest
+    bracket; None if no path comes near, or no dry rectangle resists torsion.
 
-    Returns
-    -------
-    FixedPoint or None
-        The first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest bracket; None if
-        no path comes near, or no dry rectangle resists torsion.
-
-    Notes
-    -----
     Source: docs/method.md (2.16) to (2.18). Fixed points need not be unique. The weights of each start depend on the
     structure and its loads alone.
     """
@@ -186,20 +156,9 @@ def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPo
 def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
     """Compute the weights of the barrier for one of several central paths.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    rows : MovingRows
-        Program of one labelling.
-    start : int
-        Number of the path. All weights of the first one are equal.
-
-    Returns
-    -------
-    (rows,) array
-        Weights. They vary with the place of a face in axes of the loads, so that order, position, rotation and units do
-        not change them. Symmetry is broken: symmetric paths may end at a branch point.
+    assembly: spatial assembly. rows: program of one labelling. start: number of the path. All weights of the first one
+    are equal. Returns (rows,): weights. They vary with the place of a face in axes of the loads, so that order,
+    position, rotation and units do not change them. Symmetry is broken: symmetric paths may end at a branch point.
     """
     spread = _SPREAD[min(start, len(_SPREAD) - 1)]
     places = assembly.interfaces.origin - assembly.interfaces.origin.mean(axis=0)
@@ -220,16 +179,9 @@ def load_axes(assembly: Assembly) -> Floats:
 
     Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-
-    Returns
-    -------
-    (3, 3) array
-        Rows: direction of the dead load, of the live load across it, and their cross product. Where loads are parallel
-        or zero, the way to the middle of the live load and the first face's e1 and e2 take their place.
+    assembly: spatial assembly. Returns (3, 3): rows: direction of the dead load, of the live load across it, and their
+    cross product. Where loads are parallel or zero, the way to the middle of the live load and the first face's e1 and
+    e2 take their place.
     """
     elements, free = assembly.elements, assembly.elements.free
     dead, live = assembly.dead[free, :3], assembly.live[free, :3]

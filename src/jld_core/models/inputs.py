@@ -22,27 +22,14 @@ Structure = str | Path | Mapping[str, Any] | Scene | Assembly
 Labels = str | ArrayLike
 """One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
 
-_LETTERS: Final = {"d": True, "i": False}
-"""Labels by their letters, as in results.csv."""
+_LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in results.csv
 
 
 def assembly_of(structure: Structure) -> Assembly:
     """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
 
-    Parameters
-    ----------
-    structure : str, Path, dict, Scene or Assembly
-        A text is the name of a scene file.
-
-    Returns
-    -------
-    Assembly
-        Assembly under the labels of the scene.
-
-    Raises
-    ------
-    InputError
-        If the file or the scene cannot be used, or the object is none of these.
+    structure: a text is the name of a scene file. Raises InputError if the file or the scene cannot be used, or the
+    object is none of these.
     """
     if isinstance(structure, Assembly):
         return structure
@@ -61,22 +48,8 @@ def assembly_of(structure: Structure) -> Assembly:
 def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
     """Return one labelling as a checked bool array.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with m interfaces.
-    labels : (m,) array or str, optional
-        True, 1 or "d" = dry; False, 0 or "i" = inner. Default: the labels of the scene.
-
-    Returns
-    -------
-    (m,) bool array
-        Labels, True = dry.
-
-    Raises
-    ------
-    InputError
-        If the number of labels is wrong, or a label has another value.
+    labels: (m,) true, 1 or "d" = dry; False, 0 or "i" = inner. Default: the labels of the scene. Returns (m,). Raises
+    InputError if the number of labels is wrong, or a label has another value.
     """
     if labels is None:
         return assembly.labels
@@ -86,22 +59,8 @@ def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
 def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
     """Return several labellings as a checked bool array.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with m interfaces.
-    labellings : (k, m) array or sequence of labellings
-        Each row as in `labels_of`.
-
-    Returns
-    -------
-    (k, m) bool array
-        Labels, True = dry.
-
-    Raises
-    ------
-    InputError
-        If a row has a wrong number of labels, or a label has another value.
+    labellings: (k, m) each row as in `labels_of`. Returns (k, m). Raises InputError if a row has a wrong number of
+    labels, or a label has another value.
     """
     expected = f"rows of {assembly.faces} labels"
     if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:

@@ -92,17 +92,8 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
 def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
     """Raise InputError if a solver does not accept the programs of an analysis.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis that uses the solver.
-    options : Model
-        Options that name the solver.
-
-    Raises
-    ------
-    InputError
-        If it does not; the message names the parameter `solver`.
+    analysis: analysis that uses the solver. options: options that name the solver. Raises InputError if it does not;
+    the message names the parameter `solver`.
     """
     if options.solver == "auto":
         return
@@ -238,22 +229,22 @@ def _small(attempt: ProofAttempt) -> bool:
     return attempt.open and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 
+# Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`
 _SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
-"""Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`."""
 
+# Rigid blocks for large programs, tried before the first repair
 _LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large_bounded, _rigid_where_uncracked, _SUPPLIES)
-"""Rigid blocks for large programs, tried before the first repair."""
 
+# Rigid blocks for large programs that a solver calls unbounded, tried after the first repair
 _UNSETTLED: Final = Fallback("rigid blocks: rays are not settled", _large_unbounded, _rigid_where_uncracked, _SUPPLIES)
-"""Rigid blocks for large programs that a solver calls unbounded, tried after the first repair."""
 
+# A second solve of large crushable programs, whose usual margin alone can leave the bracket too wide
 _LESS_MARGIN: Final = Fallback(
     "less margin: rigid blocks would take longer",
     _large_crushing,
     ProofAttempt.solve_with_less_margin,
     "a narrower bracket of large crushable scenes",
 )
-"""A second solve of large crushable programs, whose usual margin alone can leave the bracket too wide."""
 
 FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
     "off": FALLBACKS,

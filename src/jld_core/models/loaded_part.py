@@ -19,19 +19,9 @@ from jld_core.sub_assembly import without
 def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
     """Prove bounds by the free elements that are connected to a loaded one, in a scale of their own.
 
-    Parameters
-    ----------
-    full : LimitAnalysis
-        Analysis of the whole structure.
-    labels : (m,) bool array
-        Labels, True = dry.
-    known : Proof
-        Proof of the whole with a state, whose forces hold the other elements at any λ.
-
-    Returns
-    -------
-    Proof or None
-        Proof about the whole; None where all elements are connected to a loaded one, or no bounds are found.
+    full: analysis of the whole structure. labels: (m,) True = dry. known: proof of the whole with a state, whose forces
+    hold the other elements at any λ. Result: proof about the whole; None where all elements are connected to a loaded
+    one, or no bounds are found.
     """
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces

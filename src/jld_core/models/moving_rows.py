@@ -17,40 +17,24 @@ from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 
-_FAINT = 1e-5
-"""Scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)."""
+_FAINT = 1e-5  # scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)
 
-_NARROW = 1e-6
-"""Least side of an effective rectangle, relative to the side of the face."""
+_NARROW = 1e-6  # least side of an effective rectangle, relative to the side of the face
 
-_OWN = (0, 3, 4)
-"""Resultants on which the effective area of a face depends: N, m1, m2."""
+_OWN = (0, 3, 4)  # resultants on which the effective area of a face depends: N, m1, m2
 
+# Resultants whose coefficients depend on the effective area: mT, V1, V2, in the order of the parameters
 _TWISTING = (5, 1, 2)
-"""Resultants whose coefficients depend on the effective area: mT, V1, V2, in the order of the parameters."""
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
     """Compute the torsion factors of the effective areas of faces under given forces.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    forces : (m, 6) float array
-        Scaled forces N, V1, V2, M1, M2, MT.
-    labels : (m,) bool array
-        Labels, True = dry.
+    assembly: spatial assembly. forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result:
+    ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. arm (m, 2) = (x2,
+    −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not rectangles
+    have ratio 1 and arm 0.
 
-    Returns
-    -------
-    EffectiveAreas
-        ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. arm (m, 2) =
-        (x2, −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not
-        rectangles have ratio 1 and arm 0.
-
-    Notes
-    -----
     Source: docs/method.md (2.14), (2.15).
     """
     faces = assembly.interfaces
@@ -69,21 +53,9 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
     """Differentiate the effective areas of dry rectangles with respect to N, m1 and m2.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Spatial assembly.
-    forces : (m, 6) float array
-        Scaled forces N, V1, V2, M1, M2, MT.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    ratio : (m, 3) float array
-        Derivatives of c_T / c_T,e. At x = 0, where |x| has a kink, the mean of both sides.
-    arm : (m, 2, 3) float array
-        Derivatives of x / c_T.
+    assembly: spatial assembly. forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result:
+    ratio: (m, 3) derivatives of c_T / c_T,e. At x = 0, where |x| has a kink, the mean of both sides; arm: (m, 2, 3)
+    derivatives of x / c_T.
     """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
@@ -119,17 +91,8 @@ def _torsion_length_slope(one: Floats, other: Floats) -> Floats:
 def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
     """Build the template of associative friction with torsion about given effective areas.
 
-    Parameters
-    ----------
-    template : Template
-        Template of the assembly with whole faces.
-    areas : EffectiveAreas
-        Effective areas to freeze.
-
-    Returns
-    -------
-    Template
-        Template with the same equilibrium, and yield sets with the effective areas.
+    template: template of the assembly with whole faces. areas: effective areas to freeze. Result: template with the
+    same equilibrium, and yield sets with the effective areas.
     """
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
@@ -142,27 +105,10 @@ class MovingRows:
     The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
     through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
 
-    Parameters
-    ----------
-    template : Template
-        Template of the assembly with whole faces, spatial.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Attributes
-    ----------
-    objective : (n,) array
-        Objective q.
-    balance, load : sparse array, array
-        Matrix E and right-hand side e of equilibrium.
-    rows, rhs : sparse array, array
-        Matrix G for whole faces, and right-hand side r of the rows.
-    linear : int
-        Number of linear rows; the rows after them are second-order cones of size three.
-    face : (rows,) int array
-        Face of each row; 0 for the row λ ≥ −c.
-    torsion : (k,) int array
-        Rows whose coefficients depend on the areas.
+    template: template of the assembly with whole faces, spatial. labels: (m,) True = dry. objective: (n,) objective q.
+    balance, load: matrix E and right-hand side e of equilibrium. rows, rhs: matrix G for whole faces, and right-hand
+    side r of the rows. linear: number of linear rows; the rows after them are second-order cones of size three. face:
+    (rows,) face of each row; 0 for the row λ ≥ −c. torsion: (k,) rows whose coefficients depend on the areas.
     """
 
     def __init__(self, template: Template, labels: Bits) -> None:
@@ -228,17 +174,9 @@ class MovingRows:
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
         """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives at a point.
 
-        Parameters
-        ----------
-        y : (n,) array
-            Point: forces of all faces, further variables, and λ as the last entry, scaled.
-
-        Returns
-        -------
-        values : (3, k) array
-            Parameters of each torsion row.
-        slopes : (3, 3, k) array
-            slopes[i, j]: derivative of parameter i with respect to N, m1 or m2 (j = 0, 1, 2).
+        y: (n,) point: forces of all faces, further variables, and λ as the last entry, scaled. Result: values: (3, k)
+        parameters of each torsion row; slopes: (3, 3, k) slopes[i, j]: derivative of parameter i with respect to N, m1
+        or m2 (j = 0, 1, 2).
         """
         forces, face = y[: 6 * len(self.labels)].reshape(-1, 6), self.face[self.torsion]
         areas = areas_under(self.assembly, forces, self.labels)

@@ -21,31 +21,14 @@ _ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
     """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with whole faces.
-    labels : (m,) bool array
-        Labels, True = dry.
+    assembly: assembly with whole faces. labels: (m,) True = dry. Result: expanded: assembly with m' faces. Its labels
+    are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one point.
+    Its sizes are those of its parent face; they only scale moments, which a point face does not have; parent: (m',)
+    face of `assembly` from which each face of `expanded` comes, sorted. Raises InputError if a dry face has a
+    compressive strength or cohesion, since a point has no area.
 
-    Returns
-    -------
-    expanded : Assembly
-        Assembly with m' faces. Its labels are dry for point faces and inner for all others. A point face has no
-        area, no moments and a polygon of one point. Its sizes are those of its parent face; they only scale
-        moments, which a point face does not have.
-    parent : (m',) int array
-        Face of `assembly` from which each face of `expanded` comes, sorted.
-
-    Raises
-    ------
-    InputError
-        If a dry face has a compressive strength or cohesion, since a point has no area.
-
-    Notes
-    -----
-    Corners inside the hull are omitted: their cones are sums of the cones of the hull corners.
-    Source: Livesley 1992; docs/method.md (2.13).
+    Corners inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
+    docs/method.md (2.13).
     """
     faces = assembly.interfaces
     if assembly.members.bond is not None:
@@ -79,22 +62,10 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
     """Convert a proof about point contacts into a proof about whole faces.
 
-    Parameters
-    ----------
-    full : LimitAnalysis
-        Analysis of the assembly with whole faces.
-    points : LimitAnalysis
-        Analysis of the assembly with point contacts.
-    parent : (m',) int array
-        Face of `full` for each face of `points`.
-    proof : Proof
-        Proof about `points`, in the scaled units of `points`.
-
-    Returns
-    -------
-    Proof
-        The same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse
-        below zero are dropped.
+    full: analysis of the assembly with whole faces. points: analysis of the assembly with point contacts. parent: (m',)
+    face of `full` for each face of `points`. proof: proof about `points`, in the scaled units of `points`. Result: the
+    same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse below zero
+    are dropped.
     """
     one, other = full.template.scaling, points.template.scaling
     unit = other.load / one.load

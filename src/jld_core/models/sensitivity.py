@@ -37,45 +37,32 @@ from jld_core.threads import one_thread
 
 _ROUTE: Final = Route("rates of λ with strengths", STANDARD | CRITERIA)  # faces with a criterion have none
 
-_STEP: Final = 1e-7
-"""Step of the finite difference of program data, relative to the parameter."""
+_STEP: Final = 1e-7  # step of the finite difference of program data, relative to the parameter
 
-_FAR: Final = 1e-3
-"""Larger step at which programs with cones are solved again, relative to the parameter."""
+_FAR: Final = 1e-3  # larger step at which programs with cones are solved again, relative to the parameter
 
+# Ratio of the smaller step to `_FAR`. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes.
 _NEARER: Final = 0.1
-"""Ratio of the smaller step to `_FAR`. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes."""
 
+# Rate relative to λ/p below which no kink is reported for programs with cones, which are solved to 1e-10
 _FAINT: Final = 1e-4
-"""Rate relative to λ/p below which no kink is reported for programs with cones, which are solved to 1e-10."""
 
-_DOUBT: Final = 1e-3
-"""Difference of the rates by multipliers and by steps, over λ/p, below which the first are taken."""
+_DOUBT: Final = 1e-3  # difference of the rates by multipliers and by steps, over λ/p, below which the first are taken
 
-_SLACK: Final = 1e-7
-"""Row tolerance of the programs for one-sided rates, as optimal points are known only to rounding."""
+_SLACK: Final = 1e-7  # row tolerance of the programs for one-sided rates, as optimal points are known only to rounding
 
+# Relative difference of the two one-sided rates of a linear program below which they count as equal
 _ALIKE: Final = 1e-3
-"""Relative difference of the two one-sided rates of a linear program below which they count as equal."""
 
-_BENT: Final = 1e-2
-"""Relative difference of the two chord slopes of a program with cones above which λ has a kink."""
+_BENT: Final = 1e-2  # relative difference of the two chord slopes of a program with cones above which λ has a kink
 
 
 @dataclass(frozen=True)
 class Sensitivity:
     """Rate of change of λ with one parameter.
 
-    Attributes
-    ----------
-    derivative : float
-        Two-sided rate; NaN where λ has a kink, or where the rate is not known well enough.
-    left : float
-        Rate for a decrease of the parameter, NaN where unknown.
-    right : float
-        Rate for an increase of the parameter, NaN where unknown.
-    unit : str
-        Unit of the parameter.
+    derivative: two-sided rate; NaN where λ has a kink, or where the rate is not known well enough. left: rate for a
+    decrease of the parameter, NaN where unknown. right: rate for an increase of the parameter, NaN where unknown.
     """
 
     derivative: float
@@ -185,21 +172,9 @@ class SolvedProgram:
     The constructor solves the program and does not check the outcome: the labelling must be known to collapse. The
     module docstring states the formulas.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of associative friction.
-    labels : (m,) bool array
-        Labels, True = dry.
-
-    Attributes
-    ----------
-    program : ConicProgram
-        The program, scaled.
-    point, dual : (columns,) and (rows,) arrays
-        Solution y and multipliers w of the program.
-    held : (rows,) bool array
-        Linear rows that count as tight: multiplier larger than slack, as the solver gives both.
+    analysis: analysis of associative friction. labels: (m,) True = dry. program: the program, scaled. point, dual:
+    (columns,) solution y and multipliers w of the program. held: (rows,) linear rows that count as tight: multiplier
+    larger than slack, as the solver gives both.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:

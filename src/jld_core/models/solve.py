@@ -26,22 +26,8 @@ R = TypeVar("R")
 def model_of(model: Model | None, options: dict[str, Any]) -> Model:
     """Return a model with some of its fields replaced.
 
-    Parameters
-    ----------
-    model : Model or None
-        Model, None for the defaults.
-    options : dict of str to object
-        Values of fields of the model, by name.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    InputError
-        A name is no field of the model, or a value is not allowed.
+    model: model, None for the defaults. options: values of fields of the model, by name. Raises InputError: a name is
+    no field of the model, or a value is not allowed.
     """
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
@@ -57,15 +43,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
 
-    Parameters
-    ----------
-    function : callable
-        Function whose last parameter is `**options`.
-
-    Returns
-    -------
-    callable
-        The same function.
+    function: function whose last parameter is `**options`. Result: the same function.
     """
     signature = inspect.signature(function)
     own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]

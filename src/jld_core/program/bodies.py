@@ -18,14 +18,7 @@ from jld_core.mechanics import Scaling
 class Bodies:
     """Blocks that a labelling makes of an assembly; computed where a solver asks for them.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Elements and interfaces.
-    scaling : Scaling
-        Scaling of the equations of equilibrium.
-    labels : (m,) bool array
-        Labels, True = dry.
+    assembly: elements and interfaces. labels: (m,) True = dry.
     """
 
     assembly: Assembly
@@ -60,18 +53,9 @@ class Bodies:
 
         A block's equations are sums over its elements, with moments about the centroid of the root.
 
-        Parameters
-        ----------
-        equations : int
-            Number of equations; those beyond equilibrium stay as they are.
+        equations: number of equations; those beyond equilibrium stay as they are. Returns (equations, equations): T,
+        which has an inverse; None where every free block is one element.
 
-        Returns
-        -------
-        (equations, equations) sparse array or None
-            T, which has an inverse; None where every free block is one element.
-
-        Notes
-        -----
         Source: docs/method.md (8.6).
         """
         root = self.root

@@ -113,11 +113,9 @@ def pack(
     return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective, bodies)
 
 
+# Leading bits of a number that scenes share if they differ by units alone. With 42 bits all of 180 programs of random
+# scenes are the same in other units, with 44 bits 97 % of them.
 _SHARED_BITS: Final = 43
-"""Leading bits of a number that scenes share if they differ by units alone.
-
-With 42 bits all of 180 programs of random scenes are the same in other units, with 44 bits 97 % of them.
-"""
 
 
 def _round(values: Floats) -> Floats:

@@ -40,12 +40,7 @@ _ROUTE: Final = Route("programs", STANDARD | CRITERIA)
 class Beside:
     """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0.
 
-    Attributes
-    ----------
-    row : (q·m,) array
-        Coefficients of the resultants.
-    dead, live : float
-        Constant term and coefficient of λ.
+    row: (q·m,) coefficients of the resultants. dead, live: constant term and coefficient of λ.
     """
 
     row: Floats

@@ -15,50 +15,39 @@ from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.refinement.tessellation import MOST
 
-_SMOOTH: Final = 0.8
-"""Length over which stresses are averaged, relative to a cell."""
+_SMOOTH: Final = 0.8  # length over which stresses are averaged, relative to a cell
 
+# Weight of equal spacing of joints beside their direction: spacing may vary, as between voussoirs of an arch
 _STRETCH: Final = 0.15
-"""Weight of equal spacing of joints beside their direction: spacing may vary, as between voussoirs of an arch."""
 
-_FAINT: Final = 0.02
-"""Weight of the direction where there is no stress, relative to that under the mean stress."""
+_FAINT: Final = 0.02  # weight of the direction where there is no stress, relative to that under the mean stress
 
-_LITTLE: Final = 0.3
-"""Stress, relative to the mean, whose direction counts half."""
+_LITTLE: Final = 0.3  # stress, relative to the mean, whose direction counts half
 
-_STRAIGHT: Final = 0.12
-"""Distance, relative to a cell, by which a joint may leave its curve; joints have few corners."""
+_STRAIGHT: Final = 0.12  # distance, relative to a cell, by which a joint may leave its curve; joints have few corners
 
+# Distance from the outline, relative to a cell, within which joints do not run along it: cells would be slivers
 _BESIDE: Final = 0.15
-"""Distance from the outline, relative to a cell, within which joints do not run along it: cells would be slivers."""
 
-_ALONG: Final = 2.5
-"""Length of a joint near the outline, over that distance, from which on it runs along it."""
+_ALONG: Final = 2.5  # length of a joint near the outline, over that distance, from which on it runs along it
 
+# Area of a cell, over the square of the wanted side, above which it is halved: few lines pass where stress is weak
 _LARGEST: Final = 1.8
-"""Area of a cell, over the square of the wanted side, above which it is halved: few lines pass where stress is weak."""
 
+# Distance by which cells reach beyond the outline, relative to a cell: it cuts them, and shares no edges
 _OUTSIDE: Final = 1e-3
-"""Distance by which cells reach beyond the outline, relative to a cell: it cuts them, and shares no edges."""
 
-_PAST: Final = 5.0
-"""Length by which joints are extended beyond the outline, over that distance."""
+_PAST: Final = 5.0  # length by which joints are extended beyond the outline, over that distance
 
-_ON: Final = 1e-7
-"""Distance from the outline, relative to the structure, up to which a line lies on it."""
+_ON: Final = 1e-7  # distance from the outline, relative to the structure, up to which a line lies on it
 
 
 @dataclass(frozen=True)
 class AlignedCells:
     """Cells whose joints follow the principal stresses of a body.
 
-    Attributes
-    ----------
-    cells : list of shapely.Polygon
-        Cells that cover the body.
-    deviation : float
-        Mean angle between the normals of head joints and the compression, weighted by length and stress, radians.
+    cells: cells that cover the body. deviation: mean angle between the normals of head joints and the compression,
+    weighted by length and stress, radians.
     """
 
     cells: list[shapely.Polygon]
@@ -69,14 +58,8 @@ class AlignedCells:
 class TriangleStresses:
     """Stresses on the triangles of a planar body.
 
-    Attributes
-    ----------
-    points : (p, 2) float array
-        Nodes, length.
-    triangles : (t, 3) int array
-        Nodes of each triangle, counter-clockwise.
-    stress : (t, 3) float array
-        Mean σx, σy, τxy in each triangle, tension positive.
+    points: (p, 2) nodes, length. triangles: (t, 3) nodes of each triangle, counter-clockwise. stress: (t, 3) mean σx,
+    σy, τxy in each triangle, tension positive.
     """
 
     points: Floats

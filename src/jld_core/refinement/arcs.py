@@ -9,33 +9,24 @@ import numpy as np
 
 from jld_core.arrays import Floats
 
-_ON: Final = 1e-5
-"""Distance from a circle, relative to the extent of a run of corners, up to which they lie on it."""
+_ON: Final = 1e-5  # distance from a circle, relative to the extent of a run of corners, up to which they lie on it
 
+# Largest turn at a corner of an arc; four corners of a rectangle lie on a circle as well, and are no arc
 _CHORD: Final = np.radians(44.0)
-"""Largest turn at a corner of an arc; four corners of a rectangle lie on a circle as well, and are no arc."""
 
-_LEAST: Final = 4
-"""Smallest number of corners of an arc: three lie on a circle always."""
+_LEAST: Final = 4  # smallest number of corners of an arc: three lie on a circle always
 
+# Smallest angle of an arc about its centre; a flatter one is no better known than a straight line
 _SWEEP: Final = np.radians(8.0)
-"""Smallest angle of an arc about its centre; a flatter one is no better known than a straight line."""
 
 
 @dataclass(frozen=True)
 class Arc:
     """Circular arc of an outline.
 
-    Attributes
-    ----------
-    centre : (2,) array
-        Centre of the circle, scene units.
-    radius : float
-        Radius of the circle, scene units.
-    angles : (k,) array
-        Angles of the corners about the centre, ascending, radians; the first and the last are its ends.
-    hollow : bool
-        True if the material lies outside the circle, as at an intrados.
+    centre: (2,) centre of the circle, scene units. radius: radius of the circle, scene units. angles: (k,) angles of
+    the corners about the centre, ascending, radians; the first and the last are its ends. hollow: True if the material
+    lies outside the circle, as at an intrados.
     """
 
     centre: Floats

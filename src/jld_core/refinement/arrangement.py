@@ -16,20 +16,16 @@ from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry import merge_points
 
-_GRID: Final = 1e-13
-"""Grid width for cutting lines, relative to the structure: near the rounding of its coordinates."""
+_GRID: Final = 1e-13  # grid width for cutting lines, relative to the structure: near the rounding of its coordinates
 
-_ON: Final = 1e-10
-"""Distance, relative to the structure, within which a node lies on an outline."""
+_ON: Final = 1e-10  # distance, relative to the structure, within which a node lies on an outline
 
+# Distance, relative to a cell, within which nodes merge, so that a line that nearly passes a corner meets it
 _ONE: Final = 1e-6
-"""Distance, relative to a cell, within which nodes merge, so that a line that nearly passes a corner meets it."""
 
-_LOST: Final = 1e-6
-"""Share of an element's area by which its parts may differ from it after nodes merge."""
+_LOST: Final = 1e-6  # share of an element's area by which its parts may differ from it after nodes merge
 
-_Edge = tuple[tuple[float, ...], tuple[float, ...]]
-"""Edge of a polygon: two points."""
+_Edge = tuple[tuple[float, ...], tuple[float, ...]]  # edge of a polygon: two points
 
 
 def split_by_cells(
@@ -42,30 +38,11 @@ def split_by_cells(
 ) -> list[list[shapely.Polygon]]:
     """Cut elements along the boundaries of cells.
 
-    Parameters
-    ----------
-    ids : (n,) sequence of str
-        Names of the elements, for error messages.
-    outlines : sequence of (k, 2) arrays
-        Elements that are cut.
-    fixed : sequence of (k, 2) arrays
-        Elements that stay whole; nodes near their corners merge with these.
-    cells : sequence of shapely polygons
-        Cells that cover all elements.
-    size : float
-        Size of a cell, a length.
-    snap : float
-        Distance, relative to the size of a cell, within which nodes move to a corner of the outlines or to one another.
-
-    Returns
-    -------
-    list of lists of shapely polygons
-        Parts of each element, in order of the cells and then of place. Parts that touch share their corners exactly.
-
-    Raises
-    ------
-    InputError
-        The parts of an element do not add up to it.
+    ids: (n,) names of the elements, for error messages. outlines: elements that are cut. fixed: elements that stay
+    whole; nodes near their corners merge with these. cells: cells that cover all elements. size: size of a cell, a
+    length. snap: distance, relative to the size of a cell, within which nodes move to a corner of the outlines or to
+    one another. Result: parts of each element, in order of the cells and then of place. Parts that touch share their
+    corners exactly. Raises InputError: the parts of an element do not add up to it.
     """
     known = np.concatenate([*outlines, *fixed])
     origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())

@@ -23,12 +23,8 @@ from jld_core.scene import Scene
 class CrackCells:
     """Assembly of finer cells, with the joint-grid face that each of its faces is part of.
 
-    Attributes
-    ----------
-    fine : Assembly
-        The cells, with M interfaces; the assembly of the joint grid itself where no element is larger than a cell.
-    face : (M,) int array
-        Face of the joint grid that each face of the cells is a piece of, −1 inside an element.
+    fine: the cells, with M interfaces; the assembly of the joint grid itself where no element is larger than a cell.
+    face: (M,) face of the joint grid that each face of the cells is a piece of, −1 inside an element.
     """
 
     fine: Assembly
@@ -37,15 +33,8 @@ class CrackCells:
     def labels(self, labels: Bits) -> Bits:
         """Return the labels of the cells' faces.
 
-        Parameters
-        ----------
-        labels : (..., m) bool array
-            Labels of the joint grid, True = dry.
-
-        Returns
-        -------
-        (..., M) bool array
-            Pieces have the label of their face; faces inside an element are inner.
+        labels: (..., m) labels of the joint grid, True = dry. Returns (..., M): pieces have the label of their face;
+        faces inside an element are inner.
         """
         return np.asarray(np.where(self.face >= 0, labels[..., np.maximum(self.face, 0)], False))
 
@@ -53,24 +42,10 @@ class CrackCells:
 def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     """Split the elements of a scene into cells along which blocks may crack.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with inner material, without stated interfaces.
-    assembly : Assembly
-        Assembly of the scene, the joint grid. If it has low values of materials, so have the cells.
-    cell : float
-        Size of the cells along every axis, length.
-
-    Returns
-    -------
-    CrackCells
-        The finer assembly, and the joint face of each of its faces.
-
-    Raises
-    ------
-    InputError
-        If `refine` does not accept the scene, or if two cells touch although their elements do not.
+    scene: scene with inner material, without stated interfaces. assembly: assembly of the scene, the joint grid. If it
+    has low values of materials, so have the cells. cell: size of the cells along every axis, length. Result: the finer
+    assembly, and the joint face of each of its faces. Raises InputError if `refine` does not accept the scene, or if
+    two cells touch although their elements do not.
     """
     # moving loads are stated case by case, on elements of the joint grid
     placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
@@ -94,22 +69,9 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     """Split the elements of an assembly into cells, under the assembly's loads.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly of a scene, or one of its load cases (`by_case`).
-    cell : float
-        Size of the cells along every axis, length.
-
-    Returns
-    -------
-    CrackCells
-        The finer assembly, and the joint face of each of its faces.
-
-    Raises
-    ------
-    InputError
-        As `crack_cells`, or if the assembly was changed since it was built of its scene.
+    assembly: assembly of a scene, or one of its load cases (`by_case`). cell: size of the cells along every axis,
+    length. Result: the finer assembly, and the joint face of each of its faces. Raises InputError as `crack_cells`, or
+    if the assembly was changed since it was built of its scene.
     """
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")

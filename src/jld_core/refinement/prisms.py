@@ -17,27 +17,17 @@ from jld_core.geometry.vectors import across
 from jld_core.refinement.arrangement import join_small, split_by_cells
 from jld_core.refinement.voussoirs import voussoir_cells
 
-_FLAT: Final = 1e-6
-"""Distance from one of two planes, relative to the size, up to which a corner of a prism lies in it."""
+_FLAT: Final = 1e-6  # distance from one of two planes, relative to the size, up to which a corner of a prism lies in it
 
-_LEAST: Final = 0.05
-"""Share of a cell's area below which a piece of the profile joins its neighbour."""
+_LEAST: Final = 0.05  # share of a cell's area below which a piece of the profile joins its neighbour
 
 
 @dataclass(frozen=True)
 class Prism:
     """Solid between two parallel plane caps of the same outline.
 
-    Attributes
-    ----------
-    origin : (3,) array
-        Point of the lower cap.
-    axes : (3, 3) array
-        Two axes of the profile and the axis of the prism, as rows.
-    profile : shapely.Polygon
-        Outline in the first two axes, from the origin.
-    length : float
-        Distance of the caps.
+    origin: (3,) point of the lower cap. axes: (3, 3) two axes of the profile and the axis of the prism, as rows.
+    profile: outline in the first two axes, from the origin. length: distance of the caps.
     """
 
     origin: Floats

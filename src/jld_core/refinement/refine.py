@@ -27,8 +27,7 @@ from jld_core.samples.wall_openings import Lintel
 from jld_core.scene import Scene, parse_scene
 from jld_core.sub_assembly import faces_of
 
-_LEAST: Final = 0.05
-"""Share of a cell's area below which a piece joins its neighbour."""
+_LEAST: Final = 0.05  # share of a cell's area below which a piece joins its neighbour
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,10 @@ from jld_core.samples.bonds import course
 MOST: Final = 100_000
 """Largest number of cells of a refinement."""
 
+# Number of Lloyd iterations (seeds move to the centroids of their cells), which equalise Voronoi cells
 _ROUNDS: Final = 3
-"""Number of Lloyd iterations (seeds move to the centroids of their cells), which equalise Voronoi cells."""
 
-_ON: Final = 1e-9
-"""Distance from a plane, relative to a solid, up to which a corner lies in the plane."""
+_ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a corner lies in the plane
 
 
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:

@@ -15,25 +15,17 @@ from jld_core.geometry.unions import region_of
 from jld_core.refinement.arcs import Arc, find_arcs
 from jld_core.refinement.tessellation import MOST, squares
 
-_PARALLEL: Final = 1e-9
-"""Sine of the angle between two edges up to which they do not meet."""
+_PARALLEL: Final = 1e-9  # sine of the angle between two edges up to which they do not meet
 
-_COVERS: Final = 0.6
-"""Share of an intrados that an arc must lie above to be its extrados."""
+_COVERS: Final = 0.6  # share of an intrados that an arc must lie above to be its extrados
 
 
 @dataclass(frozen=True)
 class VoussoirCells:
     """Cells that cover a structure by voussoirs, and by courses beside them.
 
-    Attributes
-    ----------
-    cells : list of shapely.Polygon
-        Cells; those of voussoirs come first.
-    width : float
-        Length of a voussoir at the intrados.
-    depth : float
-        Depth of a ring at the crown.
+    cells: cells; those of voussoirs come first. width: length of a voussoir at the intrados. depth: depth of a ring at
+    the crown.
     """
 
     cells: list[shapely.Polygon]

@@ -18,14 +18,13 @@ from jld_core.refinement.tessellation import MOST
 from jld_core.samples.corner_bonds import levels_of, snapped
 from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
 
+# Sine of the angle up to which a face is level or upright, and relative distance of nearly equal heights
 _FLAT: Final = 1e-6
-"""Sine of the angle up to which a face is level or upright, and relative distance of nearly equal heights."""
 
+# Share of a course below which the rest at the foot or the top of a wall joins the course beside it
 _LEAST: Final = 0.05
-"""Share of a course below which the rest at the foot or the top of a wall joins the course beside it."""
 
-_THIN: Final = 0.25
-"""Least height of a course between the sills and heads of openings, in courses."""
+_THIN: Final = 0.25  # least height of a course between the sills and heads of openings, in courses
 
 
 def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, height: float) -> Floats:

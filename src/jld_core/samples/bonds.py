@@ -17,8 +17,7 @@ stack: all head joints in line. english: courses of stretchers and of headers al
 alternate in each course, headers over the middle of stretchers.
 """
 
-_SLIVER: Final = 0.25
-"""Shortest piece at the end of a course, in stretchers; a shorter one joins its neighbour."""
+_SLIVER: Final = 0.25  # shortest piece at the end of a course, in stretchers; a shorter one joins its neighbour
 
 
 def course(bond: str, number: int, length: float, stretcher: float) -> Floats:

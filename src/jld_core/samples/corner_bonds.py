@@ -17,8 +17,7 @@ Rectangle = tuple[float, float, float, float]
 SLIVER = 0.25
 """Least distance of a head joint from an end of its wall and from a line that it must not meet, in stretchers."""
 
-_NEAR = 1e-6
-"""Distance, relative to the extent of a plan, up to which coordinates are the same."""
+_NEAR = 1e-6  # distance, relative to the extent of a plan, up to which coordinates are the same
 
 
 def corner_course(

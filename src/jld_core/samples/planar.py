@@ -13,8 +13,7 @@ from jld_core.samples import bonds
 from jld_core.samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
 from jld_core.scene import Scene, parse_scene
 
-_RINGS: Final = ("stack", "running")
-"""Names of the bonds of an arch."""
+_RINGS: Final = ("stack", "running")  # names of the bonds of an arch
 
 
 def arch(

@@ -26,11 +26,11 @@ from jld_core.samples.corner_bonds import (
 FACES: Final = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 """Outward faces of a stone with corners (8, 3), x running fastest, then y, then z."""
 
+# Areas and lengths, relative to the plan, below which they are nothing, and up to which two of them are the same
 _SAME: Final = 1e-9
-"""Areas and lengths, relative to the plan, below which they are nothing, and up to which two of them are the same."""
 
+# Default bearing of a lintel, and least stone between a lintel and the end of its wall behind a corner, stretchers
 _HALF: Final = 0.5
-"""Default bearing of a lintel, and least stone between a lintel and the end of its wall behind a corner, stretchers."""
 
 Interval = tuple[float, float]
 """Two positions along a wall."""

@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from jld_core.errors import InputError
 
+# Expected values in words, by type of pydantic error
 _EXPECTED = {
     "finite_number": "a finite number",
     "bool_type": "true or false",
@@ -24,7 +25,6 @@ _EXPECTED = {
     "dict_type": "an object",
     "model_type": "an object",
 }
-"""Expected values in words, by type of pydantic error."""
 
 
 def first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:

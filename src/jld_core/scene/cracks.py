@@ -20,12 +20,7 @@ _OPTIONS: Final = "faces, cells:SIZE or fields[:GAP]"
 class CellCracks(Part):
     """Cracks along the faces of finer rigid cells inside the elements.
 
-    Attributes
-    ----------
-    kind : "cells"
-        Name of the crack model.
-    cell : float
-        Size of the cells, length.
+    kind: name of the crack model. cell: size of the cells, length.
     """
 
     kind: Literal["cells"]
@@ -35,12 +30,7 @@ class CellCracks(Part):
 class FieldCracks(Part):
     """Cracks anywhere, by stress and velocity fields in triangles (docs/method.md, section 9).
 
-    Attributes
-    ----------
-    kind : "fields"
-        Name of the crack model.
-    gap : float
-        Relative width of the bracket at which refinement ends.
+    kind: name of the crack model. gap: relative width of the bracket at which refinement ends.
     """
 
     kind: Literal["fields"]
@@ -72,20 +62,8 @@ def cracks_by_kind(given: Any) -> Any:
 def cracks_of(given: Any) -> CrackModel:
     """Return the crack model that a text, a value of the key "cracks" or a crack model names.
 
-    Parameters
-    ----------
-    given : str, dict, CellCracks or FieldCracks
-        As on the command line, "cells:0.05"; as in a scene; or the crack model.
-
-    Returns
-    -------
-    "faces", CellCracks or FieldCracks
-        The crack model.
-
-    Raises
-    ------
-    InputError
-        Nothing of these names a crack model.
+    given: as on the command line, "cells:0.05"; as in a scene; or the crack model. Raises InputError: nothing of these
+    names a crack model.
     """
     if isinstance(given, str):
         return parse_cracks(given)
@@ -133,15 +111,7 @@ def parse_cracks(text: str) -> CrackModel:
 def cracks_in_words(cracks: CrackModel) -> str:
     """Return a crack model in words, for the terminal and the page.
 
-    Parameters
-    ----------
-    cracks : "faces", CellCracks or FieldCracks
-        The crack model.
-
-    Returns
-    -------
-    str
-        One phrase.
+    cracks: the crack model.
     """
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g} inside the elements"
@@ -153,15 +123,7 @@ def cracks_in_words(cracks: CrackModel) -> str:
 def cracks_in_short(cracks: CrackModel) -> str:
     """Return a crack model in two or four words, for the repr of results.
 
-    Parameters
-    ----------
-    cracks : "faces", CellCracks or FieldCracks
-        The crack model.
-
-    Returns
-    -------
-    str
-        "by faces", "by cells of SIZE" or "by fields".
+    cracks: the crack model. Result: "by faces", "by cells of SIZE" or "by fields".
     """
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g}"
@@ -171,14 +133,6 @@ def cracks_in_short(cracks: CrackModel) -> str:
 def cracks_to_json(cracks: CrackModel) -> Any:
     """Return a crack model as the value of the key "cracks".
 
-    Parameters
-    ----------
-    cracks : "faces", CellCracks or FieldCracks
-        The crack model.
-
-    Returns
-    -------
-    str or dict
-        Value of the key in a scene file.
+    cracks: the crack model. Result: value of the key in a scene file.
     """
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

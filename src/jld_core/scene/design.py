@@ -25,14 +25,9 @@ EQUILIBRIUM: Final = "EN 1990 EQU"
 class DesignFactors(Part):
     """Partial factors that a scene states itself; absent ones are those of its set.
 
-    Attributes
-    ----------
-    self_weight, dead, prestressing : list of float or None
-        Factors of permanent actions where they are favourable and where they are unfavourable.
-    live : float or None
-        Factor of the live load.
-    strength, friction, members : float or None
-        Divisors of strengths and cohesion, of friction coefficients, and of capacities of members.
+    self_weight, dead, prestressing: factors of permanent actions where they are favourable and where they are
+    unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths and cohesion, of
+    friction coefficients, and of capacities of members.
     """
 
     self_weight: Annotated[FactorPair | None, Field(description="[favourable, unfavourable]")] = None
@@ -47,18 +42,9 @@ class DesignFactors(Part):
 class Design(Part):
     """Partial factors of the design check.
 
-    Attributes
-    ----------
-    set : str
-        Name of a set of partial factors, or of an own one whose factors stand in `factors`.
-    units : {"I", "II"}
-        Category of masonry units by EN 1996-1-1.
-    mortar : {"designed", "prescribed"}
-        Kind of mortar by EN 1996-1-1.
-    execution : int
-        Class of execution control by EN 1996-1-1, 1 to 5.
-    factors : DesignFactors
-        Factors that replace those of the set.
+    set: name of a set of partial factors, or of an own one whose factors stand in `factors`. units: category of masonry
+    units by EN 1996-1-1. mortar: kind of mortar by EN 1996-1-1. execution: class of execution control by EN 1996-1-1, 1
+    to 5. factors: factors that replace those of the set.
     """
 
     set: Annotated[str, Field(min_length=1, description="the name of a set of partial factors")] = DEFAULT_SET
@@ -86,18 +72,10 @@ class Design(Part):
 class PartialFactors:
     """Partial factors of a design check.
 
-    Attributes
-    ----------
-    name : str
-        Name of the set.
-    self_weight, dead, prestressing : (float, float)
-        Factors of self-weight, of stated dead loads and of prestress: favourable, unfavourable.
-    live : float
-        Factor of the live load.
-    strength, friction, members : float
-        Divisors of strengths and cohesion, of friction coefficients, and of capacities of members.
-    clauses : dict of str to str
-        Source of each factor, by the name of its attribute.
+    self_weight, dead, prestressing: (float, float) factors of self-weight, of stated dead loads and of prestress:
+    favourable, unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths and
+    cohesion, of friction coefficients, and of capacities of members. clauses: source of each factor, by the name of its
+    attribute.
     """
 
     name: str
@@ -131,8 +109,7 @@ STATED: Final = "stated in the scene"
 UNREDUCED: Final = "not in this set"
 """Source of a factor of 1 of a kind that a set does not state."""
 
-_ACTIONS: Final = ("self_weight", "dead", "live")
-"""Factors that EN 1990 states."""
+_ACTIONS: Final = ("self_weight", "dead", "live")  # factors that EN 1990 states
 
 
 def _of_actions(name: str, table: str, permanent: tuple[float, float], live: float) -> PartialFactors:
@@ -146,6 +123,7 @@ def _of_actions(name: str, table: str, permanent: tuple[float, float], live: flo
     return PartialFactors(name, permanent, permanent, (1.0, 1.3), live, 1.0, 1.0, 1.0, clauses)
 
 
+# Sets of partial factors by name; those of EN 1996-1-1 for materials are added by `partial_factors`
 _NAMED: Final[dict[str, PartialFactors]] = {
     one.name: one
     for one in (
@@ -155,39 +133,23 @@ _NAMED: Final[dict[str, PartialFactors]] = {
         _of_actions("EN 1996-1-1", "EN 1990, Table A1.2(B), eq. (6.10)", (1.0, 1.35), 1.5),
     )
 }
-"""Sets of partial factors by name; those of EN 1996-1-1 for materials are added by `partial_factors`."""
 
+# γM of masonry by category of units and mortar, for classes 1 to 5: EN 1996-1-1:2005, 2.4.3(1), note, rows A to C
 _MASONRY: Final = {
     ("I", "designed"): (1.5, 1.7, 2.0, 2.2, 2.5),
     ("I", "prescribed"): (1.7, 2.0, 2.2, 2.5, 2.7),
     ("II", "designed"): (2.0, 2.2, 2.5, 2.7, 3.0),
     ("II", "prescribed"): (2.0, 2.2, 2.5, 2.7, 3.0),
 }
-"""γM of masonry by category of units and mortar, for classes 1 to 5: EN 1996-1-1:2005, 2.4.3(1), note, rows A to C."""
 
-_STEEL: Final = 1.15
-"""γM of reinforcing and prestressing steel: EN 1996-1-1:2005, 2.4.3(1), note, row E."""
+_STEEL: Final = 1.15  # γM of reinforcing and prestressing steel: EN 1996-1-1:2005, 2.4.3(1), note, row E
 
 
 def partial_factors(design: Design | None, name: str | None = None) -> PartialFactors:
     """Return the partial factors of a design check.
 
-    Parameters
-    ----------
-    design : Design or None
-        Key "design" of a scene; None for its defaults.
-    name : str, optional
-        Name of the set to use in the place of the scene's. Factors that the scene states stay.
-
-    Returns
-    -------
-    PartialFactors
-        Factors with their sources.
-
-    Raises
-    ------
-    ParameterError
-        No set has this name; the parameter is `set`.
+    design: key "design" of a scene; None for its defaults. name: name of the set to use in the place of the scene's.
+    Factors that the scene states stay. Raises ParameterError: no set has this name; the parameter is `set`.
     """
     own = design or Design()
     chosen = own.set if name is None else name

@@ -13,11 +13,10 @@ from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import Uncertain, UncertainVector, in_words, is_uncertain, uncertain_values
 
+# Keys that the factor of strengths divides
 _STRENGTHS: Final = ("tensile_strength", "shear_strength", "compressive_strength", "cohesion")
-"""Keys that the factor of strengths divides."""
 
-_CAPACITIES: Final = ("tension", "compression", "shear")
-"""Keys of members that their factor divides."""
+_CAPACITIES: Final = ("tension", "compression", "shear")  # keys of members that their factor divides
 
 
 LOW_FRACTILE: Final = 0.05
@@ -35,27 +34,12 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
 
     Loads and weights become characteristic values.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with characteristic values. The characteristic value of a strength is the low one of nominal and low
-        values, and the 5 % fractile of a value with uncertainty. That of a live load with uncertainty is the 98 %
-        fractile; permanent loads and weights count by their means.
-    factors : PartialFactors
-        Partial factors.
-    prestress : float
-        Factor of the prestress of members.
-
-    Returns
-    -------
-    Scene
-        Scene at design values. A tendon that states no capacity keeps none but its prestress.
-
-    Raises
-    ------
-    InputError
-        The design values contradict one another, such as a prestress beyond the design tension; a permanent action
-        varies by more than `SMALL_VARIATION`; or the scene has fill.
+    scene: scene with characteristic values. The characteristic value of a strength is the low one of nominal and low
+    values, and the 5 % fractile of a value with uncertainty. That of a live load with uncertainty is the 98 % fractile;
+    permanent loads and weights count by their means. factors: partial factors. prestress: factor of the prestress of
+    members. Result: scene at design values. A tendon that states no capacity keeps none but its prestress. Raises
+    InputError: the design values contradict one another, such as a prestress beyond the design tension; a permanent
+    action varies by more than `SMALL_VARIATION`; or the scene has fill.
     """
     if scene.fill is not None:
         raise InputError("fill", "the design check has no partial factors of soil", "loads in the place of it")

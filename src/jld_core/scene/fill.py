@@ -17,26 +17,12 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Fill(Part):
     """Soil with a level surface on the upper boundary of a planar structure.
 
-    Attributes
-    ----------
-    level : float
-        Height of the surface, measured against gravity, length.
-    density : float
-        Density of the soil.
-    friction_angle : float
-        Angle of internal friction, degrees.
-    cohesion : float
-        Cohesion, stress.
-    surcharge : float
-        Permanent vertical pressure on the surface, such as a road.
-    dispersal : float
-        Angle from the vertical at which a load on the surface spreads with depth, degrees.
-    active : float
-        Share of Rankine's active pressure that always acts.
-    passive, passive_cohesion : float
-        Shares of the two terms of Rankine's passive pressure, weight and cohesion, that the soil can reach.
-    start, end : float or None
-        Horizontal range of the soil, length; None for the ends of the structure. The keys are "from" and "to".
+    level: height of the surface, measured against gravity, length. friction_angle: angle of internal friction, degrees.
+    cohesion: cohesion, stress. surcharge: permanent vertical pressure on the surface, such as a road. dispersal: angle
+    from the vertical at which a load on the surface spreads with depth, degrees. active: share of Rankine's active
+    pressure that always acts. passive, passive_cohesion: shares of the two terms of Rankine's passive pressure, weight
+    and cohesion, that the soil can reach. start, end: horizontal range of the soil, length; None for the ends of the
+    structure. The keys are "from" and "to".
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -83,12 +69,7 @@ class Strip(Part):
 class FillLoad(Part):
     """Vertical load on the surface of the fill, spread over the structure below.
 
-    Attributes
-    ----------
-    on_fill : Strip
-        Strip of the surface that carries it.
-    weight : float
-        Force along gravity.
+    on_fill: strip of the surface that carries it. weight: force along gravity.
     """
 
     on_fill: Strip

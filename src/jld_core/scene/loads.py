@@ -58,17 +58,7 @@ OUTSIDE: Final = "outside"
 
 
 class FacePlace(Part):
-    """Part of the free boundary of a structure.
-
-    Attributes
-    ----------
-    between : list of str or None
-        Id of a free element and "outside": the whole free boundary of the element.
-    along : list of list of float or None
-        Points of a polyline on the outline of a planar structure.
-    patch : list of list of float or None
-        Corners, in order, of a plane polygon on the free surface of solids.
-    """
+    """Part of the free boundary of a structure."""
 
     between: Annotated[Pair | None, Field(description='[element, "outside"]')] = None
     along: Annotated[list[Vector] | None, Field(min_length=2, description="a list of at least two points")] = None
@@ -88,17 +78,9 @@ class FacePlace(Part):
 class FaceLoad(Part):
     """Load on free faces: a pressure, a force per length, or a force per area.
 
-    Attributes
-    ----------
-    face : FacePlace
-        Part of the boundary on which the load acts.
-    pressure : float, list of float or None
-        Force per area, positive towards the inside. Two numbers: at the first and at the last point of "along", linear
-        between them.
-    line : list of float or None
-        Force per length of "along", a vector.
-    traction : list of float or None
-        Force per area of "patch", a vector.
+    face: part of the boundary on which the load acts. pressure: force per area, positive towards the inside. Two
+    numbers: at the first and at the last point of "along", linear between them. line: force per length of "along", a
+    vector. traction: force per area of "patch", a vector.
     """
 
     face: FacePlace
@@ -131,23 +113,17 @@ class FaceLoad(Part):
 
 
 class BodyLoad(Part):
-    """Load on every free element: the magnitude of its weight times a vector.
-
-    Attributes
-    ----------
-    body : list of float
-        Vector, dimensionless.
-    """
+    """Load on every free element: the magnitude of its weight times a vector."""
 
     body: Annotated[LoadVector, Field(description="a vector")]
 
 
+# Kinds of load entries by the key that tells them apart; others are point loads
 _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
     "body": BodyLoad,
     "face": FaceLoad,
     "on_fill": FillLoad,
 }
-"""Kinds of load entries by the key that tells them apart; others are point loads."""
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
@@ -185,8 +161,7 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
 LoadEntry = PointLoad | BodyLoad | FaceLoad | FillLoad
 """One entry of a list of loads."""
 
-_Entries = list[LoadEntry]
-"""Load entries of a scene."""
+_Entries = list[LoadEntry]  # load entries of a scene
 
 
 def require_unique_names(key: str, names: list[str]) -> None:
@@ -202,16 +177,8 @@ def require_unique_names(key: str, names: list[str]) -> None:
 class Case(Part):
     """Load case of a structure.
 
-    Attributes
-    ----------
-    name : str
-        Name, different from those of other cases.
-    live : list of LoadEntry
-        Loads that are multiplied by λ.
-    dead : list of LoadEntry
-        Loads that act beside the dead loads of all cases.
-    required : float
-        Required load factor, by which λ of the case is divided.
+    name: name, different from those of other cases. live: loads that are multiplied by λ. dead: loads that act beside
+    the dead loads of all cases. required: required load factor, by which λ of the case is divided.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -235,20 +202,10 @@ class Axle(Part):
 class MovingLoad(Part):
     """Vehicle that moves along a path on a planar structure.
 
-    Attributes
-    ----------
-    name : str
-        First word of the names of its load cases.
-    axles : list of Axle
-        Axles in the order in which they enter the path. The distance of the first one is ignored.
-    path : list of list of float
-        Points of a polyline on the outline of the structure.
-    steps : int
-        Number of positions from the first axle at the start of the path to the last axle at its end.
-    both_directions : bool
-        Also move from the end of the path to its start.
-    required : float
-        Required load factor of every position.
+    name: first word of the names of its load cases. axles: axles in the order in which they enter the path. The
+    distance of the first one is ignored. path: points of a polyline on the outline of the structure. steps: number of
+    positions from the first axle at the start of the path to the last axle at its end. both_directions: also move from
+    the end of the path to its start. required: required load factor of every position.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")] = "moving"
@@ -271,16 +228,9 @@ class MovingLoad(Part):
 class Pushes(Part):
     """Horizontal forces in proportion to weight; each direction is a load case.
 
-    Attributes
-    ----------
-    name : str
-        First word of the names of its load cases.
-    of_weight : float
-        Share of the weight of each free element that pushes it.
-    directions : int or list of list of float
-        Number of horizontal directions at equal angles, planar 1 or 2; or vectors, of which only the direction counts.
-    required : float
-        Required load factor of every direction.
+    name: first word of the names of its load cases. of_weight: share of the weight of each free element that pushes it.
+    directions: number of horizontal directions at equal angles, planar 1 or 2; or vectors, of which only the direction
+    counts. required: required load factor of every direction.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")] = "push"
@@ -295,18 +245,9 @@ class Pushes(Part):
 class Loads(Part):
     """Dead loads, and either live loads, or load cases, moving loads and pushes.
 
-    Attributes
-    ----------
-    dead : list of LoadEntry
-        Loads beside self-weight that are not multiplied by λ.
-    live : list of LoadEntry or None
-        Loads that are multiplied by λ; None if there are load cases or moving loads.
-    cases : list of Case or None
-        Load cases; None if none is stated.
-    moving : list of MovingLoad or None
-        Vehicles of which every position is a load case; None for none.
-    pushes : Pushes or None
-        Pushes of which every direction is a load case; None for none.
+    dead: loads beside self-weight that are not multiplied by λ. live: loads that are multiplied by λ; None if there are
+    load cases or moving loads. cases: load cases; None if none is stated. moving: vehicles of which every position is a
+    load case; None for none. pushes: pushes of which every direction is a load case; None for none.
     """
 
     dead: _Entries = []
@@ -336,19 +277,7 @@ class Loads(Part):
 
 
 class Moved(Part):
-    """Supports that move together as a rigid body during a settlement.
-
-    Attributes
-    ----------
-    elements : str or list of str
-        Ids of the supports.
-    move : list of float or None
-        Direction and relative size of the translation; None for none.
-    turn : float or list of float
-        Rotation relative to the translation: a number, counter-clockwise, or a spatial vector.
-    about : list of float or None
-        Centre of the rotation; None for the mean of the supports' centroids.
-    """
+    """Supports that move together as a rigid body during a settlement."""
 
     elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
     move: Annotated[Vector | None, Field(description="a vector")] = None
@@ -362,14 +291,8 @@ class Moved(Part):
 class Settling(Part):
     """Movement of supports in a known direction, such as a foundation that sinks or tilts.
 
-    Attributes
-    ----------
-    name : str
-        Name, different from those of other settlements.
-    supports : list of Moved
-        Supports that move; all others stay.
-    load : float
-        Share of the live load that acts during the movement.
+    name: name, different from those of other settlements. supports: supports that move; all others stay. load: share of
+    the live load that acts during the movement.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]

@@ -14,12 +14,7 @@ from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, V
 class StatedMaterial(Part):
     """Material of one label, which may be a criterion of a plug-in.
 
-    Attributes
-    ----------
-    criterion : str or None
-        Name of a criterion that an installed package adds; no other key but its parameters then applies.
-    parameters : dict of str to float
-        Parameters of the criterion.
+    criterion: name of a criterion that an installed package adds; no other key but its parameters then applies.
     """
 
     criterion: str | None = None
@@ -41,16 +36,9 @@ class StatedMaterial(Part):
 class Dry(StatedMaterial):
     """Material of dry joints: Mohr–Coulomb friction, optional cohesion and tensile bond; or a criterion.
 
-    Attributes
-    ----------
-    friction_angle, friction_coefficient : float or None
-        Friction, as an angle in degrees or a coefficient; exactly one is given.
-    compressive_strength : float or None
-        Compressive strength, stress; None for unlimited.
-    cohesion : float
-        Cohesion, stress.
-    tensile_strength : float
-        Tensile strength of the bond of joints, stress; at most cohesion over friction.
+    friction_angle, friction_coefficient: friction, as an angle in degrees or a coefficient; exactly one is given.
+    compressive_strength: compressive strength, stress; None for unlimited. cohesion: cohesion, stress.
+    tensile_strength: tensile strength of the bond of joints, stress; at most cohesion over friction.
     """
 
     friction_angle: Angle | None = None
@@ -71,19 +59,9 @@ class Dry(StatedMaterial):
 def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
     """Raise InputError if a tensile strength lies beyond the apex of the friction cone.
 
-    Parameters
-    ----------
-    tension, shear : float or None
-        Tensile and shear strength, stress.
-    friction : float or None
-        Friction coefficient μ; without friction there is no apex. The apex is at the tension `shear` / μ.
-    where : str
-        Key for the error message.
-
-    Raises
-    ------
-    InputError
-        If tension × μ exceeds the shear strength.
+    tension, shear: tensile and shear strength, stress. friction: friction coefficient μ; without friction there is no
+    apex. The apex is at the tension `shear` / μ. where: key for the error message. Raises InputError if tension × μ
+    exceeds the shear strength.
     """
     if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
         raise InputError(
@@ -96,14 +74,9 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
 class Inner(StatedMaterial):
     """Material of inner faces (potential cracks): tensile and shear strength, friction; or a criterion.
 
-    Attributes
-    ----------
-    tensile_strength, shear_strength : float or None
-        Strengths, stress; needed without a criterion.
-    compressive_strength : float or None
-        Compressive strength, stress; None for unlimited.
-    friction_angle, friction_coefficient : float or None
-        Friction, as an angle in degrees or a coefficient; at most one is given.
+    tensile_strength, shear_strength: strengths, stress; needed without a criterion. compressive_strength: compressive
+    strength, stress; None for unlimited. friction_angle, friction_coefficient: friction, as an angle in degrees or a
+    coefficient; at most one is given.
     """
 
     tensile_strength: Annotated[Value | None, Field(description="a stress of at least 0")] = None
@@ -129,12 +102,8 @@ class Inner(StatedMaterial):
 class DryFace(StatedMaterial):
     """Joint values that override "materials.dry" for the faces between two elements.
 
-    Attributes
-    ----------
-    friction_angle, friction_coefficient : float or None
-        Friction, as an angle in degrees or a coefficient; at most one is given.
-    compressive_strength, cohesion, tensile_strength : float or None
-        Strengths, stress.
+    friction_angle, friction_coefficient: friction, as an angle in degrees or a coefficient; at most one is given.
+    compressive_strength, cohesion, tensile_strength: strengths, stress.
     """
 
     friction_angle: Angle | None = None
@@ -153,12 +122,8 @@ class DryFace(StatedMaterial):
 class InnerFace(StatedMaterial):
     """Inner-face values that override "materials.inner" for the faces between two elements.
 
-    Attributes
-    ----------
-    tensile_strength, shear_strength, compressive_strength : float or None
-        Strengths, stress.
-    friction_angle, friction_coefficient : float or None
-        Friction, as an angle in degrees or a coefficient; at most one is given.
+    tensile_strength, shear_strength, compressive_strength: strengths, stress. friction_angle, friction_coefficient:
+    friction, as an angle in degrees or a coefficient; at most one is given.
     """
 
     tensile_strength: Value | None = None
@@ -183,14 +148,7 @@ def _at_most_one_friction(angle: float | None, coefficient: float | None) -> Non
 class FaceMaterial(Part):
     """Material of all faces between two elements; absent values are those of "materials".
 
-    Attributes
-    ----------
-    between : [str, str]
-        Ids of two elements that touch.
-    dry : DryFace or None
-        Values of dry joints.
-    inner : InnerFace or None
-        Values of inner faces.
+    between: ids of two elements that touch. dry: values of dry joints. inner: values of inner faces.
     """
 
     between: Annotated[Pair, Field(description="[id, id] of two elements that touch")]
@@ -208,18 +166,8 @@ class FaceMaterial(Part):
 class Materials(Part):
     """Weights and strengths of all elements and faces.
 
-    Attributes
-    ----------
-    density : float or None
-        Density of elements that state none.
-    gravity : float or list of float
-        Magnitude, acting downwards, or a vector.
-    dry : Dry or None
-        Material of dry joints.
-    inner : Inner or None
-        Material of inner faces.
-    faces : list of FaceMaterial
-        Materials of the faces between pairs of elements.
+    density: density of elements that state none. gravity: magnitude, acting downwards, or a vector. dry: material of
+    dry joints. inner: material of inner faces. faces: materials of the faces between pairs of elements.
     """
 
     density: Weighing | None = None

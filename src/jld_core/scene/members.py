@@ -14,15 +14,7 @@ MemberKind = Literal["tie", "tendon", "pin"]
 
 
 class Anchor(Part):
-    """Point of an element at which a member is fixed, or over which it slides.
-
-    Attributes
-    ----------
-    element : str
-        Id of an element, a support or not.
-    at : list of float
-        Point of the element, in the scene.
-    """
+    """Point of an element at which a member is fixed, or over which it slides."""
 
     element: Annotated[str, Field(description="the id of an element")]
     at: Annotated[Vector, Field(description="a point of the element")]
@@ -31,22 +23,10 @@ class Anchor(Part):
 class Member(Part):
     """Bar or pin that acts on two elements, in addition to the faces between them.
 
-    Attributes
-    ----------
-    kind : {"tie", "tendon", "pin"}
-        Tie: a bar with axial force. Tendon: a bar with a stated tension. Pin: a bolt or dowel across a face.
-    from_, to : Anchor
-        Both ends.
-    through : list of Anchor
-        Points between the ends over which a tie or tendon slides without friction.
-    tension, compression : float or None
-        Largest tension and compression, forces. Default tension: the prestress.
-    prestress : float
-        Tension that always acts, force.
-    shear : float or None
-        Largest force across a pin.
-    name : str or None
-        Name in results; default: kind and position.
+    kind: tie: a bar with axial force. Tendon: a bar with a stated tension. Pin: a bolt or dowel across a face. from_,
+    to: both ends. through: points between the ends over which a tie or tendon slides without friction. tension,
+    compression: largest tension and compression, forces. Default tension: the prestress. prestress: tension that always
+    acts, force. shear: largest force across a pin. name: name in results; default: kind and position.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)

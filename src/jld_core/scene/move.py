@@ -16,16 +16,9 @@ Limits = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
 class Path(Part):
     """Line or circle along which vertices of joints slide.
 
-    Attributes
-    ----------
-    at : [x, y] or None
-        Vertex that slides along `direction`; two entries with one vertex let it move freely.
-    direction : [dx, dy] or None
-        Direction of the vertex at `at`.
-    circle : [x, y] or None
-        Centre of circles on which vertices of joints slide, where their neighbours on the outline lie on the same one.
-    supports : bool
-        With `circle`: joints with supports turn as well, and the supports with them.
+    at: vertex that slides along `direction`; two entries with one vertex let it move freely. direction: direction of
+    the vertex at `at`. circle: centre of circles on which vertices of joints slide, where their neighbours on the
+    outline lie on the same one. supports: with `circle`: joints with supports turn as well, and the supports with them.
     """
 
     at: Annotated[Vector | None, Field(description="a point")] = None
@@ -50,10 +43,7 @@ class Path(Part):
 
 
 class Draft(Part):
-    """Least inclination of dry joints that lets blocks be lifted out of a mould.
-
-    direction: vector along which blocks are lifted. degrees: least angle between it and each joint.
-    """
+    """Least inclination of dry joints that lets blocks be lifted out of a mould."""
 
     direction: Annotated[Vector, Field(description="a vector")]
     degrees: Annotated[float, Field(ge=0, lt=90)]
@@ -69,32 +59,15 @@ class Draft(Part):
 class Move(Part):
     """Variables, limits and objective of `jld move`.
 
-    Attributes
-    ----------
-    vertices : {"joints", "along"}
-        Vertices that move: all of dry joints, or only those that `along` names.
-    along : list of Path
-        Lines and circles along which vertices slide.
-    ties : {"none", "mirror-x", "equal-shapes"} or list of lists of points
-        Vertices that move alike: mirrored about the middle of the structure, or the same way within each list; or
-        elements of equal shape that stay equal, mirrored ones among them.
-    inner : {"stay", "follow"}
-        "stay": vertices of inner faces stay. "follow": they move if joints end in them, otherwise they follow their
-        neighbours.
-    straight : bool
-        Keep straight faces of blocks straight where joints end in them.
-    angle : [float, float]
-        Bounds of the angles at corners of elements, degrees.
-    edge : float or None
-        Least length of an edge; None for a share of the mean edge.
-    block_mass : [float or None, float or None]
-        Bounds of the mass of each block, kg with m and N.
-    draft : Draft or None
-        Least inclination of dry joints.
-    box : float or None
-        Largest distance that a vertex moves along each of its directions, length.
-    maximise : {"load_factor", "least_friction", "least_thickness"}
-        Objective: λ; or the least friction, or the least thickness of an arch, at which the dead load stands.
+    vertices: vertices that move: all of dry joints, or only those that `along` names. along: lines and circles along
+    which vertices slide. ties: vertices that move alike: mirrored about the middle of the structure, or the same way
+    within each list; or elements of equal shape that stay equal, mirrored ones among them. inner: "stay": vertices of
+    inner faces stay. "follow": they move if joints end in them, otherwise they follow their neighbours. straight: keep
+    straight faces of blocks straight where joints end in them. angle: bounds of the angles at corners of elements,
+    degrees. edge: least length of an edge; None for a share of the mean edge. block_mass: bounds of the mass of each
+    block, kg with m and N. draft: least inclination of dry joints. box: largest distance that a vertex moves along each
+    of its directions, length. maximise: objective: λ; or the least friction, or the least thickness of an arch, at
+    which the dead load stands.
     """
 
     vertices: Literal["joints", "along"] = "joints"

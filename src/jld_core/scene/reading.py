@@ -19,8 +19,7 @@ from jld_core.scene.units import with_numbers
 DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
 """Endings of files that `jld import` makes a scene of, COMPAS JSON apart."""
 
-_PLAIN: Final = {int, float, str}
-"""Types of JSON that most lists hold."""
+_PLAIN: Final = {int, float, str}  # types of JSON that most lists hold
 
 
 class NeedsImport(InputError):
@@ -137,20 +136,8 @@ def _as_json(value: Any, depth: int = 0) -> Any:
 def at_low(scene: Scene) -> Scene:
     """Return the scene with the low value of every material value that has one.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with at least one low value.
-
-    Returns
-    -------
-    Scene
-        Scene at its low values.
-
-    Raises
-    ------
-    InputError
-        No material value has a low value, or the low values contradict one another.
+    scene: scene with at least one low value. Raises InputError: no material value has a low value, or the low values
+    contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
@@ -183,18 +170,16 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-_DEPTH = 64
-"""Largest depth of nesting of a scene file."""
+_DEPTH = 64  # largest depth of nesting of a scene file
 
 _LEAST, _MOST = 1e-30, 1e30
 """Limits of the magnitude of non-zero numbers."""
 
-_NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"
-"""Expected numbers, for error messages."""
+_NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"  # expected numbers, for error messages
 
 
+# Path of a value within a scene: the path of what holds it, and its key or index; None for the scene
 _Path = tuple[Any, "str | int"] | None
-"""Path of a value within a scene: the path of what holds it, and its key or index; None for the scene."""
 
 
 def _refuse_extremes(document: object) -> None:

@@ -45,14 +45,8 @@ class Units(Part):
 class Grid(Part):
     """Planar cells, given as rows of letters.
 
-    Attributes
-    ----------
-    cell : [float, float]
-        Width and height of a cell, length.
-    thickness : float
-        Out-of-plane depth, length.
-    rows : list of str
-        Rows from top to bottom: '.' no cell, '#' a support, connected equal letters one block.
+    cell: width and height of a cell, length. thickness: out-of-plane depth, length. rows: rows from top to bottom: '.'
+    no cell, '#' a support, connected equal letters one block.
     """
 
     cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
@@ -76,28 +70,11 @@ class Grid(Part):
 class Element(Part):
     """Rigid element: a polygon (planar), or vertices and faces (spatial).
 
-    Attributes
-    ----------
-    id : str
-        Unique name.
-    polygon : list of [x, y] or None
-        Corners of a planar element, length.
-    vertices : list of [x, y, z] or None
-        Vertices of a spatial element, length.
-    faces : list of lists of int or None
-        Faces of a spatial element as loops of vertex indices from 0.
-    weight : float or None
-        Weight as a force; overrides densities.
-    density : float or None
-        Density; overrides that of the materials.
-    volume : float or None
-        Volume used instead of the computed one.
-    centroid : list of float or None
-        Centroid used instead of the computed one.
-    block : str or None
-        Block name; elements of equal name form one block.
-    support : bool
-        True for a fixed element.
+    id: unique name. polygon: corners of a planar element, length. vertices: vertices of a spatial element, length.
+    faces: faces of a spatial element as loops of vertex indices from 0. weight: weight as a force; overrides densities.
+    density: density; overrides that of the materials. volume: volume used instead of the computed one. centroid:
+    centroid used instead of the computed one. block: block name; elements of equal name form one block. support: True
+    for a fixed element.
     """
 
     id: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -144,24 +121,11 @@ class Contact(Part):
 
     Strengths and friction override "materials" for this interface.
 
-    Attributes
-    ----------
-    elements : [str, str]
-        Ids of the two elements.
-    polygon : list of points
-        Two points [x, y], or the corners of a spatial polygon in order, length.
-    label : {"dry", "inner"} or None
-        Label of the interface.
-    friction_coefficient, friction_angle : float or None
-        Friction of the dry joint, as a coefficient or an angle in degrees.
-    tensile_strength, shear_strength : float or None
-        Strengths of the inner face, stress.
-    compressive_strength : float or None
-        Compressive strength under either label, stress.
-    cohesion : float or None
-        Cohesion of the dry joint, stress.
-    inner_friction_coefficient, inner_friction_angle : float or None
-        Friction of the inner face, as a coefficient or an angle in degrees.
+    elements: ids of the two elements. polygon: two points [x, y], or the corners of a spatial polygon in order, length.
+    friction_coefficient, friction_angle: friction of the dry joint, as a coefficient or an angle in degrees.
+    tensile_strength, shear_strength: strengths of the inner face, stress. compressive_strength: compressive strength
+    under either label, stress. cohesion: cohesion of the dry joint, stress. inner_friction_coefficient,
+    inner_friction_angle: friction of the inner face, as a coefficient or an angle in degrees.
     """
 
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]

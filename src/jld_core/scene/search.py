@@ -52,17 +52,7 @@ Sense = Literal["max", "min"]
 
 
 class Front(Part):
-    """Counts of a layout, such as dry faces, that a search optimises together with λ.
-
-    Attributes
-    ----------
-    count : str
-        Name of the first count, such as "dry_faces".
-    counts : list of two str, or None
-        Names of two counts, where two are optimised.
-    sense : {"max", "min"} or list of them
-        Better direction: one for all counts, or a list with one for each.
-    """
+    """Counts of a layout, such as dry faces, that a search optimises together with λ."""
 
     count: Annotated[str, Field(min_length=1)] = "dry_faces"
     counts: Annotated[list[str] | None, Field(min_length=2, max_length=2, description="two names of counts")] = None
@@ -120,10 +110,7 @@ class Moulds(Part):
 
 
 class VoidCells(Part):
-    """Cells that a search may leave out of the structure.
-
-    cells: "all", or ids of free elements. most: largest share of the cells that is left out.
-    """
+    """Cells that a search may leave out of the structure."""
 
     cells: Annotated[Literal["all"] | list[str], Field(description='"all" or a list of ids of free elements')] = "all"
     most: Annotated[float, Field(gt=0, lt=1)] = 0.5

@@ -11,8 +11,7 @@ from pydantic_core import CoreSchema, core_schema
 from jld_core.errors import InputError
 from jld_core.scene import uncertain
 
-_KEYS = ("nominal", "low")
-"""Keys of a value with a nominal and a low value."""
+_KEYS = ("nominal", "low")  # keys of a value with a nominal and a low value
 
 
 class Spread(float):

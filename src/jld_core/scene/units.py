@@ -34,8 +34,7 @@ MASSES: Final = frozenset({"kg", "t", "g", "lb"})
 METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
 """Metres per unit of length."""
 
-_PASCALS: Final = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
-"""Pascals per unit of stress."""
+_PASCALS: Final = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # pascals per unit of stress
 
 
 def force_in_words(value: float, unit: str) -> str:
@@ -44,8 +43,7 @@ def force_in_words(value: float, unit: str) -> str:
     return f"{value * NEWTONS[unit] / NEWTONS['kN']:.4g} kN" if "e+" in text and unit in NEWTONS else text
 
 
-_Powers = tuple[int, int]
-"""Powers of force and length of a quantity."""
+_Powers = tuple[int, int]  # powers of force and length of a quantity
 
 _FORCE: Final[_Powers] = (1, 0)
 _LENGTH: Final[_Powers] = (0, 1)
@@ -54,6 +52,7 @@ _STRESS: Final[_Powers] = (1, -2)
 _LINE: Final[_Powers] = (1, -1)
 _DENSITY: Final[_Powers] = (1, -3)
 
+# One correct text for each quantity, for error messages
 _EXAMPLES: Final = {
     _FORCE: "10 kN",
     _LENGTH: "1.2 m",
@@ -62,7 +61,6 @@ _EXAMPLES: Final = {
     _LINE: "2 kN/m",
     _DENSITY: '2000 kg/m³" or "20 kN/m³',
 }
-"""One correct text for each quantity, for error messages."""
 
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
@@ -80,14 +78,13 @@ QUANTITIES: Final[dict[str, _Powers]] = {
 }
 """Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
 
-_SPREAD: Final = ("nominal", "low", "mean")
-"""Keys of an object that stands for one number."""
+_SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number
 
+# Pattern of a number and its unit
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
-"""Pattern of a number and its unit."""
 
+# Pattern of one factor of a unit, with the sign before it and its power
 _FACTOR: Final = re.compile(r"([*·/]?)\s*([A-Za-z]+)(?:\^?(-?\d|²|³))?\s*")
-"""Pattern of one factor of a unit, with the sign before it and its power."""
 
 
 USUAL_GRAVITY: Final = (1.0, 25.0)
@@ -137,20 +134,9 @@ class UnitSystem:
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in the units of the scene.
 
-    Parameters
-    ----------
-    document : dict
-        Scene as nested dicts and lists, not validated.
-
-    Returns
-    -------
-    dict
-        New document with numbers in place of the texts. Lists in which nothing is converted are not copied.
-
-    Raises
-    ------
-    InputError
-        If a text under a key of `QUANTITIES` is no number with a fitting unit, or the scene's own units are unknown.
+    document: scene as nested dicts and lists, not validated. Result: new document with numbers in place of the texts.
+    Lists in which nothing is converted are not copied. Raises InputError if a text under a key of `QUANTITIES` is no
+    number with a fitting unit, or the scene's own units are unknown.
     """
     units = document.get("units")
     names = units if isinstance(units, dict) else {}

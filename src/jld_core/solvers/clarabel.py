@@ -15,6 +15,7 @@ from jld_core.arrays import Floats
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
+# Status for each status that Clarabel reports; others count as failed
 _STATUS = {
     "Solved": RawStatus.OPTIMAL,
     "AlmostSolved": RawStatus.ALMOST,
@@ -25,7 +26,6 @@ _STATUS = {
     "MaxIterations": RawStatus.LIMIT,
     "MaxTime": RawStatus.LIMIT,
 }
-"""Status for each status that Clarabel reports; others count as failed."""
 
 
 class ClarabelSolver(Solver):

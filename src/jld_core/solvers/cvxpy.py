@@ -12,6 +12,7 @@ import numpy as np
 from jld_core.program import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
+# Status for each status that CVXPY reports; others count as failed
 _STATUS = {
     "optimal": RawStatus.OPTIMAL,
     "optimal_inaccurate": RawStatus.ALMOST,
@@ -21,18 +22,13 @@ _STATUS = {
     "unbounded_inaccurate": RawStatus.UNBOUNDED,
     "user_limit": RawStatus.LIMIT,
 }
-"""Status for each status that CVXPY reports; others count as failed."""
 
 
 class CvxpySolver(Solver):
     """Reference solver that states each program anew in CVXPY.
 
-    Parameters
-    ----------
-    solver : str
-        Name of the solver that CVXPY calls.
-    **options : float
-        Settings of that solver; default: tolerances of 1e-11 for CLARABEL.
+    solver: name of the solver that CVXPY calls. **options: settings of that solver; default: tolerances of 1e-11 for
+    CLARABEL.
     """
 
     name = "cvxpy"

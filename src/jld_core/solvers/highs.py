@@ -19,6 +19,7 @@ from jld_core.errors import SolverError
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
+# Status for each name of a status that HiGHS reports; others count as failed
 _STATUS = {
     "kOptimal": RawStatus.OPTIMAL,
     "kInfeasible": RawStatus.INFEASIBLE,
@@ -27,7 +28,6 @@ _STATUS = {
     "kIterationLimit": RawStatus.LIMIT,
     "kTimeLimit": RawStatus.LIMIT,
 }
-"""Status for each name of a status that HiGHS reports; others count as failed."""
 
 
 class HighsSolver(Solver):
@@ -103,23 +103,9 @@ def highs_of(
 
     The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
 
-    Parameters
-    ----------
-    rows : (rows, columns) sparse matrix
-        Matrix R.
-    objective : (columns,) array
-        Coefficients of the objective.
-    low, high : (rows,) arrays
-        Bounds on R x.
-    least, most : (columns,) arrays
-        Bounds on x.
-    options : mapping
-        HiGHS' own options; they override silence and the single thread.
-
-    Returns
-    -------
-    highspy.Highs
-        The instance; its method `run` solves the program.
+    rows: (rows, columns) matrix R. objective: (columns,) coefficients of the objective. low, high: (rows,) bounds on R
+    x. least, most: (columns,) bounds on x. options: hiGHS' own options; they override silence and the single thread.
+    Result: the instance; its method `run` solves the program.
     """
     import highspy  # local imports here and below: most labellings are solved without it
 

@@ -14,25 +14,17 @@ from jld_core.arrays import Floats
 from jld_core.solvers.highs import highs_ends, highs_of
 
 _POLISHED: Final = 1e-8  # relative gap to reach by the interior-point method, which ends without crossover
+# Feasibility tolerances of all these programs
 _FEASIBLE: Final[dict[str, Any]] = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
-"""Feasibility tolerances of all these programs."""
 
 
 @dataclass(frozen=True)
 class LinearAnswer:
     """Unverified solution of a linear program.
 
-    Attributes
-    ----------
-    found : bool
-        True if the solver reports an optimum. Otherwise the other values may be arbitrarily wrong.
-    value : float
-        Value of the objective.
-    point : (columns,) array
-        Solution x.
-    dual : (rows,) array
-        Multipliers with objective = Rᵀ dual on free columns; ≥ 0 where the lower bound of a row binds in a
-        minimisation.
+    found: True if the solver reports an optimum. Otherwise the other values may be arbitrarily wrong. point: (columns,)
+    solution x. dual: (rows,) multipliers with objective = Rᵀ dual on free columns; ≥ 0 where the lower bound of a row
+    binds in a minimisation.
     """
 
     found: bool
@@ -46,14 +38,8 @@ class LinearRows:
 
     The dual simplex method starts from the solution of the previous objective.
 
-    Parameters
-    ----------
-    rows : (rows, columns) sparse matrix
-        Matrix R.
-    low, high : (rows,) arrays
-        Bounds on R x, ±inf for none.
-    least, most : (columns,) arrays
-        Bounds on x, ±inf for none.
+    rows: (rows, columns) matrix R. low, high: (rows,) bounds on R x, ±inf for none. least, most: (columns,) bounds on
+    x, ±inf for none.
     """
 
     def __init__(self, rows: Any, low: Floats, high: Floats, least: Floats, most: Floats) -> None:
@@ -63,12 +49,7 @@ class LinearRows:
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
         """Change the bounds of consecutive rows for the minimisations that follow.
 
-        Parameters
-        ----------
-        rows : slice
-            The k rows, as a slice with start and stop.
-        low, high : (k,) arrays
-            New bounds, ±inf for none.
+        rows: the k rows, as a slice with start and stop. low, high: (k,) new bounds, ±inf for none.
         """
         place = np.arange(rows.start, rows.stop, dtype=np.int32)
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
@@ -76,15 +57,8 @@ class LinearRows:
     def minimise(self, objective: Floats) -> LinearAnswer:
         """Minimise an objective over the present bounds.
 
-        Parameters
-        ----------
-        objective : (columns,) array
-            Coefficients of the objective.
-
-        Returns
-        -------
-        LinearAnswer
-            Unverified solution; `found` is False if the solver reports no optimum.
+        objective: (columns,) coefficients of the objective. Result: unverified solution; `found` is False if the solver
+        reports no optimum.
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)
@@ -103,26 +77,10 @@ def interior_point(
 
     No crossover follows.
 
-    Parameters
-    ----------
-    objective : (columns,) array
-        Objective.
-    rows : (rows, columns) sparse matrix
-        Matrix R.
-    low, high : (rows,) arrays
-        Bounds on R x, ±inf for none.
-    seconds : float
-        Time limit, s, at least 0.1; after it the solution is marked as not found.
-    threads : int
-        Number of threads.
-    presolve : bool
-        Give False if rows repeat one another: presolve removes such rows, and the dual that it restores can violate
-        columns.
-
-    Returns
-    -------
-    LinearAnswer
-        Unverified solution.
+    objective: (columns,) objective. rows: (rows, columns) matrix R. low, high: (rows,) bounds on R x, ±inf for none.
+    seconds: time limit, s, at least 0.1; after it the solution is marked as not found. threads: number of threads.
+    presolve: give False if rows repeat one another: presolve removes such rows, and the dual that it restores can
+    violate columns. Result: unverified solution.
     """
     free = np.full(rows.shape[1], np.inf)
     options = {

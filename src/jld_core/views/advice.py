@@ -12,14 +12,11 @@ from jld_core.errors import SolverError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.solvers import installed_solvers, make_solver
 
-_NAMED: Final = 6
-"""Largest number of elements named; the others are counted."""
+_NAMED: Final = 6  # largest number of elements named; the others are counted
 
-_MOVES: Final = 0.05
-"""Share of the largest movement below which an element is not reported as moving."""
+_MOVES: Final = 0.05  # share of the largest movement below which an element is not reported as moving
 
-_CARRIES: Final = 1e-3
-"""Share of the largest force below which a face does not count as pressed."""
+_CARRIES: Final = 1e-3  # share of the largest force below which a face does not count as pressed
 
 
 def advice(result: LimitAnalysisResult) -> dict[str, str]:

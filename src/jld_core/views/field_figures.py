@@ -31,14 +31,12 @@ DISPLACED: Final = 0.06
 JUMP: Final = 0.02
 """Share of the largest velocity above which the jump across an edge is drawn."""
 
+# Width of a trajectory at the largest stress of its sign, points; it falls to a fifth with the stress
 _WIDEST: Final = 2.2
-"""Width of a trajectory at the largest stress of its sign, points; it falls to a fifth with the stress."""
 
-_DASH: Final = (5, 3)
-"""Steps of a tensile trajectory that are drawn, and steps that are left out."""
+_DASH: Final = (5, 3)  # steps of a tensile trajectory that are drawn, and steps that are left out
 
-_CRUSHED: Final = 0.02
-"""Share of the largest dissipation per area above which a triangle is shaded."""
+_CRUSHED: Final = 0.02  # share of the largest dissipation per area above which a triangle is shaded
 
 
 def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses | None) -> Drawn:

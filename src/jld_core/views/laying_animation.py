@@ -16,11 +16,9 @@ from jld_core.views.strip import figure_of_stage
 _STAGE, _END = 700, 2500
 """Time that a stage and the last stage are shown, ms."""
 
-_DPI: Final = 100
-"""Resolution of a stage, dots per inch."""
+_DPI: Final = 100  # resolution of a stage, dots per inch
 
-_COLOURS: Final = 64
-"""Number of colours of the animation: drawings have few."""
+_COLOURS: Final = 64  # number of colours of the animation: drawings have few
 
 
 def save_laying_animation(laying: Laying, path: Path) -> None:

@@ -68,10 +68,10 @@ EYE: Final = (-62.0, 24.0)
 Shape = Literal["circle", "diamond", "thin diamond", "triangle", "cross"]
 """Name of a marker shape."""
 
+# Markers of matplotlib by shape
 _MARKERS: Final[dict[Shape, str]] = {
     "circle": "o", "diamond": "D", "thin diamond": "d", "triangle": "^", "cross": "X",
 }  # fmt: skip
-"""Markers of matplotlib by shape."""
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,9 @@ from jld_core.limit.member_results import effects
 from jld_core.views.look import HATCH, MEMBER, WHITE
 from jld_core.views.structure import Drawn, Move, projection_of
 
-_WIDTH = 1.6
-"""Width of the line of a member, points; up to twice as much with its force."""
+_WIDTH = 1.6  # width of the line of a member, points; up to twice as much with its force
 
-_SEEN = 1e-3
-"""Least pressure of fill that is drawn, in the largest force of a member."""
+_SEEN = 1e-3  # least pressure of fill that is drawn, in the largest force of a member
 
 
 def draw_members(

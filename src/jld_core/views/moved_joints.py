@@ -18,8 +18,7 @@ from jld_core.views.look import PRESS
 from jld_core.views.quantities import SMALL, typical
 from jld_core.views.structure import projection_of
 
-_LONGEST: Final = 0.8
-"""Length of the longest arrow, relative to a typical element."""
+_LONGEST: Final = 0.8  # length of the longest arrow, relative to a typical element
 
 
 def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: Floats, *, true: bool = False) -> None:

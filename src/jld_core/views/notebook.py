@@ -29,8 +29,7 @@ LARGEST: Final = 1500
 """Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
 
 
-_MEMBERS: Final = 6
-"""Largest number of members whose tension the facts of a result name."""
+_MEMBERS: Final = 6  # largest number of members whose tension the facts of a result name
 
 
 def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
@@ -270,15 +269,7 @@ def _shown(value: float | None) -> str:
 def aligned(facts: Mapping[str, str]) -> str:
     """Return facts as lines of text, the values one below another.
 
-    Parameters
-    ----------
-    facts : mapping of str to str
-        Values by their names.
-
-    Returns
-    -------
-    str
-        One line for each fact.
+    facts: values by their names.
     """
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())

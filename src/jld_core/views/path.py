@@ -14,24 +14,15 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views.look import FRONT, INK, PRESS, SOFT, TINTS
 
-_HIGHEST: Final = 6.0
-"""Largest λ that is drawn, over the least one."""
+_HIGHEST: Final = 6.0  # largest λ that is drawn, over the least one
 
 
 @dataclass(frozen=True)
 class PathValue:
     """Load factor at one position of a moving load.
 
-    Attributes
-    ----------
-    vehicle : str
-        Name of the moving load, with its direction.
-    distance : float
-        Distance of the first axle along the path, length.
-    low, high : float
-        Proven bounds on λ; NaN where one is missing.
-    required : float
-        Required factor.
+    vehicle: name of the moving load, with its direction. distance: distance of the first axle along the path, length.
+    low, high: proven bounds on λ; NaN where one is missing. required: required factor.
     """
 
     vehicle: str

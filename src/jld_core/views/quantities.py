@@ -232,6 +232,7 @@ def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Fl
     return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)
 
 
+# Kind of movement in figures by kind of movement in the analysis
 _SIGNS: Final = {
     Movement.CLOSED: MovementSign.STILL,
     Movement.HINGE: MovementSign.HINGE,
@@ -241,4 +242,3 @@ _SIGNS: Final = {
     Movement.CRACK_TENSION: MovementSign.CRACK,
     Movement.CRACK_SHEAR: MovementSign.CRACK,
 }
-"""Kind of movement in figures by kind of movement in the analysis."""

@@ -10,17 +10,14 @@ from jld_core.views.figures import svg_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SVG: Final = 50_000
-"""Largest size of a drawing as SVG text, bytes; a notebook stores it in two forms."""
+_SVG: Final = 50_000  # largest size of a drawing as SVG text, bytes; a notebook stores it in two forms
 
-_PNG: Final = 45_000
-"""Largest size of a drawing as PNG, bytes; larger ones are drawn with fewer pixels."""
+_PNG: Final = 45_000  # largest size of a drawing as PNG, bytes; larger ones are drawn with fewer pixels
 
+# Pixels per inch of a PNG, of which the first that is small enough is taken, else the last
 _DOTS: Final = (100, 75, 55, 40, 25)
-"""Pixels per inch of a PNG, of which the first that is small enough is taken, else the last."""
 
-_COLOURS: Final = 64
-"""Number of colours of a PNG."""
+_COLOURS: Final = 64  # number of colours of a PNG
 
 
 def drawing_of(figure: Figure) -> str | bytes:

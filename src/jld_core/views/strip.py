@@ -27,11 +27,9 @@ COMING: Final = "#d98c3f"
 PROP: Final = "#2c5f9e"
 """Colour of props."""
 
-_ACROSS: Final = 5
-"""Largest number of stages per row."""
+_ACROSS: Final = 5  # largest number of stages per row
 
-_MOST: Final = 60
-"""Largest number of stages drawn."""
+_MOST: Final = 60  # largest number of stages drawn
 
 
 def figure_of_laying(laying: Laying, title: str) -> Figure:

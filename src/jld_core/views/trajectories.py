@@ -27,14 +27,11 @@ APART: Final = 0.2
 FAINT: Final = 0.06
 """Share of the largest principal stress of its sign below which no trajectory is drawn."""
 
-_MOST_POINTS: Final = 400
-"""Largest number of grid points along one side of the structure."""
+_MOST_POINTS: Final = 400  # largest number of grid points along one side of the structure
 
-_STEPS: Final = 600
-"""Largest number of steps of one trajectory in each direction; one step is half a grid spacing."""
+_STEPS: Final = 600  # largest number of steps of one trajectory in each direction; one step is half a grid spacing
 
-_PIECES: Final = 4
-"""Parts of each edge of a triangle: stresses are sampled at the middles of its equal parts."""
+_PIECES: Final = 4  # parts of each edge of a triangle: stresses are sampled at the middles of its equal parts
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,13 @@ from jld_core.views import quantities
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, painter_order, projection_of, visible_faces
 
-_HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
-"""White outline of texts."""
+_HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]  # white outline of texts
 
+# Least distance of a number from the edge of its planar block, relative to the radius of the largest circle in it
 _DEEP: Final = 0.7
-"""Least distance of a number from the edge of its planar block, relative to the radius of the largest circle in it."""
 
+# Radius of the largest circle on the part of a block that is seen, relative to the assembly, for its number
 _LEAST_SEEN: Final = 0.008
-"""Radius of the largest circle on the part of a block that is seen, relative to the assembly, for its number."""
 
 
 @contextmanager

@@ -31,8 +31,8 @@ from jld_explore.report import csv_of
 if TYPE_CHECKING:
     import pandas as pd
 
+# Share of the time left, once an order by translations is known, that is kept back for table and pictures
 _WRITING: Final = 0.3
-"""Share of the time left, once an order by translations is known, that is kept back for table and pictures."""
 
 
 def assembly(

@@ -16,6 +16,7 @@ from jld_explore.cli import overview
 from jld_explore.cli.ending import run
 from jld_explore.cli.streams import say
 
+# Module of this sub-package and function of each command; `new` is a group of commands
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
@@ -36,7 +37,6 @@ _FUNCTIONS: Final = {
     "thrust": ("thrust", "thrust"),
     "verify": ("verifying", "verify_command"),
 }
-"""Module of this sub-package and function of each command; `new` is a group of commands."""
 
 
 def _imported(name: str) -> Any:

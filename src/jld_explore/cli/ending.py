@@ -25,24 +25,23 @@ INPUT, UNCERTIFIED = 2, 4
 # Some versions of typer include their own click; typer's exceptions show which one is used.
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
+# Signals that stop a search; SIGHUP (closed terminal) does not exist on every system
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
-"""Signals that stop a search; SIGHUP (closed terminal) does not exist on every system."""
 
 
+# Time after a signal in which others are ignored, s: the second Ctrl-C of an impatient user left no page
 _WRITING: Final = 10.0
-"""Time after a signal in which others are ignored, s: the second Ctrl-C of an impatient user left no page."""
 
-_INTERRUPTED: Final = 130
-"""Exit code that typer returns for KeyboardInterrupt."""
+_INTERRUPTED: Final = 130  # exit code that typer returns for KeyboardInterrupt
 
+# A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`
 _PARAMETER: Final = re.compile(r"`(?P<name>[a-z_]+)(?:=(?P<value>[^`]*))?`")
-"""A parameter, with or without a value, in the message of an error: `friction="zero-dilation"`."""
 
 
+# What the parser says of an unknown command or option, with the one that it finds most like it
 _UNKNOWN: Final = re.compile(
     r"No such (?P<kind>command|option):? '?(?P<name>[^' ]+)'?(?:.*?(?:'|options?: )(?P<meant>[\w-]+))?"
 )
-"""What the parser says of an unknown command or option, with the one that it finds most like it."""
 
 
 def raise_on_signals() -> None:

@@ -26,8 +26,7 @@ from jld_explore.report import csv_of
 if TYPE_CHECKING:
     from jld_experiment import Curve
 
-_FLOOR = 5.0
-"""Processor time, s, after which the lower bound without dilation begins no further step."""
+_FLOOR = 5.0  # processor time, s, after which the lower bound without dilation begins no further step
 
 
 def experiment(

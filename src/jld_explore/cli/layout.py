@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
     from jld_explore.report import Exploration
 
-_MOST: Final = 6
-"""Largest number of layouts drawn side by side."""
+_MOST: Final = 6  # largest number of layouts drawn side by side
 
 
 def best_of_design(source: Path) -> Path:
@@ -45,16 +44,8 @@ def start_of_design(source: Path) -> LayingStart:
 class LaidOut(NamedTuple):
     """Layout that a command refers to, and the model that its source states.
 
-    Attributes
-    ----------
-    scene : Scene
-        Its scene.
-    assembly : Assembly
-        Its structure, with the crack model of the source; low values of materials where a search was robust.
-    labels : (m,) bool array
-        Labels, True = dry.
-    model : Model
-        Model of the search; of a scene the default.
+    assembly: its structure, with the crack model of the source; low values of materials where a search was robust.
+    labels: (m,) True = dry. model: model of the search; of a scene the default.
     """
 
     scene: Scene

@@ -34,26 +34,19 @@ from jld_explore.cli.shaping import move_shape
 from jld_explore.cli.streams import say, warn
 from jld_explore.study_state import Interrupted
 
-_FIELD_GAP: Final = 0.1
-"""Relative width of brackets by fields, which check a gain where blocks may crack."""
+_FIELD_GAP: Final = 0.1  # relative width of brackets by fields, which check a gain where blocks may crack
 
-_FIELD_SECONDS: Final = 10.0
-"""Time for each of them, s."""
+_FIELD_SECONDS: Final = 10.0  # time for each of them, s
 
-_CHECKING: Final = 0.2
-"""Share of a time limit for the check by fields."""
+_CHECKING: Final = 0.2  # share of a time limit for the check by fields
 
-_LEAST_CHECK: Final = 0.5
-"""Shortest time in which the check by fields is begun, s."""
+_LEAST_CHECK: Final = 0.5  # shortest time in which the check by fields is begun, s
 
-_WRITING: Final = 1.0
-"""Processor time for table and picture, kept back from a time limit, s."""
+_WRITING: Final = 1.0  # processor time for table and picture, kept back from a time limit, s
 
-_BUSY: Final = 3.0
-"""Largest factor by which a busy machine prolongs it."""
+_BUSY: Final = 3.0  # largest factor by which a busy machine prolongs it
 
-_GAP: Final = 1e-3
-"""Default of the relative distance of both bounds at which a proof ends."""
+_GAP: Final = 1e-3  # default of the relative distance of both bounds at which a proof ends
 
 
 def require_movable(scene: Scene, assembly: Assembly) -> None:

@@ -34,14 +34,11 @@ from jld_explore.report.making import factor_to, stones_of, stones_table
 from jld_explore.report.printed import Printed, write_printed
 from jld_explore.report.stock import Stock, stock_of, stock_table, words_of_stock
 
-_LAYING: Final = 30.0
-"""Longest time for an order of laying, s; without one the report says so."""
+_LAYING: Final = 30.0  # longest time for an order of laying, s; without one the report says so
 
-_NOTHING: Final = (-math.inf, math.inf)
-"""Bounds where nothing is proven."""
+_NOTHING: Final = (-math.inf, math.inf)  # bounds where nothing is proven
 
-_DATE: Final = (1980, 1, 1, 0, 0, 0)
-"""Date of the files in an archive, so that equal projects give equal archives."""
+_DATE: Final = (1980, 1, 1, 0, 0, 0)  # date of the files in an archive, so that equal projects give equal archives
 
 ReportSource = Annotated[
     Path, typer.Argument(help="A scene, or a folder of jld explore or jld design.", show_default=False)
@@ -99,11 +96,10 @@ def report(
         say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
 
 
-_FIELDS: Final = 30.0
-"""Longest time for bounds by fields of a layout that has none, s."""
+_FIELDS: Final = 30.0  # longest time for bounds by fields of a layout that has none, s
 
+# Triangles of all load cases together up to which these bounds are refined: equal layouts have equal reports
 _TRIANGLES: Final = 500
-"""Triangles of all load cases together up to which these bounds are refined: equal layouts have equal reports."""
 
 
 def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:

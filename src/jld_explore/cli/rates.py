@@ -11,8 +11,7 @@ import numpy as np
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import sensitivities
 
-_FACES: Final = 40
-"""Number of faces up to which `jld solve` looks for kinks of the derivatives by vertices."""
+_FACES: Final = 40  # number of faces up to which `jld solve` looks for kinks of the derivatives by vertices
 
 
 def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisResult:

@@ -17,8 +17,7 @@ from jld_explore.reliability.analysis import SAMPLES, Reliability, ReliabilityOp
 from jld_explore.reliability.bounds import SampleBounds
 from jld_explore.reliability.monte_carlo import CONFIDENCE, Comparison, compare
 
-_SHOWN = 12
-"""Number of variables of the printed table, those of largest importance first."""
+_SHOWN = 12  # number of variables of the printed table, those of largest importance first
 
 
 def reliability(

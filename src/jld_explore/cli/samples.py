@@ -18,17 +18,17 @@ from jld_explore.cli.streams import say
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
 
+# Help texts of the options for material properties
 _STONE = {
     "density": "Density, kg/m³.",
     "friction": "Friction coefficient of dry joints.",
     "tension": "Tensile strength of inner faces, Pa.",
     "shear": "Shear strength of inner faces, Pa.",
 }
-"""Help texts of the options for material properties."""
 
 
+# Help text of the option for the largest block
 _MOST = "Elements of a block at the most, in a search; 0: as many as there are."
-"""Help text of the option for the largest block."""
 
 _CELLS = 4  # Without a limit the strongest layout is often a single block.
 

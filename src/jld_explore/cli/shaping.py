@@ -24,14 +24,12 @@ from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
 from jld_explore.study_state import Interrupted
 
+# What `--joint` takes
 _FORMS: Final = "key:DEPTH,WIDTH,FLANK, sine:AMPLITUDE,WAVES (shares of the length of a face) or incline:SLOPE"
-"""What `--joint` takes."""
 
-_GAP: Final = 0.1
-"""Relative width of the brackets by fields that check a shape."""
+_GAP: Final = 0.1  # relative width of the brackets by fields that check a shape
 
-_SECONDS: Final = 10.0
-"""Time for each of them and load case, s."""
+_SECONDS: Final = 10.0  # time for each of them and load case, s
 
 
 def shape_of(text: str) -> Shape:

@@ -19,6 +19,7 @@ STOPPED: Final = 3
 STOPPED_WORDS: Final = "stopped; nothing more is written"
 """Message of a command that a signal ended, where the command has nothing to say itself."""
 
+# ASCII replacements of symbols, for encodings that lack them
 _SPELLED: Final = {
     "λ": "lambda",
     "∂": "d",
@@ -32,10 +33,8 @@ _SPELLED: Final = {
     "³": "^3",
     "°": " degrees",
 }
-"""ASCII replacements of symbols, for encodings that lack them."""
 
-_HANDLER: Final = "jld"
-"""Name of the registered error handler for encodings."""
+_HANDLER: Final = "jld"  # name of the registered error handler for encodings
 
 
 def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:

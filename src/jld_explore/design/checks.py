@@ -26,14 +26,12 @@ from jld_explore.report.languages import stronger_cut
 from jld_explore.space import search_space
 from jld_explore.uncut import most_without_cuts
 
+# Share of the time that is left for each check, in their order
 _SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 0.8, "without cuts": 1.0}
-"""Share of the time that is left for each check, in their order."""
 
-_LEAST: Final = 0.3
-"""Shortest time in which a check is begun, s."""
+_LEAST: Final = 0.3  # shortest time in which a check is begun, s
 
-_LEAST_EXPERIMENT: Final = 4.0
-"""Shortest time in which a virtual experiment may end, s: its program starts anew."""
+_LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment may end, s: its program starts anew
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:

@@ -21,28 +21,20 @@ SIDES: Final = ("top", "bottom", "left", "right")
 EXTRADOS: Final = "extrados"
 """Name of the largest arc of an outline that is round outwards."""
 
-_FACING: Final = 0.3
-"""Least component of the normal of an edge towards the side on which it lies."""
+_FACING: Final = 0.3  # least component of the normal of an edge towards the side on which it lies
 
+# Share of a load below which its part on a piece is left to the neighbours; meshes would be fine around it
 _SLIVER: Final = 0.1
-"""Share of a load below which its part on a piece is left to the neighbours; meshes would be fine around it."""
 
-_ON: Final = 1e-6
-"""Distance from a line, circle or support, relative to the structure, up to which a point lies on it."""
+_ON: Final = 1e-6  # distance from a line, circle or support, relative to the structure, up to which a point lies on it
 
 
 @dataclass(frozen=True)
 class Edge:
     """Edge of a free element that carries a load.
 
-    Attributes
-    ----------
-    element : int
-        Index of the element.
-    low, high : float
-        Places of both ends along the side or line, length.
-    p, q : (2,) arrays
-        Its corners at these places.
+    element: index of the element. low, high: places of both ends along the side or line, length. p, q: (2,) its corners
+    at these places.
     """
 
     element: int
@@ -56,12 +48,8 @@ class Edge:
 class LoadedLine:
     """Edges along which a load acts, with the direction in which the outermost one counts.
 
-    Attributes
-    ----------
-    edges : list of Edge
-        All edges that face the side, element by element.
-    facing : (2,) array
-        Unit vector out of the structure; 0 where edges do not cover one another.
+    edges: all edges that face the side, element by element. facing: (2,) unit vector out of the structure; 0 where
+    edges do not cover one another.
     """
 
     edges: list[Edge]

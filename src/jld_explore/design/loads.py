@@ -16,11 +16,10 @@ from jld_core.scene import Scene, parse_scene
 from jld_explore.design.loaded_edges import loaded_line
 from jld_explore.design.options import DesignOptions
 
-_SPREAD: Final = 0.1
-"""Default length over which a load is spread, relative to the length that it acts along."""
+_SPREAD: Final = 0.1  # default length over which a load is spread, relative to the length that it acts along
 
+# Share of its width by which a load in space lies beside the middle, which is a joint of many tessellations
 _BESIDE: Final = 1e-3
-"""Share of its width by which a load in space lies beside the middle, which is a joint of many tessellations."""
 
 
 def has_own_loads(options: DesignOptions) -> bool:

@@ -29,54 +29,35 @@ from jld_explore.space import from_string
 LAYOUTS: Final = 2
 """Number of layouts of one search whose joints are moved."""
 
-_LEAST: Final = 8.0
-"""Shortest time in which the joints of one layout are moved and its λ is bounded, s."""
+_LEAST: Final = 8.0  # shortest time in which the joints of one layout are moved and its λ is bounded, s
 
-_LONGEST: Final = 60.0
-"""Longest time for one layout in one round, s: labels are searched again before joints move on."""
+_LONGEST: Final = 60.0  # longest time for one layout in one round, s: labels are searched again before joints move on
 
-_FIRST: Final = 0.45
-"""Share of the time for the first round, which tries all tessellations."""
+_FIRST: Final = 0.45  # share of the time for the first round, which tries all tessellations
 
-_ROUND: Final = 0.5
-"""Share of the time left for each further round."""
+_ROUND: Final = 0.5  # share of the time left for each further round
 
-_SEARCH: Final = 0.3
-"""Share of a further round for its searches of labels."""
+_SEARCH: Final = 0.3  # share of a further round for its searches of labels
 
-_MOVING: Final = 0.6
-"""Share of a task's time in which joints move; bounds by fields take the rest."""
+_MOVING: Final = 0.6  # share of a task's time in which joints move; bounds by fields take the rest
 
-_SLACK: Final = 0.85
-"""Share of a task's time that is planned: the last step, mesh and solve are finished."""
+_SLACK: Final = 0.85  # share of a task's time that is planned: the last step, mesh and solve are finished
 
-_BASES: Final = 2
-"""Number of moved layouts that a further round starts from."""
+_BASES: Final = 2  # number of moved layouts that a further round starts from
 
+# Factor on the strength at which faces crush, from one round to the next. At the strength of the first round, λ by
+# faces is often that of another load case, which moves do not change.
 _WEAKER: Final = 0.7
-"""Factor on the strength at which faces crush, from one round to the next.
 
-At the strength of the first round, λ by faces is often that of another load case, which moves do not change.
-"""
-
-_GAIN: Final = 0.01
-"""Relative rise of the lower bound below which a round improves nothing."""
+_GAIN: Final = 0.01  # relative rise of the lower bound below which a round improves nothing
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
     """Layout whose joints are to be moved.
 
-    Attributes
-    ----------
-    tessellation : str
-        Name of its tessellation.
-    scene : Scene
-        Scene with the materials as stated.
-    labels : (m,) bool array
-        Labels, True = dry.
-    words : str
-        Where the layout comes from.
+    tessellation: name of its tessellation. scene: scene with the materials as stated. labels: (m,) True = dry. words:
+    where the layout comes from.
     """
 
     tessellation: str

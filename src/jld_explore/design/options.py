@@ -27,8 +27,7 @@ LEAST_SECONDS: Final = 10.0
 LOW_FRICTION: Final = 0.8
 """Share of the friction that the winner is checked at, where no low value is given."""
 
-_PLACES: Final = 50
-"""Largest number of places of a load; each is a load case."""
+_PLACES: Final = 50  # largest number of places of a load; each is a load case
 
 
 @dataclass(frozen=True)
@@ -37,42 +36,18 @@ class DesignOptions:
 
     None keeps the value of the outline's file.
 
-    Attributes
-    ----------
-    block_mass : float or None
-        Largest mass of a block, kg with m and N.
-    shapes : int or None
-        Largest number of different blocks, that is, of moulds.
-    load : str or None
-        Force that acts downwards, as "10 kN"; each place is a load case.
-    along : str
-        Part of the outline on which the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that
-        is round upwards), or two points of an edge as "X,Y,X,Y".
-    places : str
-        Number of places of the load at equal distances, or their shares of the length, as "0.25,0.5".
-    width : float or None
-        Length over which the load is spread; None for a tenth of the length that it acts along.
-    push : float or None
-        Horizontal load to either side, as a share of the weight; each side is a load case.
-    friction, friction_low : float or None
-        Friction coefficient of joints, and the low value at which the winner is checked.
-    density, tension, shear : float or None
-        Density, tensile and shear strength of the stone, in the units of the scene (kg/m³, Pa).
-    thickness : float or None
-        Out-of-plane thickness of a drawing.
-    unit : str or None
-        Unit of length of a drawing.
-    support : tuple of str
-        Layers of supports of a drawing, or "lowest".
-    laid : str or None
-        Name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every
-        stage stands.
-    seconds : float
-        Time limit of the whole design, s.
-    jobs : int
-        Number of worker processes.
-    seed : int
-        Seed of searches and of random cells.
+    block_mass: largest mass of a block, kg with m and N. shapes: largest number of different blocks, that is, of
+    moulds. load: force that acts downwards, as "10 kN"; each place is a load case. along: part of the outline on which
+    the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that is round upwards), or two points
+    of an edge as "X,Y,X,Y". places: number of places of the load at equal distances, or their shares of the length, as
+    "0.25,0.5". width: length over which the load is spread; None for a tenth of the length that it acts along. push:
+    horizontal load to either side, as a share of the weight; each side is a load case. friction, friction_low: friction
+    coefficient of joints, and the low value at which the winner is checked. density, tension, shear: density, tensile
+    and shear strength of the stone, in the units of the scene (kg/m³, Pa). thickness: out-of-plane thickness of a
+    drawing. unit: unit of length of a drawing. support: layers of supports of a drawing, or "lowest". laid: name of one
+    of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every stage stands.
+    seconds: time limit of the whole design, s. jobs: number of worker processes. seed: seed of searches and of random
+    cells.
     """
 
     block_mass: float | None = None

@@ -28,29 +28,22 @@ from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.design.options import LAID, LOW_FRICTION, DesignOptions
 
-_LEVEL: Final = 1e-6
-"""Height above the lowest point, relative to the size, up to which an edge or a face lies there."""
+_LEVEL: Final = 1e-6  # height above the lowest point, relative to the size, up to which an edge or a face lies there
 
-_LEAN: Final = 0.05
-"""Least run of the sides of a flat arch over its depth; below it an outline is a wall."""
+_LEAN: Final = 0.05  # least run of the sides of a flat arch over its depth; below it an outline is a wall
 
+# Keys of a search that speak of the cells of a scene, which a design cuts anew
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
-"""Keys of a search that speak of the cells of a scene, which a design cuts anew."""
 
-_FOOT: Final = 0.05
-"""Height of supports that are added, relative to the size."""
+_FOOT: Final = 0.05  # height of supports that are added, relative to the size
 
 
 @dataclass(frozen=True)
 class Outline:
     """Scene of an outline to be cut, with the values that were assumed.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with the outline as its free elements, and the loads that its file states.
-    assumed : tuple of str
-        Values and choices that the file does not state, one phrase each.
+    scene: scene with the outline as its free elements, and the loads that its file states. assumed: values and choices
+    that the file does not state, one phrase each.
     """
 
     scene: Scene

@@ -167,8 +167,7 @@ def verdict(work: Design) -> str:
     return told
 
 
-_CLOSE: Final = 1e-3
-"""Relative width of a bracket up to which nothing is said to be undecided."""
+_CLOSE: Final = 1e-3  # relative width of a bracket up to which nothing is said to be undecided
 
 
 def words_of(work: Design) -> str:

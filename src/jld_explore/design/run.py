@@ -36,59 +36,46 @@ from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 from jld_explore.writing_time import busy_factor
 
-_WRITING: Final = (0.05, 2.0)
-"""Share of the time limit, and seconds, that are kept back for page and pictures."""
+_WRITING: Final = (0.05, 2.0)  # share of the time limit, and seconds, that are kept back for page and pictures
 
-_OVER: Final = (0.05, 2.0)
-"""Share of the time limit, and seconds, by the larger of which a design may end late."""
+_OVER: Final = (0.05, 2.0)  # share of the time limit, and seconds, by the larger of which a design may end late
 
-_PICTURE: Final = 1.5
-"""Processor time of the picture, s; it is left out where that would end late."""
+_PICTURE: Final = 1.5  # processor time of the picture, s; it is left out where that would end late
 
+# Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds
 _CUTTING: Final = 0.3
-"""Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds."""
 
 _SCREENING, _LONGEST_SCREENING = 0.01, 1.0
 """Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
 
+# Message of a design that is stopped before it knows a layout
 _NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
-"""Message of a design that is stopped before it knows a layout."""
 
-_SEARCHES: Final = 0.15
-"""Share of the time for the coarse searches of all tessellations."""
+_SEARCHES: Final = 0.15  # share of the time for the coarse searches of all tessellations
 
 _LEAST, _SHORT = 5.0, 0.6
 """Least time of the search of one tessellation, s, in at most this share of a short time limit."""
 
-_USUAL: Final = 0.05
-"""Share of the time that is left after the searches for bounds by fields of the usual layout."""
+_USUAL: Final = 0.05  # share of the time that is left after the searches for bounds by fields of the usual layout
 
-_LEAST_BOUNDS: Final = 0.3
-"""Shortest time in which bounds by fields are begun, s."""
+_LEAST_BOUNDS: Final = 0.3  # shortest time in which bounds by fields are begun, s
 
-_CHECKS: Final = 0.12
-"""Share of the time for the checks of the winner."""
+_CHECKS: Final = 0.12  # share of the time for the checks of the winner
 
-_FIELDS: Final = 0.25
-"""Share of the time of a coarse search for the bounds by fields of its best layout."""
+_FIELDS: Final = 0.25  # share of the time of a coarse search for the bounds by fields of its best layout
 
-_TABLES: Final = 0.85
-"""Share of the time of a search in space for the search itself; its tables take the rest."""
+_TABLES: Final = 0.85  # share of the time of a search in space for the search itself; its tables take the rest
 
-_MOVED: Final = 12.0
-"""Shortest time in which joints are moved, s."""
+_MOVED: Final = 12.0  # shortest time in which joints are moved, s
 
+# Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound
 _REFINING: Final = 0.15
-"""Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound."""
 
-_USUAL_BONDS: Final = ("bond", "walls")
-"""Names of the tessellations whose stated layout is the usual one."""
+_USUAL_BONDS: Final = ("bond", "walls")  # names of the tessellations whose stated layout is the usual one
 
-_WAVES: Final = 2
-"""Number of times that bounds of the most promising layouts are refined."""
+_WAVES: Final = 2  # number of times that bounds of the most promising layouts are refined
 
-_REFINED: Final = 0.9
-"""Share of the time of a wave that is planned: workers begin and the last mesh is finished."""
+_REFINED: Final = 0.9  # share of the time of a wave that is planned: workers begin and the last mesh is finished
 
 Say = Callable[[str], None]
 """Function that is called with messages."""

@@ -21,32 +21,20 @@ from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
 from jld_explore.space import search_space
 
-_TABLES: Final = 1.0
-"""Time of a short search and its tables, s."""
+_TABLES: Final = 1.0  # time of a short search and its tables, s
 
-_TRIANGLES: Final = 2.5
-"""Triangles of a coarsest mesh, as a multiple of those that the corners of the cells alone need."""
+_TRIANGLES: Final = 2.5  # triangles of a coarsest mesh, as a multiple of those that the corners of the cells alone need
 
-_MESHES: Final = 2.0
-"""Time of bounds by fields, as a multiple of that of the coarsest mesh."""
+_MESHES: Final = 2.0  # time of bounds by fields, as a multiple of that of the coarsest mesh
 
 
 @dataclass(frozen=True)
 class Screening:
     """Strongest of a few layouts of a tessellation.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Assembly that was searched.
-    labels : (m,) bool array or None
-        Labels of the strongest layout, True = dry; None if none was found that stands.
-    load_factor : float
-        λ of this layout, −inf without one.
-    count : int
-        Number of layouts solved.
-    search_seconds : float
-        Least time of a search of this tessellation that is worth its while, with bounds by fields on λ of its best, s.
+    assembly: assembly that was searched. labels: (m,) labels of the strongest layout, True = dry; None if none was
+    found that stands. load_factor: λ of this layout, −inf without one. count: number of layouts solved. search_seconds:
+    least time of a search of this tessellation that is worth its while, with bounds by fields on λ of its best, s.
     """
 
     assembly: Assembly
@@ -67,26 +55,8 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
 
     A search by this driver with the same seed begins with the same layouts.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of a tessellation.
-    seed : int
-        Seed of the layouts.
-    seconds : float
-        Time after which no further generation is begun, s. To prepare the solver takes as long besides.
-    deadline : Deadline
-        Time after which also the first generation ends.
-
-    Returns
-    -------
-    Screening
-        The strongest layout.
-
-    Raises
-    ------
-    InputError
-        If the limits of the scene cannot be met.
+    seconds: time after which no further generation is begun, s. To prepare the solver takes as long besides. deadline:
+    time after which also the first generation ends. Raises InputError if the limits of the scene cannot be met.
     """
     assembly = build_assembly(searched_scene(scene))
     driver = Genetic(search_space(scene, assembly), seed)

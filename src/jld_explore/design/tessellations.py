@@ -26,39 +26,26 @@ from jld_explore.design.loads import side_of, with_loads
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.thrust import stresses_of_body
 
-_CELLS: Final = 45
-"""Number of cells that a tessellation is to have: its search and its moves take seconds, not minutes."""
+_CELLS: Final = 45  # number of cells that a tessellation is to have: its search and its moves take seconds, not minutes
 
-_MOST: Final = 400
-"""Largest number of cells; a limit on the mass of blocks that asks for more cannot be met in minutes."""
+_MOST: Final = 400  # largest number of cells; a limit on the mass of blocks that asks for more cannot be met in minutes
 
-_SMALLER: Final = 0.88
-"""Factor on the size of cells while one exceeds the largest mass of a block."""
+_SMALLER: Final = 0.88  # factor on the size of cells while one exceeds the largest mass of a block
 
+# Distance, relative to a cell, within which its corners move to those of the outline or to one another
 _SNAP: Final = 0.25
-"""Distance, relative to a cell, within which its corners move to those of the outline or to one another."""
 
-_WEDGES: Final = 5
-"""Number of wedges of a flat arch over an opening in a wall drawn as a solid."""
+_WEDGES: Final = 5  # number of wedges of a flat arch over an opening in a wall drawn as a solid
 
-_TRIES: Final = 12
-"""Number of sizes that are tried for a tessellation."""
+_TRIES: Final = 12  # number of sizes that are tried for a tessellation
 
 
 @dataclass(frozen=True)
 class Tessellation:
     """One way to cut an outline into cells, with its scene.
 
-    Attributes
-    ----------
-    name : str
-        Short name, also of its folder.
-    words : str
-        Description.
-    scene : Scene or None
-        Scene of the cells with loads; None if the outline cannot be cut in this way.
-    problem : str
-        Reason why it cannot be cut; "" if it can.
+    name: short name, also of its folder. words: description. scene: scene of the cells with loads; None if the outline
+    cannot be cut in this way. problem: reason why it cannot be cut; "" if it can.
     """
 
     name: str
@@ -99,8 +86,7 @@ def tessellations(
     return found
 
 
-_Make = Callable[[float], Scene]
-"""Function that cuts an outline with cells of a relative size, 1 at first."""
+_Make = Callable[[float], Scene]  # function that cuts an outline with cells of a relative size, 1 at first
 
 
 def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:

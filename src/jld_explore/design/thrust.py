@@ -16,11 +16,10 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("the stresses of an uncut body")
 
+# Shares of the tensile strength that are tried: a weak body shows its thrust, but may not stand
 _TENSION: Final = (0.1, 1.0)
-"""Shares of the tensile strength that are tried: a weak body shows its thrust, but may not stand."""
 
-_TRIANGLES: Final = 600
-"""Number of triangles from which on a mesh is fine enough, as cells are several triangles wide."""
+_TRIANGLES: Final = 600  # number of triangles from which on a mesh is fine enough, as cells are several triangles wide
 
 
 def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> TriangleStresses:

@@ -32,23 +32,11 @@ NONE: Bounds = (-math.inf, math.inf)
 class Trial:
     """One labelling of one tessellation, with its bounds on λ.
 
-    Attributes
-    ----------
-    tessellation : str
-        Name of the tessellation.
-    kind : {"stated", "searched", "moved"}
-        "stated": labels that the tessellation states. "searched": best of a search of labels. "moved": labels searched
-        and joints moved.
-    scene : Scene
-        Scene whose own labels are the layout.
-    load_factor : float
-        λ by faces, NaN where unknown.
-    faces, fields : (float, float)
-        Proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks; infinite where unproven.
-    words : str
-        How it was found.
-    allowed : bool
-        True if it keeps the limits of the options. A stated layout may break them.
+    tessellation: name of the tessellation. kind: "stated": labels that the tessellation states. "searched": best of a
+    search of labels. "moved": labels searched and joints moved. scene: scene whose own labels are the layout.
+    load_factor: λ by faces, NaN where unknown. faces, fields: (float, float) proven bounds on λ: with cracks along
+    faces, and with cracks anywhere in the blocks; infinite where unproven. words: how it was found. allowed: True if it
+    keeps the limits of the options. A stated layout may break them.
     """
 
     tessellation: str
@@ -103,14 +91,7 @@ class Trial:
 class Check:
     """Result of one check of the winning layout.
 
-    Attributes
-    ----------
-    name : str
-        Name of the check.
-    words : str
-        Outcome, in a sentence.
-    values : dict
-        Numbers for summary.json.
+    words: outcome, in a sentence. values: numbers for summary.json.
     """
 
     name: str
@@ -122,30 +103,11 @@ class Check:
 class Design:
     """State of a design run, which can be written to disk at any time.
 
-    Attributes
-    ----------
-    options : DesignOptions
-        Options that the user states.
-    outline : Outline
-        Outline to be cut, with the values assumed.
-    folder : Path
-        Results folder.
-    tessellations : list of Tessellation
-        All tessellations, also those that do not fit.
-    trials : list of Trial
-        All layouts found.
-    screened : dict of str to Screening
-        Strongest of a few layouts of each tessellation, by its name.
-    layouts : dict of str to list of (m,) bool arrays
-        Labels of the best layouts of the search of each tessellation, the best first.
-    searched : dict of str to str
-        Outcome of the search of each tessellation, in words, by its name.
-    checks : list of Check
-        Checks of the winner.
-    stop : str
-        Reason why the design ended.
-    seconds : float
-        Time so far, s.
+    options: options that the user states. outline: outline to be cut, with the values assumed. folder: results folder.
+    tessellations: all tessellations, also those that do not fit. trials: all layouts found. screened: strongest of a
+    few layouts of each tessellation, by its name. layouts: labels of the best layouts of the search of each
+    tessellation, the best first. searched: outcome of the search of each tessellation, in words, by its name. stop:
+    reason why the design ended. seconds: time so far, s.
     """
 
     options: DesignOptions

@@ -21,8 +21,7 @@ COARSE: Final = 0.9
 FINER: Final = (0.4, 0.15, 0.05)
 """Gaps of the bounds of load cases that the first ones leave open, one after the other."""
 
-_REFUTED: Final = 0.1
-"""Share of the time that may be spent on the utilisation of a case that is refuted anyway."""
+_REFUTED: Final = 0.1  # share of the time that may be spent on the utilisation of a case that is refuted anyway
 
 
 Assess = Callable[[int, float, float], bool | None]

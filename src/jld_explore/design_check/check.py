@@ -38,22 +38,11 @@ Solution = LimitAnalysisResult | FieldResult
 class CaseCheck:
     """Utilisation of one load case under one combination.
 
-    Attributes
-    ----------
-    name : str
-        Name of the load case; "" for a single load.
-    required : float
-        Required factor of the case, 1 if the scene states none.
-    combination : Combination
-        The combination.
-    structure : Assembly
-        The structure under the design loads of the case and the combination.
-    bounds : CaseBounds
-        Status and bounds of λ, the factor of the design live load.
-    stands : bool or None
-        True if the structure stands without live load, which may be absent; None if undecided.
-    place : (str, float) or None
-        Path of a moving load and distance of its first axle along it; None for other cases.
+    name: name of the load case; "" for a single load. required: required factor of the case, 1 if the scene states
+    none. structure: the structure under the design loads of the case and the combination. bounds: status and bounds of
+    λ, the factor of the design live load. stands: True if the structure stands without live load, which may be absent;
+    None if undecided. place: (str, float) path of a moving load and distance of its first axle along it; None for other
+    cases.
     """
 
     name: str
@@ -113,30 +102,13 @@ class CaseCheck:
 class DesignCheck:
     """Design check of one layout.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with characteristic values.
-    assembly : Assembly
-        Structure at characteristic values.
-    labels : (m,) bool array
-        Labels of the structure that is solved, True = dry.
-    factors : PartialFactors
-        Partial factors.
-    cases : tuple of CaseCheck
-        Every load case under its worst combination.
-    tried : tuple of tuple of CaseCheck
-        Every load case under each combination.
-    solved : LimitAnalysisResult or None
-        Solution of the governing case under its worst combination; None for fields.
-    reactions : tuple of ResultantRange
-        Ranges of the reactions of supports under the design loads of the governing case.
-    reserve : Reserve or None
-        State under these loads in which faces use the least share of their capacity.
-    anywhere : tuple of CaseCheck
-        Every load case under its worst combination where blocks may crack anywhere; empty if that is not checked.
-    not_anywhere : str
-        Why it is not: "rigid" without strengths of blocks, "equilibrium" for EQU, or a reason in words; "" if it is.
+    scene: scene with characteristic values. assembly: structure at characteristic values. labels: (m,) labels of the
+    structure that is solved, True = dry. factors: partial factors. cases: every load case under its worst combination.
+    tried: every load case under each combination. solved: solution of the governing case under its worst combination;
+    None for fields. reactions: ranges of the reactions of supports under the design loads of the governing case.
+    reserve: state under these loads in which faces use the least share of their capacity. anywhere: every load case
+    under its worst combination where blocks may crack anywhere; empty if that is not checked. not_anywhere: why it is
+    not: "rigid" without strengths of blocks, "equilibrium" for EQU, or a reason in words; "" if it is.
     """
 
     scene: Scene
@@ -185,28 +157,11 @@ def design_check(
 
     Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must verify.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene with characteristic values, planar or spatial.
-    labels : (m,) bool array or None
-        Labels, True = dry; None for those of the scene.
-    factors : PartialFactors
-        Partial factors.
-    seconds : float
-        Time for the bounds of each load case where the scene's blocks crack by fields, else of all of them together.
-    states : bool
-        Also compute reactions and the reserves of joints and blocks.
-
-    Returns
-    -------
-    DesignCheck
-        Utilisation of every load case under its worst combination, reactions and reserves.
-
-    Raises
-    ------
-    InputError
-        If the scene cannot be solved, or its design values contradict one another.
+    scene: scene with characteristic values, planar or spatial. labels: (m,) labels, True = dry; None for those of the
+    scene. factors: partial factors. seconds: time for the bounds of each load case where the scene's blocks crack by
+    fields, else of all of them together. states: also compute reactions and the reserves of joints and blocks. Result:
+    utilisation of every load case under its worst combination, reactions and reserves. Raises InputError if the scene
+    cannot be solved, or its design values contradict one another.
     """
     assembly = build_assembly(scene)
     own = assembly.labels if labels is None else labels

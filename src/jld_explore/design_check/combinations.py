@@ -22,21 +22,17 @@ Effect = Literal["unfavourable", "favourable", "parts"]
 
 _BOTH: Final[tuple[Effect, Effect]] = ("unfavourable", "favourable")
 
+# Stated dead load over all dead load on an element up to which it is rounding of the self-weight
 _ROUNDING: Final = 1e-12
-"""Stated dead load over all dead load on an element up to which it is rounding of the self-weight."""
 
 
 @dataclass(frozen=True)
 class Combination:
     """Choice between the factors of each permanent action.
 
-    Attributes
-    ----------
-    self_weight, dead, prestressing : {"unfavourable", "favourable"}
-        Factors that are taken for self-weight, stated dead loads and prestress.
-    heavier : tuple of str
-        Parts of permanent loads with the unfavourable factor, where parts are individual actions; others have the
-        favourable one.
+    self_weight, dead, prestressing: factors that are taken for self-weight, stated dead loads and prestress. heavier:
+    parts of permanent loads with the unfavourable factor, where parts are individual actions; others have the
+    favourable one.
     """
 
     self_weight: Effect

@@ -22,27 +22,22 @@ from jld_core.views.writing import as_written
 from jld_explore.design_check.check import DesignCheck
 from jld_explore.design_check.tables import Content, Table, content_of
 
-_PAPER: Final = (8.27, 11.69)
-"""Size of a sheet, DIN A4, inches."""
+_PAPER: Final = (8.27, 11.69)  # size of a sheet, DIN A4, inches
 
-_MARGIN: Final = 0.07
-"""Margin of a sheet, relative to its width."""
+_MARGIN: Final = 0.07  # margin of a sheet, relative to its width
 
-_SIZE: Final = 7.0
-"""Largest size of letters in tables, points."""
+_SIZE: Final = 7.0  # largest size of letters in tables, points
 
-_STEP: Final = 1.5
-"""Distance of lines over the size of letters."""
+_STEP: Final = 1.5  # distance of lines over the size of letters
 
-_PICTURES: Final = 0.21
-"""Height of the pictures, relative to that of the sheet."""
+_PICTURES: Final = 0.21  # height of the pictures, relative to that of the sheet
 
+# Style sheet of the HTML page
 _STYLE: Final = """body{font:14px/1.45 sans-serif;color:#1b1b1b;max-width:60em;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse;margin:.3em 0 1em;width:100%}
 td,th{text-align:left;padding:.15em .8em .15em 0;vertical-align:top}
 th{font-weight:normal;color:#5c5c5c;border-bottom:1px solid #ccc}h2{font-size:1.05em;margin:1.2em 0 0}
 svg{max-width:100%;height:auto}.result{font-size:1.1em}footer{color:#5c5c5c;margin-top:2em}"""
-"""Style sheet of the HTML page."""
 
 
 def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[Path]:

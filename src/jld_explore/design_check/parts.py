@@ -31,20 +31,16 @@ from jld_explore.reliability.form import LimitFunction
 from jld_explore.reliability.structure import Growth, RandomStructure
 from jld_explore.reliability.variables import Variables
 
-_ALL: Final = 10
-"""Largest number of parts of which all assignments are bounded."""
+_ALL: Final = 10  # largest number of parts of which all assignments are bounded
 
-_STEPS: Final = 12
-"""Largest number of mechanisms that lead to a bad assignment."""
+_STEPS: Final = 12  # largest number of mechanisms that lead to a bad assignment
 
-_ROUNDS: Final = 6
-"""Rounds in which forces that answer each part follow the room that the last state leaves."""
+_ROUNDS: Final = 6  # rounds in which forces that answer each part follow the room that the last state leaves
 
+# Stated dead load over all dead load on an element up to which it is rounding of the self-weight
 _ROUNDING: Final = 1e-12
-"""Stated dead load over all dead load on an element up to which it is rounding of the self-weight."""
 
-_SAFE: Final = 1e-6
-"""Relative share of a lower bound from affine forces that is left for rounding."""
+_SAFE: Final = 1e-6  # relative share of a lower bound from affine forces that is left for rounding
 
 
 @dataclass(frozen=True)

@@ -34,62 +34,39 @@ from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.ranking import sort_key
 from jld_explore.space import SearchSpace, keys
 
-_FIRST_TEMPERATURE: Final = 0.04
-"""Temperature at the start of a cycle, relative to the largest λ known."""
-_LAST_TEMPERATURE: Final = 1e-3
-"""Temperature at the end of a cycle, relative to the largest λ known."""
+_FIRST_TEMPERATURE: Final = 0.04  # temperature at the start of a cycle, relative to the largest λ known
+_LAST_TEMPERATURE: Final = 1e-3  # temperature at the end of a cycle, relative to the largest λ known
 
-_FIRST_CYCLE: Final = 10
-"""Labellings evaluated in the first cycle, per face that can change."""
+_FIRST_CYCLE: Final = 10  # labellings evaluated in the first cycle, per face that can change
 
-_TRIES: Final = 4
-"""Changes of the labelling of a chain that are evaluated together."""
+_TRIES: Final = 4  # changes of the labelling of a chain that are evaluated together
 
+# Number of first cycles with half as many chains and twice as many changes each. The other chains are drawn at random
+# after these cycles.
 _GREEDY_CYCLES: Final = 2
-"""Number of first cycles with half as many chains and twice as many changes each.
 
-The other chains are drawn at random after these cycles.
-"""
+_ATTEMPTS: Final = 8  # attempts to find new changes of a chain; a chain without any restarts at random
 
-_ATTEMPTS: Final = 8
-"""Attempts to find new changes of a chain; a chain without any restarts at random."""
-
+# Share of changes that cross two labellings. With a share of 0.1 chains converge to one labelling (6 × 8 wall).
 _CROSSING_SHARE: Final = 0.03
-"""Share of changes that cross two labellings.
 
-With a share of 0.1 chains converge to one labelling (6 × 8 wall).
-"""
+_OWN_IMAGE_SHARE: Final = 0.5  # share of crossings with an image of the own labelling, where the scene has symmetries
 
-_OWN_IMAGE_SHARE: Final = 0.5
-"""Share of crossings with an image of the own labelling, where the scene has symmetries."""
+_TURNS_AHEAD: Final = 2  # one turn in this number is the population's while it has the best labelling known
+_TURNS_BEHIND: Final = 8  # one turn in this number is the population's while a chain has the best labelling known
 
-_TURNS_AHEAD: Final = 2
-"""One turn in this number is the population's while it has the best labelling known."""
-_TURNS_BEHIND: Final = 8
-"""One turn in this number is the population's while a chain has the best labelling known."""
-
+# Energy added per rank of the status, so that labellings without λ rank below all others
 _NO_LOAD_FACTOR: Final = 1e300
-"""Energy added per rank of the status, so that labellings without λ rank below all others."""
 
 
 @dataclass
 class _Chain:
     """State of one annealing chain.
 
-    Attributes
-    ----------
-    labelling : (m,) bool array or None
-        Current labelling, True = dry; None before the first one is evaluated.
-    energy : float
-        −λ of the current labelling.
-    case : int
-        Index of its governing load case.
-    parts : list of int or None
-        Its partition into blocks; None until needed.
-    moving : (m,) float array or None
-        Relative motion of each face in its mechanism; None until needed.
-    changes : list of tuples
-        Energy, load case and labels of the changes evaluated since.
+    labelling: (m,) current labelling, True = dry; None before the first one is evaluated. energy: −λ of the current
+    labelling. case: index of its governing load case. parts: its partition into blocks; None until needed. moving: (m,)
+    relative motion of each face in its mechanism; None until needed. changes: energy, load case and labels of the
+    changes evaluated since.
     """
 
     labelling: Bits | None = None
@@ -107,10 +84,7 @@ class _Chain:
 class AnnealOptions(DriverOptions):
     """Options of the anneal driver on the command line.
 
-    Attributes
-    ----------
-    chains : int
-        Number of annealing chains, 1 to 100 000.
+    chains: number of annealing chains, 1 to 100 000.
     """
 
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
@@ -122,14 +96,7 @@ class Anneal(Searcher):
     Changes are made at faces that move in the collapse mechanism. The batch solver computes mechanisms, or another
     solver where it has none.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    chains : int
-        Number of chains.
+    chains: number of chains.
     """
 
     name = "anneal"

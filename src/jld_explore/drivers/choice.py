@@ -43,30 +43,10 @@ def driver_for(
 ) -> Driver:
     """Make the default driver for a space.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    model : SolveOptions
-        Options of the limit analyses.
-    known : int or None
-        Number of classes of a space known to be small, otherwise None.
-    options : mapping of str to object
-        Driver options by name; None where not given. An option that the exact driver lacks excludes that driver.
-    many : bool
-        Whether as many good labellings as possible are wanted, not only the best one.
-
-    Returns
-    -------
-    Driver
-        An enumeration, exact or genetic driver.
-
-    Raises
-    ------
-    InputError
-        If the chosen driver lacks an option, or a value is wrong.
+    model: options of the limit analyses. known: number of classes of a space known to be small, otherwise None.
+    options: driver options by name; None where not given. An option that the exact driver lacks excludes that driver.
+    many: whether as many good labellings as possible are wanted, not only the best one. Raises InputError if the chosen
+    driver lacks an option, or a value is wrong.
     """
     if known is not None:
         return make_driver("enumeration", space, seed, **options)
@@ -92,18 +72,8 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
 
     Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    model : SolveOptions
-        Options of the limit analyses.
-
-    Returns
-    -------
-    float or None
-        The bound, scene units; None if there is no finite bound. The result is also None if cells may be left out, if
-        the model does not support such bounds, or above `BOUNDED` faces.
+    model: options of the limit analyses. Result: the bound, scene units; None if there is no finite bound. The result
+    is also None if cells may be left out, if the model does not support such bounds, or above `BOUNDED` faces.
     """
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
@@ -121,23 +91,9 @@ def what_would_prove(
 ) -> str | None:
     """Describe in one line the search that would prove or narrow the result of another one.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    model : SolveOptions
-        Options of the limit analyses.
-    summary : mapping of str to object
-        Summary of the study so far.
-    whole : bool
-        Whether the driver proposes all classes unless it is stopped.
-    finite : bool
-        Whether the end of the search is near enough to wait for.
-
-    Returns
-    -------
-    str or None
-        The line; None if nothing is left to prove, or no driver can prove more.
+    model: options of the limit analyses. whole: whether the driver proposes all classes unless it is stopped. finite:
+    whether the end of the search is near enough to wait for. Result: the line; None if nothing is left to prove, or no
+    driver can prove more.
     """
     if summary["proven"]:
         return None

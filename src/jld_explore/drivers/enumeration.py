@@ -29,42 +29,27 @@ Names = NDArray[np.unsignedinteger[Any]]
 PORTION: Final = 16384
 """Largest number of labellings that one call of `ask` returns."""
 
-_BYTES: Final = 256 << 20
-"""Memory for the stack of frontiers, bytes."""
+_BYTES: Final = 256 << 20  # memory for the stack of frontiers, bytes
 
+# Largest number of rows of a frontier. A frontier of this size stays in a cache level while a face is decided.
 _ROWS: Final = 16384
-"""Largest number of rows of a frontier.
 
-A frontier of this size stays in a cache level while a face is decided.
-"""
-
-_QUICK_ROWS: Final = 64
-"""Number of rows of a frontier in a quick count of a space."""
-_QUICK_FRONTIERS: Final = 150
-"""Number of frontiers in a quick count of a space."""
+_QUICK_ROWS: Final = 64  # number of rows of a frontier in a quick count of a space
+_QUICK_FRONTIERS: Final = 150  # number of frontiers in a quick count of a space
+# Largest number of frontiers times elements in a count of a space. A count of 2 000 frontiers of 300 elements takes
+# some 2 s.
 _MOST_ELEMENTS_EXAMINED: Final = 600_000
-"""Largest number of frontiers times elements in a count of a space.
 
-A count of 2 000 frontiers of 300 elements takes some 2 s.
-"""
-
+# Relative rounding error allowed, beyond that of the limits, where rows are excluded. Rows are excluded by partial sums
+# of their block sizes.
 _SLACK: Final = 1e-9
-"""Relative rounding error allowed, beyond that of the limits, where rows are excluded.
-
-Rows are excluded by partial sums of their block sizes.
-"""
 
 
 @dataclass(frozen=True)
 class Tally:
     """Numbers of labellings and classes of a space.
 
-    Attributes
-    ----------
-    labellings : int
-        Number of labellings.
-    classes : int
-        Number of labellings that differ by more than symmetry.
+    labellings: number of labellings. classes: number of labellings that differ by more than symmetry.
     """
 
     labellings: int
@@ -75,18 +60,9 @@ class Tally:
 class _Frontier:
     """Partial labellings of one level, stored by columns.
 
-    Attributes
-    ----------
-    level : int
-        Number of faces decided.
-    block : (n, r) unsigned int array
-        Block of each place, named by its smallest place.
-    label : (c, r) bool array
-        Decided labels, True = dry; only where they do not follow from the blocks.
-    closed : (r,) int array
-        Number of blocks that can no longer grow.
-    dry : (c, r) int array
-        Number of dry faces that each limit on a number of faces counts.
+    level: number of faces decided. block: (n, r) block of each place, named by its smallest place. label: (c, r)
+    decided labels, True = dry; only where they do not follow from the blocks. closed: (r,) number of blocks that can no
+    longer grow. dry: (c, r) number of dry faces that each limit on a number of faces counts.
     """
 
     level: int
@@ -105,14 +81,8 @@ class Enumeration(Driver):
 
     The order of the classes depends on the space alone.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Ignored.
-    rows : int, optional
-        Largest number of partial labellings extended at once, which changes memory and speed but not the order.
+    seed: ignored. rows: largest number of partial labellings extended at once, which changes memory and speed but not
+    the order.
     """
 
     name = "enumeration"
@@ -230,18 +200,9 @@ class Enumeration(Driver):
 
         With assembly sequences to check the limit is at most `space.laying.counted`.
 
-        Parameters
-        ----------
-        limit : int
-            Largest number of classes of interest.
-        work : int
-            Number of sets of partial labellings examined before the count is given up; fewer for many elements.
-
-        Returns
-        -------
-        int or None
-            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind many
-            dead ends does not count as small.
+        limit: largest number of classes of interest. work: number of sets of partial labellings examined before the
+        count is given up; fewer for many elements. Result: number of classes; None above `limit` or if the count was
+        given up. A space with few labellings behind many dead ends does not count as small.
         """
         # the time per frontier grows with the number of elements
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
@@ -377,20 +338,9 @@ class Enumeration(Driver):
 def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | None:
     """Count the classes of a space, up to a limit.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    limit : int
-        Largest number of classes of interest.
-    quick : bool
-        Give up after few steps, which take some hundredths of a second. A space that is empty for an obvious reason is
-        still found to be empty.
-
-    Returns
-    -------
-    int or None
-        Number of classes; None above `limit` or if the count takes too long.
+    limit: largest number of classes of interest. quick: give up after few steps, which take some hundredths of a
+    second. A space that is empty for an obvious reason is still found to be empty. Result: number of classes; None
+    above `limit` or if the count takes too long.
     """
     if quick:
         return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)

@@ -19,8 +19,7 @@ from jld_explore.drivers.exact.targets import counts_of, front_count
 from jld_explore.space import Count, SearchSpace, registered
 from jld_explore.space.measures import Range
 
-_BELOW: Final = 1e-9
-"""Relative amount by which the goal lies below best / (1 − gap), for rounding of the gap."""
+_BELOW: Final = 1e-9  # relative amount by which the goal lies below best / (1 − gap), for rounding of the gap
 
 
 class ProofAim(Protocol):
@@ -30,14 +29,9 @@ class ProofAim(Protocol):
     None, the `claims` are checked. `best` maps each count to the largest governing factor that a layout of that count
     is proven to carry.
 
-    Attributes
-    ----------
-    count : Count or None
-        Count whose values are the targets; None where all labellings are one target.
-    gap : float
-        Relative distance between the best lower bound and the bound at which a target is reached.
-    in_steps : bool
-        Whether a bound far above the goal is lowered in steps.
+    count: count whose values are the targets; None where all labellings are one target. gap: relative distance between
+    the best lower bound and the bound at which a target is reached. in_steps: whether a bound far above the goal is
+    lowered in steps.
     """
 
     count: Count | None
@@ -69,19 +63,9 @@ class ProofAim(Protocol):
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
         """Record the bound on the current target, and go to the next target.
 
-        Parameters
-        ----------
-        bound : float
-            Governing factor that no labelling of the target exceeds.
-        best : mapping of int to float
-            See the class.
-        left : (k,) float array
-            Counts of labellings of the target that are neither refuted nor refined any more.
-
-        Returns
-        -------
-        float or None
-            Known bound of the next target; None where the proof ends.
+        bound: governing factor that no labelling of the target exceeds. left: (k,) counts of labellings of the target
+        that are neither refuted nor refined any more. Result: known bound of the next target; None where the proof
+        ends.
         """
         ...
 
@@ -124,10 +108,7 @@ class StrongestAim:
 
     Attributes are those of `ProofAim`.
 
-    Parameters
-    ----------
-    gap : float
-        Relative gap at which the proof ends.
+    gap: relative gap at which the proof ends.
     """
 
     count: Count | None = None
@@ -187,17 +168,8 @@ class FrontAim:
     goal is the best λ of layouts with this count or a better one: a weaker layout is not on the front. Attributes are
     as for `ProofAim`.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    gap : float
-        Relative gap at which a target is reached.
-
-    Raises
-    ------
-    InputError
-        If the scene asks for two counts, or for a count that is no sum of binary terms.
+    gap: relative gap at which a target is reached. Raises InputError if the scene asks for two counts, or for a count
+    that is no sum of binary terms.
     """
 
     in_steps = True
@@ -284,17 +256,8 @@ class RequirementAim:
 
     Only better counts than that of the best such layout are refuted. Attributes are those of `ProofAim`.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space, with `search.require`.
-    gap : float
-        Kept as attribute; this proof needs no gap.
-
-    Raises
-    ------
-    InputError
-        If the count of the front is no sum of binary terms, or the space requires no factor.
+    space: the search space, with `search.require`. gap: kept as attribute; this proof needs no gap. Raises InputError
+    if the count of the front is no sum of binary terms, or the space requires no factor.
     """
 
     in_steps = False
@@ -373,24 +336,9 @@ class RequirementAim:
 def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
     """Make the aim of a proof from the option of the driver and the scene.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space; a required factor makes the count of the front the aim.
-    aim : {"best", "front"}
-        The strongest layout, or that of every count.
-    gap : float
-        As for `ProofAim`.
-
-    Returns
-    -------
-    ProofAim
-        The aim.
-
-    Raises
-    ------
-    InputError
-        If a front is aimed at beside a required factor, or its count is no sum of binary terms.
+    space: the search space; a required factor makes the count of the front the aim. aim: the strongest layout, or that
+    of every count. Raises InputError if a front is aimed at beside a required factor, or its count is no sum of binary
+    terms.
     """
     if space.search.require is not None:
         if aim != "best":

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 CONFLICTS_FILE: Final = "conflicts.npz"
 """Name of the file of conflicts in the folder of a study."""
 
-_MESH: Final = [one.name for one in fields(Mesh)]
-"""Arrays of a mesh."""
+_MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
 
 def save_conflicts(folder: Path, proof: FieldProof) -> None:
@@ -34,13 +33,6 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
 
     The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out. Without
     any conflict nothing is written.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the study.
-    proof : FieldProof
-        The proof.
     """
     conflicts = [one for one in proof.state.conflicts if one.mechanism is not None]
     if not conflicts:
@@ -69,23 +61,9 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
     The meshes of the file are added to the proof. The caller adds the conflicts.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the study.
-    proof : FieldProof
-        The proof, whose relaxation takes the meshes.
-
-    Returns
-    -------
-    list of Conflict
-        Conflicts with the bounds that weighing gives; those without a finite bound are left out. Empty without a file,
-        or where it has another number of load cases.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    proof: the proof, whose relaxation takes the meshes. Result: conflicts with the bounds that weighing gives; those
+    without a finite bound are left out. Empty without a file, or where it has another number of load cases. Raises
+    InputError if the file cannot be read.
     """
     path = folder / CONFLICTS_FILE
     if not path.exists():

@@ -37,35 +37,20 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+# Largest share of the time left for listing the possible blocks; the formula works without the list
 _LISTING: Final = 0.3
-"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
 
-_ANNEALED: Final = 0.25
-"""Largest share of a time limit for the labellings evaluated before the proof."""
+_ANNEALED: Final = 0.25  # largest share of a time limit for the labellings evaluated before the proof
 
 
 class FieldExact(Driver):
     """Driver that proves, to a gap, the largest λ of a space whose blocks crack anywhere.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space, of a planar assembly.
-    seed : int
-        Seed of the random choices.
-    aim : {"best", "front"}
-        Prove the strongest layout, or that of every count of the front. Where the scene requires a load factor the best
-        count among layouts that carry it is proven instead.
-    gap : float
-        Relative distance between the best lower bound and the bound on all labellings at which the proof ends.
-    search : int
-        Labellings evaluated before the proof, per face that can change.
-
-    Raises
-    ------
-    InputError
-        If cells may be left out, a front is aimed at beside a required factor, or no formula expresses the count of the
-        front or one that the scene limits.
+    space: the search space, of a planar assembly. aim: prove the strongest layout, or that of every count of the front.
+    Where the scene requires a load factor the best count among layouts that carry it is proven instead. gap: relative
+    distance between the best lower bound and the bound on all labellings at which the proof ends. search: labellings
+    evaluated before the proof, per face that can change. Raises InputError if cells may be left out, a front is aimed
+    at beside a required factor, or no formula expresses the count of the front or one that the scene limits.
     """
 
     name = "exact"
@@ -93,26 +78,8 @@ class FieldExact(Driver):
     def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
         """Make a driver that proves to a gap.
 
-        Parameters
-        ----------
-        gap : float
-            Relative gap at which the proof ends.
-        space : SearchSpace
-            The search space.
-        seed : int
-            Seed of the random choices.
-        given : mapping of str to object
-            Options by name, None for the default; see `Driver.made`.
-
-        Returns
-        -------
-        FieldExact
-            The driver.
-
-        Raises
-        ------
-        InputError
-            If an option is unknown or has a wrong value, and as the class.
+        gap: relative gap at which the proof ends. given: options by name, None for the default; see `Driver.made`.
+        Raises InputError if an option is unknown or has a wrong value, and as the class.
         """
         options = {key: value for key, value in given.items() if value is not None}
         for key in options:

@@ -29,19 +29,8 @@ class FieldIncumbents:
 
     A proof by fields asks it for the best lower bounds, and for labellings to refine.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    aim : ProofAim
-        Aim of the proof, whose count tells labellings apart.
-
-    Attributes
-    ----------
-    pool : FieldPool
-        Labellings that are refined, with their bounds.
-    counts : (k,) float array
-        Counts of the labellings of the pool, 0 where the aim has none.
+    aim: aim of the proof, whose count tells labellings apart. pool: labellings that are refined, with their bounds.
+    counts: (k,) counts of the labellings of the pool, 0 where the aim has none.
     """
 
     def __init__(self, space: SearchSpace, aim: ProofAim) -> None:
@@ -110,21 +99,9 @@ class FieldIncumbents:
 
         Only those with a lower bound above 0 are taken.
 
-        Parameters
-        ----------
-        target : int, Range or None
-            As `ProofAim.target` returns it.
-        over : float
-            Governing factor that the upper bound of each must exceed.
-        number : int
-            Largest number of labellings.
-        alike : float
-            Relative difference of lower bounds below which only the first of two is taken.
-
-        Returns
-        -------
-        list of (m,) bool array
-            Labellings, True = dry; empty without any.
+        target: as `ProofAim.target` returns it. over: governing factor that the upper bound of each must exceed.
+        number: largest number of labellings. alike: relative difference of lower bounds below which only the first of
+        two is taken.
         """
         rows = [(-low, key, count) for key, (low, high, count) in self._known.items() if low > 0.0 and high > over]
         rows.sort()

@@ -19,31 +19,20 @@ from jld_core.fields.mesh import Mesh
 from jld_core.fields.undecided import PartialUpperBound, WeighedField
 from jld_explore.drivers.field_relaxation import raised
 
-_MOST_TIMES: Final = 32
-"""Triangles at which the refinement ends, over those of the coarsest mesh."""
+_MOST_TIMES: Final = 32  # triangles at which the refinement ends, over those of the coarsest mesh
 
-_MOST_TRIANGLES: Final = 6000
-"""Triangles that no mesh exceeds: a program of more takes many seconds."""
+_MOST_TRIANGLES: Final = 6000  # triangles that no mesh exceeds: a program of more takes many seconds
 
+# Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest. Of the 4 × 6
+# wall, near the bound, conflicts have 10.3 faces on the coarsest mesh, 7.0 and 5.7 on these.
 _SHARED: Final = (3.5, 8.0)
-"""Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest.
-
-Of the 4 × 6 wall, near the bound, conflicts have 10.3 faces on the coarsest mesh, 7.0 and 5.7 on these.
-"""
 
 
 @dataclass(frozen=True)
 class CommonBound:
     """Bound on all labellings under one load case.
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Mesh of the velocity field.
-    found : WeighedField
-        Velocity field with the factor that no labelling exceeds.
-    bound : float
-        Governing factor that no labelling exceeds.
+    found: velocity field with the factor that no labelling exceeds. bound: governing factor that no labelling exceeds.
     """
 
     mesh: Mesh
@@ -56,19 +45,8 @@ class CommonMeshes:
 
     `step` bounds all labellings on one mesh; `shared` chooses those on which single labellings are refuted.
 
-    Parameters
-    ----------
-    setting : FieldSetting
-        Setting of the load case.
-    required : float
-        Required factor of the load case; a governing factor is λ over it.
-    labels, undecided : (m,) bool arrays
-        Labels, True = dry, and the faces that may have either.
-
-    Attributes
-    ----------
-    meshes : list of Mesh
-        Meshes that were bounded, the coarsest first.
+    required: required factor of the load case; a governing factor is λ over it. labels, undecided: (m,) labels, True =
+    dry, and the faces that may have either. meshes: meshes that were bounded, the coarsest first.
     """
 
     def __init__(self, setting: FieldSetting, required: float, labels: Bits, undecided: Bools) -> None:

@@ -27,75 +27,41 @@ from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
 from jld_explore.space.measures import Range
 
-_PATIENCE: Final = 300
-"""Conflicts before the bound is lowered in smaller steps, about a minute."""
+_PATIENCE: Final = 300  # conflicts before the bound is lowered in smaller steps, about a minute
 
-_FIRST: Final = 8
-"""Evaluated labellings of greatest lower bound that are refined before the proof begins."""
+_FIRST: Final = 8  # evaluated labellings of greatest lower bound that are refined before the proof begins
 
-_FIRST_OF_COUNT: Final = 2
-"""Number as `_FIRST`, for each count of a front."""
+_FIRST_OF_COUNT: Final = 2  # number as `_FIRST`, for each count of a front
 
+# Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined
 _ALIKE: Final = 1e-4
-"""Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined."""
 
-_DRY: Final = 0.5
-"""Probability that a drawn labelling prefers a face dry."""
+_DRY: Final = 0.5  # probability that a drawn labelling prefers a face dry
 
-_COMPARED: Final = 300
-"""Number of the strongest labellings compared with all conflicts at the end of a proof."""
+_COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
 
-_ROOT_CAUTION: Final = 4.0
-"""Least time left for another mesh that bounds all labellings, over the time of the last one."""
+_ROOT_CAUTION: Final = 4.0  # least time left for another mesh that bounds all labellings, over the time of the last one
 
+# Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof
 _SHARP: Final = 0.4
-"""Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof."""
 
-_LONG: Final = 40
-"""Conflicts from which a proof counts as long."""
+_LONG: Final = 40  # conflicts from which a proof counts as long
 
-_SHARPENED: Final = 2
-"""Number of labellings refined together for a larger lower bound, in order of their lower bounds."""
+_SHARPENED: Final = 2  # number of labellings refined together for a larger lower bound, in order of their lower bounds
 
-_SHARPENING: Final = 0.1
-"""Largest share of the time left that one more mesh for a larger lower bound may take."""
+_SHARPENING: Final = 0.1  # largest share of the time left that one more mesh for a larger lower bound may take
 
-_CAUTION: Final = 1.5
-"""Least time left for another batch of labellings, over the time of the longest batch."""
+_CAUTION: Final = 1.5  # least time left for another batch of labellings, over the time of the longest batch
 
 
 class FieldProof:
     """Proof of upper bounds on the governing factor of labellings, one target after another.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space, of a planar assembly.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    seed : int
-        Seed of the preferred labels.
-    aim : ProofAim
-        Aim of the proof.
-
-    Attributes
-    ----------
-    aim : ProofAim
-        As the parameter.
-    refuter : FieldRefuter
-        Meshes on which labellings are refuted.
-    incumbents : FieldIncumbents
-        Labellings that were evaluated, and the pool of those that the meshes of all labellings do not refute.
-    state : ProofState
-        Conflicts of the proof.
-    bound : float
-        Governing factor that no labelling exceeds, inf before the first bound.
-    check : ProofCheck or None
-        Check of the proof, None before its end.
-    waiting : list of (m,) bool array
-        Labellings that wait for their evaluation on the coarsest mesh.
-    stopped : bool
-        Whether time ended the proof before its targets were settled.
+    space: the search space, of a planar assembly. blocks: possible blocks, where they are listed. refuter: meshes on
+    which labellings are refuted. incumbents: labellings that were evaluated, and the pool of those that the meshes of
+    all labellings do not refute. state: conflicts of the proof. bound: governing factor that no labelling exceeds, inf
+    before the first bound. check: check of the proof, None before its end. waiting: labellings that wait for their
+    evaluation on the coarsest mesh. stopped: whether time ended the proof before its targets were settled.
     """
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, seed: int, aim: ProofAim) -> None:

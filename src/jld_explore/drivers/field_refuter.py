@@ -21,14 +21,11 @@ from jld_explore.drivers.field_tasks import ProofSetup, level_conflict
 from jld_explore.evaluation.task_pool import TaskPool
 from jld_explore.space import SearchSpace
 
-_FADING: Final = 0.1
-"""Weight of the last labelling in the share of labellings that a mesh refutes."""
+_FADING: Final = 0.1  # weight of the last labelling in the share of labellings that a mesh refutes
 
-_RARELY: Final = 0.1
-"""Share of labellings refuted by a mesh below which it is left out."""
+_RARELY: Final = 0.1  # share of labellings refuted by a mesh below which it is left out
 
-_AGAIN: Final = 8
-"""A mesh that is left out is still tried once in this number of batches."""
+_AGAIN: Final = 8  # A mesh that is left out is still tried once in this number of batches
 
 
 class FieldRefuter:
@@ -38,21 +35,9 @@ class FieldRefuter:
     returns a conflict for each refuted labelling. `weigh` recomputes the bound that the mechanism of a conflict proves,
     without a solver. A **problem** is one mesh of one load case.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space, of a planar assembly.
-    blocks : PossibleBlocks or None
-        Possible blocks; None where they are not listed: all candidates are then free.
-
-    Attributes
-    ----------
-    free : (m,) bool array
-        Faces that may take either label in some labelling.
-    relaxation : FieldRelaxation
-        Evaluates mechanisms on all problems.
-    programs : int
-        Number of programs solved for conflicts.
+    space: the search space, of a planar assembly. blocks: possible blocks; None where they are not listed: all
+    candidates are then free. free: (m,) faces that may take either label in some labelling. relaxation: evaluates
+    mechanisms on all problems. programs: number of programs solved for conflicts.
     """
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
@@ -133,19 +118,8 @@ class FieldRefuter:
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
         """Refute a factor for labellings, and minimise each refuted one to a conflict.
 
-        Parameters
-        ----------
-        labellings : sequence of (m,) bool array
-            Labels, True = dry.
-        threshold : float
-            Governing factor to refute.
-        tasks : TaskPool
-            Processes that solve.
-
-        Returns
-        -------
-        list of Conflict or None
-            One for each labelling, None where no mesh refutes it.
+        threshold: governing factor to refute. tasks: processes that solve. Result: one for each labelling, None where
+        no mesh refutes it.
         """
         levels = self._levels()
         found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])

@@ -26,25 +26,18 @@ from jld_core.limit.dual_bounds import DualBound
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
 
+# Relative amount by which bounds are raised on a change of units, so that they stay valid
 _ROUNDING: Final = 4.0 * float(np.finfo(float).eps)
-"""Relative amount by which bounds are raised on a change of units, so that they stay valid."""
 
-_KEPT: Final = 4
-"""Meshes, beside those that refute, whose problems are kept in memory."""
+_KEPT: Final = 4  # meshes, beside those that refute, whose problems are kept in memory
 
 
 @dataclass(frozen=True)
 class FieldProblem:
     """Mesh on which velocity fields refute load factors under one load case.
 
-    Attributes
-    ----------
-    setting : FieldSetting
-        Data that all meshes of the load case share.
-    mesh : Mesh
-        The mesh, scene units.
-    required : float
-        Required factor of the load case.
+    setting: data that all meshes of the load case share. mesh: the mesh, scene units. required: required factor of the
+    load case.
     """
 
     setting: FieldSetting
@@ -59,17 +52,8 @@ class FieldRelaxation:
     mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
     later only weigh mechanisms.
 
-    Parameters
-    ----------
-    problems : sequence of FieldProblem
-        Problems that are asked, at least one.
-
-    Attributes
-    ----------
-    problems : list of FieldProblem
-        All problems; `Mechanism.case` and `DualBound.case` are their positions.
-    solves : int
-        Number of programs solved.
+    problems: problems that are asked, at least one. problems: all problems; `Mechanism.case` and `DualBound.case` are
+    their positions. solves: number of programs solved.
     """
 
     many = False
@@ -105,24 +89,9 @@ class FieldRelaxation:
         A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
         succeeds is asked first the next time.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry; ignored where undecided.
-        undecided : (m,) bool array
-            Faces that may have either label.
-        threshold : float
-            Governing factor to refute.
-
-        Returns
-        -------
-        DualBound or None
-            Mechanism of the first problem that proves it; None where no proof is found.
-
-        Raises
-        ------
-        DeadlinePassed
-            After an enforced deadline.
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        threshold: governing factor to refute. Result: mechanism of the first problem that proves it; None where no
+        proof is found. Raises DeadlinePassed: after an enforced deadline.
         """
         for place, number in enumerate(self._order):
             checkpoint()
@@ -144,19 +113,8 @@ class FieldRelaxation:
     ) -> list[DualBound | None]:
         """Refute governing factors of many partial labellings one by one; see `refute`.
 
-        Parameters
-        ----------
-        labellings, undecided : (k, m) bool arrays
-            Labels, True = dry, and faces that may have either.
-        thresholds : (k,) float array
-            Governing factors to refute.
-        thorough : (k,) bool array or None
-            Ignored: there is one solver.
-
-        Returns
-        -------
-        list of DualBound or None
-            One entry for each labelling.
+        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
+        factors to refute. thorough: (k,) ignored: there is one solver. Result: one entry for each labelling.
         """
         return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
@@ -179,24 +137,9 @@ class FieldRelaxation:
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Compute again, without a solver, the bounds that mechanisms of one problem prove.
 
-        Parameters
-        ----------
-        case : int
-            Position of the problem.
-        velocities : (k, t, 3, 2) float array
-            Mechanisms, scaled.
-        labellings, undecided : (k, m) bool arrays
-            Labels, True = dry, and faces that may have either.
-
-        Returns
-        -------
-        (k,) float array
-            Governing factors that no labelling exceeds that agrees where decided; inf where a mechanism proves none.
-
-        Raises
-        ------
-        ValueError
-            If the problem does not exist.
+        case: position of the problem. velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m)
+        labels, True = dry, and faces that may have either. Returns (k,): governing factors that no labelling exceeds
+        that agrees where decided; inf where a mechanism proves none. Raises ValueError if the problem does not exist.
         """
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
@@ -244,16 +187,8 @@ def raised(bound: float) -> float:
 class FieldProofContext:
     """Data that stay fixed during a proof by fields, for its check.
 
-    Attributes
-    ----------
-    relaxation : FieldRelaxation
-        Relaxation that refutes labellings and evaluates mechanisms.
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label in some labelling.
+    relaxation: relaxation that refutes labellings and evaluates mechanisms. blocks: possible blocks, where they are
+    listed. free: (m,) faces that may take either label in some labelling.
     """
 
     relaxation: FieldRelaxation

@@ -24,17 +24,13 @@ from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 from jld_explore.drivers.field_relaxation import FieldProblem, FieldRelaxation, raised
 from jld_explore.evaluation.field_pool import FieldStep, step_of
 
-_KEPT: Final = 4
-"""Number of meshes whose programs a process keeps."""
+_KEPT: Final = 4  # number of meshes whose programs a process keeps
 
+# Single faces tried in vain on each mesh before a conflict is accepted. With three on the finest mesh alone the 4 × 6
+# wall of 20 kPa takes over 168 s of processor time instead of 131 s.
 _TRIES: Final = 1
-"""Single faces tried in vain on each mesh before a conflict is accepted.
 
-With three on the finest mesh alone the 4 × 6 wall of 20 kPa takes over 168 s of processor time instead of 131 s.
-"""
-
-_SHORT: Final = 5
-"""Number of faces of a conflict up to which finer meshes are not tried to shorten it."""
+_SHORT: Final = 5  # number of faces of a conflict up to which finer meshes are not tried to shorten it
 
 
 class _Kept(threading.local):
@@ -51,18 +47,9 @@ _kept = _Kept()
 class ProofSetup:
     """Data that all tasks of a proof share.
 
-    Attributes
-    ----------
-    name : str
-        Name of the proof, unlike that of any other; each process keeps relaxations by it.
-    settings : tuple of FieldSetting
-        Setting of each load case.
-    required : tuple of float
-        Required factor of each load case.
-    free : (m,) bool array
-        Faces that may take either label.
-    levels : tuple of tuples of Mesh
-        Meshes that all labellings share, from coarse to fine: each level has one mesh for each load case.
+    name: name of the proof, unlike that of any other; each process keeps relaxations by it. settings: setting of each
+    load case. required: required factor of each load case. free: (m,) faces that may take either label. levels: meshes
+    that all labellings share, from coarse to fine: each level has one mesh for each load case.
     """
 
     name: str
@@ -81,16 +68,9 @@ class ProofSetup:
 class LevelConflict:
     """Result of refuting one labelling on the meshes that all labellings share.
 
-    Attributes
-    ----------
-    first : int
-        Level (position in `ProofSetup.levels`) that refutes the labelling first, −1 for none.
-    level : int
-        Level whose meshes the mechanism of the conflict belongs to, −1 for none.
-    conflict : Conflict or None
-        The conflict; `Mechanism.case` is the load case. None where no level refutes the labelling.
-    solves : int
-        Programs solved.
+    first: level (position in `ProofSetup.levels`) that refutes the labelling first, −1 for none. level: level whose
+    meshes the mechanism of the conflict belongs to, −1 for none. conflict: the conflict; `Mechanism.case` is the load
+    case. None where no level refutes the labelling. solves: programs solved.
     """
 
     first: int
@@ -105,21 +85,9 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
     The first level that refutes it gives a conflict; finer levels then try to shorten it.
 
-    Parameters
-    ----------
-    setup : ProofSetup
-        The proof.
-    labels : (m,) bool array
-        Labels, True = dry.
-    threshold : float
-        Governing factor to refute.
-    levels : tuple of int
-        Levels of `setup.levels` to try until one refutes the labelling, from coarse to fine.
-
-    Returns
-    -------
-    LevelConflict
-        The last conflict that has fewer faces than the one before.
+    setup: the proof. labels: (m,) True = dry. threshold: governing factor to refute. levels: levels of `setup.levels`
+    to try until one refutes the labelling, from coarse to fine. Result: the last conflict that has fewer faces than the
+    one before.
     """
     solves, last = 0, len(setup.levels) - 1
     first, level, found = -1, -1, None
@@ -157,28 +125,10 @@ def refuting_step(
 ) -> FieldStep:
     """Bound a labelling on one mesh, and minimise it if its velocity field refutes a factor.
 
-    Parameters
-    ----------
-    setting : FieldSetting
-        Setting of the load case.
-    labels : (m,) bool array
-        Labels, True = dry.
-    mesh : Mesh
-        The mesh, scene units.
-    required : float
-        Required factor of the load case.
-    enough : float
-        Governing factor: where the upper bound is below it, no lower bound is computed.
-    free : (m,) bool array
-        Faces that may take either label.
-    over : float
-        Governing factor to refute.
-
-    Returns
-    -------
-    FieldStep
-        As of `refined_step`, with a conflict in `more`: that of a refuted labelling, else the bound of the labelling
-        alone, or None.
+    labels: (m,) True = dry. mesh: the mesh, scene units. required: required factor of the load case. enough: governing
+    factor: where the upper bound is below it, no lower bound is computed. free: (m,) faces that may take either label.
+    over: governing factor to refute. Result: as of `refined_step`, with a conflict in `more`: that of a refuted
+    labelling, else the bound of the labelling alone, or None.
     """
     start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough * required)

@@ -24,14 +24,11 @@ from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 
-_ROUND: Final = 16
-"""Labellings drawn per batch; the cost of a batch hardly depends on its size."""
+_ROUND: Final = 16  # labellings drawn per batch; the cost of a batch hardly depends on its size
 
-_ROUNDS: Final = 4
-"""Batches of random labellings that are tried before a labelling is constructed."""
+_ROUNDS: Final = 4  # batches of random labellings that are tried before a labelling is constructed
 
-_SHARE: Final = 0.2
-"""Largest share of the time left for these batches."""
+_SHARE: Final = 0.2  # largest share of the time left for these batches
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
@@ -40,22 +37,8 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
     Call this function inside `Deadline.enforced`. Few random labellings keep tight limits. One is then constructed from
     the formula of the limits, which also finds out where no labelling keeps them.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with m faces.
-    seed : int
-        Seed of the random choices.
-
-    Returns
-    -------
-    (k, m) bool array
-        Canonical labels, True = dry; k = 1, or 0 if no labelling is in the space.
-
-    Raises
-    ------
-    DeadlinePassed
-        If the deadline passes first.
+    space: search space with m faces. Returns (k, m): canonical labels, True = dry; k = 1, or 0 if no labelling is in
+    the space. Raises DeadlinePassed if the deadline passes first.
     """
     ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
     none = np.empty((0, len(space.fixed)), dtype=bool)
@@ -87,22 +70,9 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
 
     Call this function inside `Deadline.enforced`. Where cells may be left out it seeks labellings with all cells only.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with m faces.
-    seed : int
-        Seed of the labels that the satisfiability solver tries first.
-
-    Returns
-    -------
-    (1, m) bool array or None
-        Canonical labels, True = dry; None if the space has no labelling, or none with all cells.
-
-    Raises
-    ------
-    DeadlinePassed
-        If the deadline passes first.
+    space: search space with m faces. seed: seed of the labels that the satisfiability solver tries first. Result: (1,
+    m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Raises DeadlinePassed
+    if the deadline passes first.
     """
     low, high = space.search.block_cells
     least, most = max(1, int(low or 1)), len(space.assembly.elements.free) if high is None else int(high)

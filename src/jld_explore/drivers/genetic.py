@@ -47,30 +47,19 @@ GENERATION: Final = 48
 POOL: Final = 200
 """Largest number of children that remain in the pool."""
 
-_PER_KEY: Final = 1.5
-"""Default population size per face that can change."""
-_SIZES: Final = (32, 48)
-"""Smallest and largest default population size."""
+_PER_KEY: Final = 1.5  # default population size per face that can change
+_SIZES: Final = (32, 48)  # smallest and largest default population size
 
+# Objective value of labellings without a number, times the rank of their status. The value is below all numbers.
 _NO_LOAD_FACTOR: Final = -1e300
-"""Objective value of labellings without a number, times the rank of their status.
 
-The value is below all numbers.
-"""
-
-_RESOLUTION: Final = 2.0**20
-"""Reciprocal of the relative resolution that distinguishes progress in λ from rounding."""
+_RESOLUTION: Final = 2.0**20  # reciprocal of the relative resolution that distinguishes progress in λ from rounding
 
 
 class GeneticOptions(DriverOptions):
     """Options of the genetic driver.
 
-    Attributes
-    ----------
-    population : int or None
-        Population size.
-    aim : {"best", "front"}
-        Search for the largest λ, or for the largest λ for every value of the count.
+    population: population size. aim: search for the largest λ, or for the largest λ for every value of the count.
     """
 
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
@@ -82,25 +71,8 @@ class Genetic(Searcher):
 
     Each generation evaluates `GENERATION` children.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    population : int, optional
-        Population size. Default: by the number of faces that can change.
-    aim : {"best", "front"}
-        Objectives: λ alone, or λ and the counts of the front.
-
-    Attributes
-    ----------
-    population : int
-        Population size.
-    aim : str
-        As the parameter.
-    objective_count : int
-        Number of objectives.
+    population: population size. Default: by the number of faces that can change. aim: objectives: λ alone, or λ and the
+    counts of the front. population: population size. objective_count: number of objectives.
     """
 
     name = "genetic"

@@ -26,14 +26,8 @@ _EVERY_RUN = -1  # owner index of the labelling at which all runs start
 class _Run:
     """State of one run.
 
-    Attributes
-    ----------
-    labelling : (m,) bool array or None
-        Current labelling, True = dry; None before its start is evaluated.
-    sort_key : tuple of int and float
-        Sort key of the current labelling, from `sort_key`; less is better.
-    stalled : int
-        Rounds without improvement.
+    labelling: (m,) current labelling, True = dry; None before its start is evaluated. sort_key: sort key of the current
+    labelling, from `sort_key`; less is better. stalled: rounds without improvement.
     """
 
     labelling: Bits | None = None
@@ -44,10 +38,7 @@ class _Run:
 class HillClimbOptions(DriverOptions):
     """Options of the hillclimb driver.
 
-    Attributes
-    ----------
-    start : str or None
-        Letters d and i of the labelling at which all runs start.
+    start: letters d and i of the labelling at which all runs start.
     """
 
     start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
@@ -59,25 +50,9 @@ class HillClimb(Searcher):
     In each round a run tries `neighbours` changes of its labelling, and moves to the best one if that is better.
     After `rounds` rounds without improvement it restarts from a random labelling.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    climbers : int
-        Number of runs.
-    neighbours : int
-        Changes per run and round.
-    rounds : int
-        Rounds without improvement before a restart.
-    start : str, optional
-        Letters d and i of the labelling at which all runs start; default: random ones.
-
-    Raises
-    ------
-    InputError
-        If `start` is no labelling of the space.
+    climbers: number of runs. neighbours: changes per run and round. rounds: rounds without improvement before a
+    restart. start: letters d and i of the labelling at which all runs start; default: random ones. Raises InputError if
+    `start` is no labelling of the space.
     """
 
     name = "hillclimb"

@@ -12,8 +12,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 
-_PAIRS: Final = 1 << 22
-"""Largest number of pairs compared in one step; limits temporary memory to some 10 MB."""
+_PAIRS: Final = 1 << 22  # largest number of pairs compared in one step; limits temporary memory to some 10 MB
 
 
 def fronts_of(values: Floats, enough: int) -> list[Ints]:
@@ -22,22 +21,11 @@ def fronts_of(values: Floats, enough: int) -> list[Ints]:
     A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
     dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
 
-    Parameters
-    ----------
-    values : (k, c) float array
-        Objective values, to be minimised.
-    enough : int
-        Number of rows after which no further front is formed.
+    values: (k, c) objective values, to be minimised. enough: number of rows after which no further front is formed.
+    Result: positions of the rows of each front in ascending order, best front first.
 
-    Returns
-    -------
-    list of int arrays
-        Positions of the rows of each front in ascending order, best front first.
-
-    Notes
-    -----
-    Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one.
-    Up to two objectives take O(k log k), more take O(k² c).
+    Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to
+    two objectives take O(k log k), more take O(k² c).
     """
     if values.shape[1] <= 2:
         rank = _ranks_of_pairs(values)
@@ -94,20 +82,9 @@ def crowding_of(values: Floats, front: Floats) -> Floats:
     Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of equal
     values between others.
 
-    Parameters
-    ----------
-    values : (k, c) float array
-        Objective values.
-    front : (k,) float array
-        Front number of each labelling.
+    values: (k, c) objective values. front: (k,) front number of each labelling. Returns (k,): crowding distances: mean
+    over the objectives of the distance between both neighbours, in widths of the front.
 
-    Returns
-    -------
-    (k,) float array
-        Crowding distances: mean over the objectives of the distance between both neighbours, in widths of the front.
-
-    Notes
-    -----
     Deb et al. 2002, section III.B, for all fronts at once.
     """
     found = np.zeros(len(values))

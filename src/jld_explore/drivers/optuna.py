@@ -47,20 +47,18 @@ The journal has one line per trial. A database takes fifteen times as long per t
 faces), which is more than most trials take.
 """
 
-_RETRIES: Final = 4
-"""Number of retries to open a database in which another search is creating its tables."""
+_RETRIES: Final = 4  # number of retries to open a database in which another search is creating its tables
 
+# Packages that some samplers need and that the project does not require
 _PACKAGES: Final = {"cmaes": "cmaes", "gp": "torch"}
-"""Packages that some samplers need and that the project does not require."""
 
-_SEED_BOUND: Final = 2**32
-"""Bound on seeds of the library: each is below this number."""
+_SEED_BOUND: Final = 2**32  # bound on seeds of the library: each is below this number
 
+# Exceptions of the library for a journal file that is damaged or in another format
 _JOURNAL_ERRORS: Final = (ValueError, KeyError, TypeError, AttributeError)
-"""Exceptions of the library for a journal file that is damaged or in another format."""
 
+# Samplers that need more than a seed and thus cannot propose keys
 _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
-"""Samplers that need more than a seed and thus cannot propose keys."""
 
 
 def sampler_names() -> list[str]:
@@ -74,24 +72,9 @@ def sampler_names() -> list[str]:
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
     """Make an Optuna sampler by name.
 
-    Parameters
-    ----------
-    name : str
-        Name with or without "Sampler", in any case, with or without hyphens.
-    seed : int
-        Seed of the sampler.
-
-    Returns
-    -------
-    str
-        Proper name, one of `sampler_names`.
-    BaseSampler
-        The sampler.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown, or the package of the sampler is not installed.
+    name: name with or without "Sampler", in any case, with or without hyphens. Result: proper name, one of
+    `sampler_names`; the sampler. Raises InputError if the name is unknown, or the package of the sampler is not
+    installed.
     """
 
     def plain(text: str) -> str:
@@ -117,12 +100,7 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
 class OptunaOptions(DriverOptions):
     """Options of the optuna driver.
 
-    Attributes
-    ----------
-    sampler : str
-        Name of the sampler.
-    storage : str or None
-        URL of a database; None for a file in the folder of the study.
+    sampler: name of the sampler. storage: URL of a database; None for a file in the folder of the study.
     """
 
     sampler: str = Field("TPE", description="its sampler, by name")
@@ -134,23 +112,9 @@ class Optuna(Searcher):
 
     Samplers for several objectives (NSGA) receive λ and the counts of the front, others only λ.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    sampler : str
-        Name of the sampler.
-    storage : str, optional
-        URL of a database. Default: a file in the folder of the study.
-    size : int
-        Number of trials in progress.
-
-    Raises
-    ------
-    InputError
-        If the sampler is unknown or lacks its package, or the database cannot be used.
+    sampler: name of the sampler. storage: URL of a database. Default: a file in the folder of the study. size: number
+    of trials in progress. Raises InputError if the sampler is unknown or lacks its package, or the database cannot be
+    used.
     """
 
     name = "optuna"
@@ -276,17 +240,8 @@ def _attributes(labels: Bits, found: Evaluation) -> dict[str, Any]:
 class StorageCopy:
     """Copy of finished trials in a storage; trials that the storage holds already are skipped.
 
-    Parameters
-    ----------
-    url : str or None
-        URL of the storage; None for a file, which `open` names.
-    directions : list of StudyDirection
-        Direction of each objective.
-
-    Raises
-    ------
-    InputError
-        If the storage cannot be used.
+    url: URL of the storage; None for a file, which `open` names. directions: direction of each objective. Raises
+    InputError if the storage cannot be used.
     """
 
     def __init__(self, url: str | None, directions: list[StudyDirection]) -> None:
@@ -299,17 +254,8 @@ class StorageCopy:
     def open(self, title: str, file: Path) -> None:
         """Open the storage and start copying.
 
-        Parameters
-        ----------
-        title : str
-            Name of the study in the storage.
-        file : Path
-            Journal file, used where no URL was given.
-
-        Raises
-        ------
-        InputError
-            If the storage cannot be used.
+        title: name of the study in the storage. file: journal file, used where no URL was given. Raises InputError if
+        the storage cannot be used.
         """
         from sqlalchemy.exc import SQLAlchemyError
 

@@ -22,21 +22,8 @@ class Pool:
     The covariances with the labellings that the surrogate remembers are stored. Only those with newly remembered
     labellings are computed again.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    surrogate : Surrogate
-        Predicts the rank of the labellings.
-
-    Attributes
-    ----------
-    rows : (k, m) bool array
-        Labels, True = dry.
-    counts : (k, c) float array
-        Counts of the front, signed so that less is better.
-    names : (k,) object array
-        Keys of the labellings.
+    surrogate: predicts the rank of the labellings. rows: (k, m) True = dry. counts: (k, c) counts of the front, signed
+    so that less is better. names: (k,) keys of the labellings.
     """
 
     def __init__(self, space: SearchSpace, surrogate: Surrogate) -> None:

@@ -26,8 +26,7 @@ from jld_explore.space.search_space import feasible
 PATIENCE: Final = 12
 """Proposals per new labelling wanted after which `Searcher.fresh` gives up."""
 
-_ROUND: Final = 16
-"""Least number of proposals per batch; the cost of a check hardly depends on its size."""
+_ROUND: Final = 16  # least number of proposals per batch; the cost of a check hardly depends on its size
 
 
 class Register:
@@ -116,14 +115,7 @@ class Searcher(Driver):
 
     Each call of `propose` gives about `size` labellings, independent of the limits given to `ask`.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    size : int
-        Number of labellings per batch.
+    size: number of labellings per batch.
     """
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
@@ -182,22 +174,9 @@ class Searcher(Driver):
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
         """Collect up to `count` new classes from proposals, and register them as proposed.
 
-        Parameters
-        ----------
-        make : callable
-            Called with a number n; returns at most n labellings, (j, m) bool array, True = dry.
-        count : int
-            Number of classes wanted.
-
-        Returns
-        -------
-        (k, m) bool array
-            Canonical labellings. k < count if about `PATIENCE` × max(count, 16) proposals give no more.
-
-        Raises
-        ------
-        DeadlinePassed
-            After an enforced deadline.
+        make: called with a number n; returns at most n labellings, (j, m) bool array, True = dry. count: number of
+        classes wanted. Returns (k, m): canonical labellings. k < count if about `PATIENCE` × max(count, 16) proposals
+        give no more. Raises DeadlinePassed: after an enforced deadline.
         """
         found = self._none
         tries = PATIENCE * max(count, _ROUND)

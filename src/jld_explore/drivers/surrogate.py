@@ -26,11 +26,9 @@ NOISE: Final = 0.01
 SLOTS: Final = 192
 """Number of labellings remembered: half the best ones known, half the latest ones."""
 
-_DIGITS: Final = 4
-"""Decimal digits of a prediction, so that rounding errors do not decide an order."""
+_DIGITS: Final = 4  # decimal digits of a prediction, so that rounding errors do not decide an order
 
-_SHARE: Final = SLOTS // 2
-"""Number of labellings learned at a time, equal to the number of latest ones remembered."""
+_SHARE: Final = SLOTS // 2  # number of labellings learned at a time, equal to the number of latest ones remembered
 
 Single = NDArray[np.float32]
 
@@ -40,17 +38,8 @@ class Surrogate:
 
     A remembered labelling keeps its slot among `SLOTS` slots until another one replaces it.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Space whose candidate faces and symmetries define the covariance.
-
-    Attributes
-    ----------
-    filled_at : (SLOTS,) int array
-        Value of `batches_learned` when each slot was filled, 0 for empty slots.
-    batches_learned : int
-        Number of batches learned.
+    space: space whose candidate faces and symmetries define the covariance. filled_at: (SLOTS,) value of
+    `batches_learned` when each slot was filled, 0 for empty slots. batches_learned: number of batches learned.
     """
 
     def __init__(self, space: SearchSpace) -> None:
@@ -70,12 +59,7 @@ class Surrogate:
 
         Where the `SLOTS` slots are full, the worst of the older labellings are replaced.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        values : (k,) float array
-            Objective values, larger is better; any monotonic scale.
+        labellings: (k, m) True = dry. values: (k,) objective values, larger is better; any monotonic scale.
         """
         for low in range(0, len(labellings), _SHARE):
             self._take_in(labellings[low : low + _SHARE], values[low : low + _SHARE])
@@ -115,15 +99,7 @@ class Surrogate:
 
         Ties count half. All shares are 0 where nothing is remembered.
 
-        Parameters
-        ----------
-        values : (k,) float array
-            Objective values.
-
-        Returns
-        -------
-        (k,) float array
-            Shares in [0, 1].
+        values: (k,) objective values. Returns (k,).
         """
         known = np.sort(self._values[: len(self)])
         below = np.searchsorted(known, values, "left") + np.searchsorted(known, values, "right")
@@ -132,35 +108,16 @@ class Surrogate:
     def predict(self, labellings: Bits) -> Floats:
         """Predict for each labelling the share of remembered labellings below it.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (k,) float array
-            Predictions, not limited to [0, 1].
+        labellings: (k, m) True = dry. Result: (k,) predictions, not limited to [0, 1].
         """
         return self.predict_from(self.covariance(self.signs(labellings), np.arange(len(self))))
 
     def predict_from(self, covariance: Single) -> Floats:
         """Predict from stored covariances, without computing them again; see `predict`.
 
-        Parameters
-        ----------
-        covariance : (k, ≥ n) float32 array
-            Covariances with the n remembered labellings by slot, from `covariance`; further columns are ignored.
-
-        Returns
-        -------
-        (k,) float array
-            Predictions, not limited to [0, 1]; 0 where nothing is remembered.
-
-        Raises
-        ------
-        ArithmeticError
-            If the matrix of covariances is not positive definite.
+        covariance: (k, ≥ n) covariances with the n remembered labellings by slot, from `covariance`; further columns
+        are ignored. Result: (k,) predictions, not limited to [0, 1]; 0 where nothing is remembered. Raises
+        ArithmeticError if the matrix of covariances is not positive definite.
         """
         if not len(self):
             return np.zeros(len(covariance))
@@ -198,17 +155,8 @@ class Surrogate:
     def covariance(self, signs: Single, slots: Ints) -> Single:
         """Compute the covariances of labellings with remembered ones.
 
-        Parameters
-        ----------
-        signs : (k, f) float32 array
-            Labellings, from `signs`.
-        slots : (n,) int array
-            Slots of the remembered labellings.
-
-        Returns
-        -------
-        (k, n) float32 array
-            Covariances, summed over the symmetric images of the remembered labellings.
+        signs: (k, f) labellings, from `signs`. slots: (n,) slots of the remembered labellings. Returns (k, n):
+        covariances, summed over the symmetric images of the remembered labellings.
         """
         total: Single | None = None
         faces = signs.shape[1]

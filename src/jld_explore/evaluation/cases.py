@@ -17,8 +17,8 @@ from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator
 from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
 
+# Placeholder for a load case that is not solved because another case already decides the labelling
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
-"""Placeholder for a load case that is not solved because another case already decides the labelling."""
 
 
 class CasesEvaluator(SharedEvaluator):
@@ -26,14 +26,8 @@ class CasesEvaluator(SharedEvaluator):
 
     One `Evaluator` solves each case. The governing case decides the evaluation.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with load cases.
-    settings : EvaluatorSettings
-        Settings of the evaluators of all cases.
-    share_batch_solver_with : CasesEvaluator, optional
-        Evaluator of the same assembly and settings whose batch solvers are shared.
+    assembly: structure with load cases. settings: settings of the evaluators of all cases. share_batch_solver_with:
+    evaluator of the same assembly and settings whose batch solvers are shared.
     """
 
     def __init__(
@@ -162,14 +156,8 @@ class RobustEvaluator(SharedEvaluator):
 
     The evaluation is the one at low values. The last entry of its `cases` is λ at nominal values, NaN without one.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with low and nominal material values.
-    settings : EvaluatorSettings
-        Settings of both evaluators.
-    share_batch_solver_with : RobustEvaluator, optional
-        Evaluator of the same assembly and settings whose batch solvers are shared.
+    assembly: structure with low and nominal material values. settings: settings of both evaluators.
+    share_batch_solver_with: evaluator of the same assembly and settings whose batch solvers are shared.
     """
 
     def __init__(

@@ -16,31 +16,18 @@ import joblib
 from jld_core._version import __version__
 from jld_core.errors import ParameterError
 
-_ANSWER: Final = 10.0
-"""Seconds in which a scheduler must answer."""
+_ANSWER: Final = 10.0  # seconds in which a scheduler must answer
 
-_WORKERS: Final = 60.0
-"""Seconds in which a first worker must join, and a new one after all workers have left."""
+_WORKERS: Final = 60.0  # seconds in which a first worker must join, and a new one after all workers have left
 
 
 @contextmanager
 def on_cluster(url: str | None) -> Iterator[None]:
     """Use the workers of a dask scheduler for all `Workers` made within this context.
 
-    Parameters
-    ----------
-    url : str or None
-        Address of the scheduler, for example tcp://host:8786. None changes nothing.
-
-    Yields
-    ------
-    None
-        The context has no value.
-
-    Raises
-    ------
-    InputError
-        If the extra `cluster` is not installed, no scheduler answers, it has no workers, or their version differs.
+    url: address of the scheduler, for example tcp://host:8786. None changes nothing. Yields: the context has no value.
+    Raises InputError if the extra `cluster` is not installed, no scheduler answers, it has no workers, or their version
+    differs.
     """
     if url is None:
         yield
@@ -81,11 +68,5 @@ def _require_version(client: Any) -> None:
 
 
 def client_of_cluster() -> Any | None:
-    """Return the dask client in use, None outside `on_cluster` with a URL.
-
-    Returns
-    -------
-    distributed.Client or None
-        Client of the active joblib backend.
-    """
+    """Return the dask client in use, None outside `on_cluster` with a URL."""
     return getattr(joblib.parallel.get_active_backend()[0], "client", None)

@@ -21,14 +21,8 @@ class Evaluator(SharedEvaluator):
 
     The batch solver may be shared by several threads.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure whose labellings are evaluated.
-    settings : EvaluatorSettings
-        Model and settings.
-    share_batch_solver_with : Evaluator, optional
-        Evaluator of the same assembly and settings whose batch solver is shared.
+    assembly: structure whose labellings are evaluated. settings: model and settings. share_batch_solver_with: evaluator
+    of the same assembly and settings whose batch solver is shared.
     """
 
     def __init__(

@@ -31,25 +31,11 @@ def field_evaluation(
 ) -> Evaluation:
     """Return the evaluation of a labelling from its bounds by fields.
 
-    Parameters
-    ----------
-    low, high : (c,) float array
-        Bounds on λ under each load case, scene units; infinite where there is none.
-    required : (c,) float array
-        Required factor of each case.
-    best : float
-        Governing factor that another layout is proven to carry; one with a lower upper bound counts as pruned.
-    seconds : float
-        Time spent on the labelling, s.
-    nominal : float or None
-        Lower bound on the governing factor at nominal material values, NaN where it is not known; None without such
-        values.
-
-    Returns
-    -------
-    Evaluation
-        λ is the lower bound. The status is collapse if both bounds are known, and unstable if an upper bound is below
-        0.
+    low, high: (c,) bounds on λ under each load case, scene units; infinite where there is none. required: (c,) required
+    factor of each case. best: governing factor that another layout is proven to carry; one with a lower upper bound
+    counts as pruned. seconds: time spent on the labelling, s. nominal: lower bound on the governing factor at nominal
+    material values, NaN where it is not known; None without such values. Result: λ is the lower bound. The status is
+    collapse if both bounds are known, and unstable if an upper bound is below 0.
     """
     governing = int(np.argmin(low / required))
     least, most = float(low[governing] / required[governing]), float((high / required).min())
@@ -71,22 +57,17 @@ def field_evaluation(
     return Evaluation(status, low_end, high_end, value, settled=settled, seconds=seconds, cases=cases, governing=case)
 
 
-_TOGETHER: Final = 16
-"""Most labellings that are bounded together: two vectors of the widest processors."""
+_TOGETHER: Final = 16  # most labellings that are bounded together: two vectors of the widest processors
 
+# Time that labellings take together above which fewer are, as time limits are kept between them; s
 _SECONDS: Final = 0.25
-"""Time that labellings take together above which fewer are, as time limits are kept between them; s."""
 
 
 class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly, with low and nominal material values or with one value of each.
-    settings : EvaluatorSettings
-        Ignored: fields have one model.
+    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored: fields
+    have one model.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
@@ -138,10 +119,7 @@ class FieldEvaluator(LabellingEvaluator):
 class MakeCellEvaluator:
     """Maker of evaluators on finer cells, which can be sent to the workers of a study.
 
-    Attributes
-    ----------
-    cells : CrackCells
-        The cells, and the joint face of each of their faces.
+    cells: the cells, and the joint face of each of their faces.
     """
 
     cells: CrackCells
@@ -154,12 +132,7 @@ class MakeCellEvaluator:
 class CellEvaluator(LabellingEvaluator):
     """Evaluator of labellings of the joint grid on finer cells, whose faces share labels.
 
-    Parameters
-    ----------
-    cells : CrackCells
-        The cells.
-    settings : EvaluatorSettings
-        Settings of the evaluator of the cells.
+    settings: settings of the evaluator of the cells.
     """
 
     def __init__(self, cells: CrackCells, settings: EvaluatorSettings) -> None:

@@ -23,32 +23,21 @@ from jld_explore.evaluation.task_pool import TaskPool
 TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
 
-_MOST_TRIANGLES: Final = 12_000
-"""Triangles at which refinement of one layout ends."""
+_MOST_TRIANGLES: Final = 12_000  # triangles at which refinement of one layout ends
 
-_CAUTION: Final = 1.5
-"""Factor on the expected time of a mesh, which a busy machine exceeds."""
+_CAUTION: Final = 1.5  # factor on the expected time of a mesh, which a busy machine exceeds
 
-_PATIENCE: Final = 6
-"""Meshes after which a layout without one of the bounds is given up."""
+_PATIENCE: Final = 6  # meshes after which a layout without one of the bounds is given up
 
 
 @dataclass(frozen=True)
 class FieldStep:
     """Bounds that one mesh proves for one labelling under one load case.
 
-    Attributes
-    ----------
-    bounds : (float, float)
-        Lower and upper bound on λ of the labelling, scene units; infinite where there is none.
-    stresses, mechanism : FieldStresses and FieldMechanism, or None
-        Fields of the mesh, which bound other labellings as well.
-    finer : Mesh or None
-        The next mesh, None where refinement ends.
-    seconds : float
-        Wall-clock time, s.
-    more : object
-        Additional result of the function that made the step, None if there is none.
+    bounds: (float, float) lower and upper bound on λ of the labelling, scene units; infinite where there is none.
+    stresses, mechanism: fields of the mesh, which bound other labellings as well. finer: the next mesh, None where
+    refinement ends. seconds: wall-clock time, s. more: additional result of the function that made the step, None if
+    there is none.
     """
 
     bounds: tuple[float, float]
@@ -83,33 +72,12 @@ def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: floa
 class FieldPool:
     """Bounds on λ of many labellings of one assembly, by stress and velocity fields.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly, with or without load cases.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    deadline : Deadline
-        Time after which no further program is begun.
-    jobs : int
-        Number of processes; results do not depend on it.
-
-    Attributes
-    ----------
-    labellings : (k, m) bool array
-        All labellings.
-    settings : list of FieldSetting
-        Data that all labellings share, one entry for each load case.
-    given_up : (k,) bool array
-        Labellings that are refined no more, even if their brackets are wide.
-    late : bool
-        True if a labelling was given up for lack of time.
-    programs : int
-        Number of cone programs solved.
-    tasks : TaskPool
-        Processes that refine; close it at the end.
-    rate : float
-        Time of a mesh over a power of its triangles, s.
+    assembly: planar assembly, with or without load cases. labellings: (k, m) True = dry. deadline: time after which no
+    further program is begun. jobs: number of processes; results do not depend on it. labellings: (k, m) all labellings.
+    settings: data that all labellings share, one entry for each load case. given_up: (k,) labellings that are refined
+    no more, even if their brackets are wide. late: True if a labelling was given up for lack of time. programs: number
+    of cone programs solved. tasks: processes that refine; close it at the end. rate: time of a mesh over a power of its
+    triangles, s.
     """
 
     def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:
@@ -251,22 +219,11 @@ class FieldPool:
         The first mesh of a labelling is the coarsest one. The fields found bound all other labellings as well. A
         labelling without a finer mesh, or without bounds after several meshes, is given up.
 
-        Parameters
-        ----------
-        rows : sequence of int
-            Indices of the labellings to refine. If the time left is too short for the next mesh of a labelling, it is
-            given up.
-        enough : (k,) float array
-            Governing factor of each labelling below which no lower bound is asked for.
-        step : callable
-            Function that solves on one mesh. Its arguments are setting, labels, mesh, required, enough, then `more`.
-        more : tuple
-            Further arguments of `step`.
-
-        Returns
-        -------
-        list of (int, int, Mesh, FieldStep)
-            Labelling, load case, mesh and its bounds for each labelling refined, in the order of `rows`.
+        rows: indices of the labellings to refine. If the time left is too short for the next mesh of a labelling, it is
+        given up. enough: (k,) governing factor of each labelling below which no lower bound is asked for. step:
+        function that solves on one mesh. Its arguments are setting, labels, mesh, required, enough, then `more`. more:
+        further arguments of `step`. Result: labelling, load case, mesh and its bounds for each labelling refined, in
+        the order of `rows`.
         """
         tasks: list[tuple[int, int, Mesh, tuple[Any, ...]]] = []
         for row in rows:

@@ -22,22 +22,11 @@ from jld_explore.evaluation.race_aims import BestAim, RaceAim
 class RaceResult:
     """Bounds on the governing factor of raced layouts.
 
-    Attributes
-    ----------
-    low, high : (k, c) float array
-        Bounds on λ of each layout under each load case, scene units; infinite where there is none.
-    gap : float
-        Relative distance between the best lower and the greatest upper bound on the governing factor.
-    refined : int
-        Number of layouts that were refined.
-    programs : int
-        Number of cone programs solved.
-    decided : bool
-        True if the aim asks for no further refinement.
-    best : (float, float)
-        Greatest lower and greatest upper bound on the governing factor.
-    rivals : int
-        Number of layouts whose upper bound is at least the best lower bound, the best layout included.
+    low, high: (k, c) bounds on λ of each layout under each load case, scene units; infinite where there is none. gap:
+    relative distance between the best lower and the greatest upper bound on the governing factor. refined: number of
+    layouts that were refined. programs: number of cone programs solved. decided: True if the aim asks for no further
+    refinement. best: (float, float) greatest lower and greatest upper bound on the governing factor. rivals: number of
+    layouts whose upper bound is at least the best lower bound, the best layout included.
     """
 
     low: Floats
@@ -53,16 +42,9 @@ class RaceResult:
 class FieldRace:
     """Race of the layouts of a pool: those that may still be the strongest get finer meshes.
 
-    Parameters
-    ----------
-    pool : FieldPool
-        Layouts with the bounds that are known.
-    gap : float
-        Relative distance between the best lower and the greatest upper bound at which the race is decided.
-    report : callable, optional
-        Function called with the bounds (k,) on the governing factor while the race goes on.
-    aim : RaceAim, optional
-        Aim of the race. Default: to find the strongest layout.
+    pool: layouts with the bounds that are known. gap: relative distance between the best lower and the greatest upper
+    bound at which the race is decided. report: function called with the bounds (k,) on the governing factor while the
+    race goes on. aim: aim of the race. Default: to find the strongest layout.
     """
 
     def __init__(
@@ -78,10 +60,7 @@ class FieldRace:
     def run(self) -> RaceResult:
         """Race until the aim is reached to the gap, nothing can be refined, or time is up.
 
-        Returns
-        -------
-        RaceResult
-            Bounds of all layouts, each proven.
+        Result: bounds of all layouts, each proven.
         """
         pool, begun = self.pool, False
         # one layout is bounded however short the time is

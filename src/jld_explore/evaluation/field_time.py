@@ -21,17 +21,7 @@ def time_rate(seconds: float, triangles: float) -> float:
 
     The time of a mesh is this rate times the power `TIME_POWER` of its number of triangles.
 
-    Parameters
-    ----------
-    seconds : float
-        Processor time of the mesh, s.
-    triangles : float
-        Number of triangles of the mesh.
-
-    Returns
-    -------
-    float
-        Rate for `mesh_seconds`, s.
+    seconds: processor time of the mesh, s. triangles: number of triangles of the mesh.
     """
     return float(seconds / triangles**TIME_POWER)
 
@@ -39,17 +29,7 @@ def time_rate(seconds: float, triangles: float) -> float:
 def mesh_seconds(rate: float, triangles: float) -> float:
     """Return the expected processor time of bounds by fields on a mesh.
 
-    Parameters
-    ----------
-    rate : float
-        Rate from `time_rate`, s.
-    triangles : float
-        Number of triangles of the mesh.
-
-    Returns
-    -------
-    float
-        Time, s.
+    rate: rate from `time_rate`, s. triangles: number of triangles of the mesh.
     """
     return float(rate * triangles**TIME_POWER)
 

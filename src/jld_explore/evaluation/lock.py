@@ -15,15 +15,7 @@ if sys.platform != "win32":
 class FolderLock:
     """Exclusive lock of a folder, held until `release` or the end of the process.
 
-    Parameters
-    ----------
-    folder : Path
-        Existing folder.
-
-    Raises
-    ------
-    InputError
-        If another process holds the lock.
+    folder: existing folder. Raises InputError if another process holds the lock.
     """
 
     def __init__(self, folder: Path) -> None:

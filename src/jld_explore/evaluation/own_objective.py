@@ -28,14 +28,8 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
     Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
     `high` of an evaluation are the value, and the last entry of its `cases` is λ.
 
-    Parameters
-    ----------
-    function : callable
-        Function of an evaluation, the assembly and the labels, which returns the value.
-    assembly : Assembly
-        Structure whose labellings are evaluated.
-    settings : EvaluatorSettings
-        Model and settings of the evaluator of λ.
+    function: function of an evaluation, the assembly and the labels, which returns the value. assembly: structure whose
+    labellings are evaluated. settings: model and settings of the evaluator of λ.
     """
 
     def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:

@@ -10,8 +10,7 @@ from contextlib import contextmanager, suppress
 from threading import Lock
 from typing import Any, Final
 
-_CHANGING: Final = Lock()
-"""Lock of the bookkeeping, since pools may be opened and closed by several threads."""
+_CHANGING: Final = Lock()  # lock of the bookkeeping, since pools may be opened and closed by several threads
 
 
 class _OpenContexts:

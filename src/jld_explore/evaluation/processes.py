@@ -25,14 +25,13 @@ from jld_core.deadline import Deadline
 from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.process_settings import ignored_warning
 
+# Exceptions of a task whose worker died, left or hung; a cluster has its own ones
 _LOSSES: Final = (BrokenExecutor, ShutdownExecutorError, CancelledError, TimeoutError, multiprocessing.TimeoutError)
-"""Exceptions of a task whose worker died, left or hung; a cluster has its own ones."""
 
 GRACE: Final = 0.3
 """Seconds after a deadline in which evaluations already begun may finish."""
 
-_TASKS_PER_PROCESS: Final = 2
-"""Tasks per process that are submitted ahead; if a worker dies, all of them are suspected."""
+_TASKS_PER_PROCESS: Final = 2  # tasks per process that are submitted ahead; if a worker dies, all of them are suspected
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
@@ -47,12 +46,7 @@ def warning_of_stops_ignored() -> AbstractContextManager[None]:
 class Processes:
     """Pool of local worker processes, started on first use.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes.
-    hang_seconds : float
-        Seconds without any result after which the processes count as hung.
+    jobs: number of processes. hang_seconds: seconds without any result after which the processes count as hung.
     """
 
     def __init__(self, jobs: int, hang_seconds: float) -> None:
@@ -93,19 +87,8 @@ class TaskStream:
 
     Iteration raises TimeoutError if no result arrives within `hang_seconds`, and the error of a task that failed.
 
-    Parameters
-    ----------
-    processes : Processes
-        Pool that runs the tasks.
-    deadline : Deadline or None
-        Deadline of the run.
-
-    Attributes
-    ----------
-    submitted : list of int
-        Numbers of the tasks submitted so far.
-    late : bool
-        True if the iteration ended because the deadline passed.
+    processes: pool that runs the tasks. submitted: numbers of the tasks submitted so far. late: True if the iteration
+    ended because the deadline passed.
     """
 
     def __init__(self, processes: Processes, deadline: Deadline | None) -> None:
@@ -156,10 +139,7 @@ class TaskStream:
 def stop_processes(executor: Any) -> None:
     """Terminate the processes of an executor at once, including those with unfinished tasks.
 
-    Parameters
-    ----------
-    executor : Executor
-        Executor of loky; one without processes is only shut down.
+    executor: executor of loky; one without processes is only shut down.
     """
     # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
     for process in list((getattr(executor, "_processes", None) or {}).values()):
@@ -170,15 +150,7 @@ def stop_processes(executor: Any) -> None:
 def is_lost(error: BaseException) -> bool:
     """Return True if a task failed because its worker died, left or hung.
 
-    Parameters
-    ----------
-    error : BaseException
-        Exception of the task.
-
-    Returns
-    -------
-    bool
-        True if another worker may succeed, False for an error of the task itself.
+    error: exception of the task. Result: True if another worker may succeed, False for an error of the task itself.
     """
     return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 

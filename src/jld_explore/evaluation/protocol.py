@@ -58,37 +58,18 @@ class LabellingEvaluator(Protocol):
     ) -> list[Evaluation]:
         """Evaluate labellings until the deadline passes.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        pruning_thresholds : (k,) float array, optional
-            A λ per labelling, scene units, as in `evaluate`. Default: evaluate every labelling to the end.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-
-        Returns
-        -------
-        list of Evaluation
-            Evaluations of the first labellings, all k unless the deadline passes.
+        labellings: (k, m) True = dry. pruning_thresholds: (k,) a λ per labelling, scene units, as in `evaluate`.
+        Default: evaluate every labelling to the end. deadline: time after which no further labelling is begun. Result:
+        evaluations of the first labellings, all k unless the deadline passes.
         """
 
     @abstractmethod
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Evaluate one labelling.
 
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        pruning_threshold : float
-            λ, scene units. Where a cheap upper bound does not exceed it, the expensive part of the evaluation is
-            omitted. Evaluators without a cheap bound ignore it.
-
-        Returns
-        -------
-        Evaluation
-            Result in scene units.
+        labels: (m,) True = dry. pruning_threshold: λ, scene units. Where a cheap upper bound does not exceed it, the
+        expensive part of the evaluation is omitted. Evaluators without a cheap bound ignore it. Result: result in scene
+        units.
         """
 
 

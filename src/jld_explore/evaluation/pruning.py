@@ -20,10 +20,7 @@ from jld_explore.space import SearchSpace
 class IncumbentFront:
     """Largest λ known for each combination of the scene's front counts.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space whose front defines the counts.
+    space: search space whose front defines the counts.
     """
 
     def __init__(self, space: SearchSpace) -> None:
@@ -39,14 +36,7 @@ class IncumbentFront:
     def thresholds(self, labellings: Bits) -> Floats:
         """Return the pruning threshold of each labelling.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        (k,) float array
-            λ, scene units, at or below which a labelling does not matter; −inf if any λ matters.
+        labellings: (k, m) True = dry. Returns (k,): λ, scene units, at or below which a labelling does not matter; −inf
+        if any λ matters.
         """
         return self._known.best(front_counts(self.space, labellings))

@@ -66,10 +66,7 @@ class BestAim:
 class FrontAim(BestAim):
     """Aim to find the strongest layout for every combination of counts.
 
-    Parameters
-    ----------
-    counts : (k, c) float array
-        Counts of the layouts, less is better.
+    counts: (k, c) counts of the layouts, less is better.
     """
 
     def __init__(self, counts: Floats) -> None:
@@ -96,12 +93,7 @@ class FrontAim(BestAim):
 class RequirementAim:
     """Aim to find the best count among layouts that carry a required factor.
 
-    Parameters
-    ----------
-    required : float
-        Required governing factor.
-    counts : (k,) float array
-        Count of each layout, less is better.
+    required: required governing factor. counts: (k,) count of each layout, less is better.
     """
 
     def __init__(self, required: float, counts: Floats) -> None:

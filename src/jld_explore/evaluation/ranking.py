@@ -26,15 +26,8 @@ ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTA
 def comparison_value(evaluation: Evaluation) -> float:
     """Return the number by which a driver compares an evaluation.
 
-    Parameters
-    ----------
-    evaluation : Evaluation
-        Result of one labelling.
-
-    Returns
-    -------
-    float
-        λ of a collapse, the upper bound of a pruned labelling, else 0; scene units.
+    evaluation: result of one labelling. Result: λ of a collapse, the upper bound of a pruned labelling, else 0; scene
+    units.
     """
     if evaluation.settled == BOUND:
         return evaluation.high
@@ -44,17 +37,8 @@ def comparison_value(evaluation: Evaluation) -> float:
 def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True if a labelling provably reaches the required load factor.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with the requirement `search.require`, which may be None.
-    evaluation : Evaluation
-        Result of one labelling.
-
-    Returns
-    -------
-    bool
-        True without a requirement and for locked labellings, which carry any load.
+    space: search space with the requirement `search.require`, which may be None. evaluation: result of one labelling.
+    Result: True without a requirement and for locked labellings, which carry any load.
     """
     required = space.search.require
     if required is None or evaluation.status is Status.LOCKED:
@@ -65,18 +49,9 @@ def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
 def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True unless a labelling provably misses the required load factor.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with the requirement `search.require`, which may be None.
-    evaluation : Evaluation
-        Result of one labelling.
-
-    Returns
-    -------
-    bool
-        True without a requirement. Otherwise False for unstable labellings and for those whose upper bound on λ is
-        below the required one.
+    space: search space with the requirement `search.require`, which may be None. evaluation: result of one labelling.
+    Result: True without a requirement. Otherwise False for unstable labellings and for those whose upper bound on λ is
+    below the required one.
     """
     required = space.search.require
     if required is None or meets_requirement(space, evaluation):
@@ -94,19 +69,8 @@ def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence
     Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
     requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with requirement and front.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    evaluations : sequence of Evaluation
-        Results of the k labellings.
-
-    Returns
-    -------
-    (k,) float array
-        Objectives, scene units of λ; 0 for an evaluation without a number.
+    space: search space with requirement and front. labellings: (k, m) True = dry. evaluations: results of the k
+    labellings. Returns (k,): objectives, scene units of λ; 0 for an evaluation without a number.
     """
     value = np.array([comparison_value(found) for found in evaluations], dtype=np.float64)
     required = space.search.require
@@ -122,17 +86,8 @@ def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence
 def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[int, float]:
     """Return the key that sorts evaluations, best first.
 
-    Parameters
-    ----------
-    evaluation : Evaluation
-        Result of one labelling.
-    objective : float, optional
-        Objective from `objective_values` that replaces `comparison_value`.
-
-    Returns
-    -------
-    tuple of (int, float)
-        Rank of the status (see `status_ranks`), then minus the objective for rank 0, and 0.0 for other ranks.
+    evaluation: result of one labelling. objective: objective from `objective_values` that replaces `comparison_value`.
+    Result: rank of the status (see `status_ranks`), then minus the objective for rank 0, and 0.0 for other ranks.
     """
     rank = _status_rank(evaluation)
     return rank, -(comparison_value(evaluation) if objective is None else objective) if rank == 0 else 0.0
@@ -146,15 +101,8 @@ def _status_rank(evaluation: Evaluation) -> int:
 def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
     """Return the rank of each evaluation's status.
 
-    Parameters
-    ----------
-    evaluations : sequence of Evaluation
-        Results of k labellings.
-
-    Returns
-    -------
-    (k,) int array
-        Positions in `ORDER`; 0 for collapse and for evaluations settled by a bound.
+    evaluations: results of k labellings. Returns (k,): positions in `ORDER`; 0 for collapse and for evaluations settled
+    by a bound.
     """
     return np.array([_status_rank(found) for found in evaluations], dtype=np.int64)
 
@@ -162,17 +110,8 @@ def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
     """Compute the counts of the scene's front, signed so that less is better.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with the axes of the front.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (k, c) float array
-        Values of the c counts; counts to be maximised are negated.
+    space: search space with the axes of the front. labellings: (k, m) True = dry. Returns (k, c): values of the c
+    counts; counts to be maximised are negated.
     """
     graph, shapes = space.graph, space.limits.block_shapes
     found = [
@@ -187,17 +126,8 @@ class Envelope:
 
     Call `learn` for known labellings, then `best`.
 
-    Parameters
-    ----------
-    size : int
-        Number c of counts of the front.
-
-    Attributes
-    ----------
-    values : (p,) float array
-        λ of the non-dominated labellings, descending.
-    counts : (p, c) float array
-        Counts of these labellings; less is better.
+    size: number c of counts of the front. values: (p,) λ of the non-dominated labellings, descending. counts: (p, c)
+    counts of these labellings; less is better.
     """
 
     def __init__(self, size: int) -> None:
@@ -237,19 +167,8 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
     """Compute the objectives that a driver minimises: −λ and the counts of the front.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with requirement and front.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    evaluations : sequence of Evaluation
-        Results of the k labellings.
-
-    Returns
-    -------
-    (k, 1 + c) float array
-        Objectives, with signs such that less is better; for λ see `objective_values`.
-        Rows without collapse have 0 instead of λ; use `status_ranks` to tell them apart.
+    space: search space with requirement and front. labellings: (k, m) True = dry. evaluations: results of the k
+    labellings. Returns (k, 1 + c): objectives, with signs such that less is better; for λ see `objective_values`. Rows
+    without collapse have 0 instead of λ; use `status_ranks` to tell them apart.
     """
     return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])

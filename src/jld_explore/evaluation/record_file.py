@@ -33,9 +33,9 @@ CREATE TABLE conflicts (
   checksum INTEGER NOT NULL);
 """
 
-_BESIDE: Final = 1 << 16
-"""Bytes that SQLite's auxiliary files need at least."""
+_BESIDE: Final = 1 << 16  # bytes that SQLite's auxiliary files need at least
 
+# System error number for each SQLite error code that concerns the disk or permissions
 _DISK: Final = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,
     sqlite3.SQLITE_IOERR: errno.EIO,
@@ -43,24 +43,14 @@ _DISK: Final = {
     sqlite3.SQLITE_CANTOPEN: errno.EACCES,
     sqlite3.SQLITE_PERM: errno.EACCES,
 }
-"""System error number for each SQLite error code that concerns the disk or permissions."""
 
 
 @contextmanager
 def errors_named(path: Path) -> Iterator[None]:
     """Convert SQLite errors inside the context to errors that name the file.
 
-    Parameters
-    ----------
-    path : Path
-        The SQLite file.
-
-    Raises
-    ------
-    InputError
-        If another process has the file open, or if the file is damaged.
-    OSError
-        If the disk fails or is full.
+    path: the SQLite file. Raises InputError if another process has the file open, or if the file is damaged. Raises
+    OSError if the disk fails or is full.
     """
     try:
         yield

@@ -20,8 +20,8 @@ WITHDRAWN: Final = "withdrawn"
 CONFLICTS_OF: Final = "conflicts of"
 """Key in the table `meta` of the problem for which the recorded conflicts were proven."""
 
+# Keys of `meta` that may differ between a record and the study that resumes it
 _CHANGING: Final = {CONFLICTS_OF, BOUND, WITHDRAWN}
-"""Keys of `meta` that may differ between a record and the study that resumes it."""
 
 
 def checksum(kind: str, value: float, *parts: bytes) -> int:

@@ -22,18 +22,9 @@ from jld_explore.space.labelling import orbit_sizes
 class PendingEvaluations:
     """Labellings under evaluation.
 
-    Attributes
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    found : list of Evaluation or None
-        Evaluations known so far, one entry per labelling.
-    missing : (j,) int array
-        Positions of the labellings sent to the workers.
-    run : Run or None
-        Run of the workers; None if no labelling was sent.
-    required : bool
-        True if the first labelling sent is evaluated whatever the deadline.
+    labellings: (k, m) True = dry. found: evaluations known so far, one entry per labelling. missing: (j,) positions of
+    the labellings sent to the workers. run: run of the workers; None if no labelling was sent. required: True if the
+    first labelling sent is evaluated whatever the deadline.
     """
 
     labellings: Bits
@@ -48,27 +39,12 @@ class RecordedEvaluator:
 
     Call `submit`, then `collect`; several submissions may be under way.
 
-    Parameters
-    ----------
-    workers : Workers
-        Workers that solve labellings not on record.
-    records : Records
-        Record on disk.
-    group : (g, m) int array
-        Symmetries as face permutations, which determine the multiplicity of a labelling.
-    deadline : Deadline, optional
-        Time after which no further labelling is begun.
-    front : IncumbentFront, optional
-        Source of pruning thresholds; without it every labelling is solved to the end.
-    finish_first : bool
-        Record the first evaluation of a search before an error of a signal is raised (see `deferred_signals`).
-    report : callable
-        Function called with each list of evaluations as it becomes known, and their labellings (k, m).
-
-    Attributes
-    ----------
-    solved : int
-        Number of labellings that the workers evaluated.
+    workers: workers that solve labellings not on record. records: record on disk. group: (g, m) symmetries as face
+    permutations, which determine the multiplicity of a labelling. deadline: time after which no further labelling is
+    begun. front: source of pruning thresholds; without it every labelling is solved to the end. finish_first: record
+    the first evaluation of a search before an error of a signal is raised (see `deferred_signals`). report: function
+    called with each list of evaluations as it becomes known, and their labellings (k, m). solved: number of labellings
+    that the workers evaluated.
     """
 
     def __init__(
@@ -90,15 +66,7 @@ class RecordedEvaluator:
     def submit(self, labellings: Bits) -> PendingEvaluations:
         """Begin to evaluate the labellings not on record.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        PendingEvaluations
-            Labellings under evaluation, for `collect`.
+        labellings: (k, m) True = dry. Result: labellings under evaluation, for `collect`.
         """
         found = self.records.find_all(labellings)
         missing = _missing(found)

@@ -56,14 +56,12 @@ SCENE_FILE: Final = "scene.json"
 SYNC: Final = 0.2
 """Seconds after which a transaction waits until the disk holds all data; a wait costs as much as some solves."""
 
-_READER_WAIT: Final = 5.0
-"""Seconds to wait for readers to finish, which is necessary before a file can be begun anew."""
+_READER_WAIT: Final = 5.0  # seconds to wait for readers to finish, which is necessary before a file can be begun anew
 
-_ROWS_AT_ONCE: Final = 1 << 15
-"""Number of rows read at a time, which limits temporary memory."""
+_ROWS_AT_ONCE: Final = 1 << 15  # number of rows read at a time, which limits temporary memory
 
+# Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
-"""Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)."""
 
 
 class Records:

@@ -27,20 +27,8 @@ REFINED_FILE: Final = "refined.npz"
 class RefinedRecords:
     """Rows of a record in which refined evaluations replace those of the coarsest mesh.
 
-    Parameters
-    ----------
-    records : Records
-        Record of the study, open or closed.
-
-    Attributes
-    ----------
-    faces : int
-        Number m of faces.
-
-    Raises
-    ------
-    InputError
-        If the file of refined evaluations is damaged.
+    records: record of the study, open or closed. faces: number m of faces. Raises InputError if the file of refined
+    evaluations is damaged.
     """
 
     def __init__(self, records: Records) -> None:
@@ -74,14 +62,7 @@ class RefinedRecords:
     def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
         """Write refined evaluations in one step; they replace all that were kept before.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        multiplicities : sequence of k int
-            Orbit sizes under the symmetries.
-        evaluations : sequence of Evaluation
-            Evaluations of the k labellings.
+        labellings: (k, m) True = dry. multiplicities: orbit sizes under the symmetries.
         """
         rows = rows_of(self._records.type, labellings, multiplicities, evaluations)
         with whole_file(self._path) as fresh, fresh.open("wb") as file:

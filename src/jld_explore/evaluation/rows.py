@@ -23,12 +23,10 @@ from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 Rows = NDArray[np.void]
 """Structured array of evaluations with the fields of `record_type`."""
 
-_STATUSES: Final = tuple(Status)
-"""Statuses; the position is the code in a row."""
-_SETTLED: Final = (SOLVE, BOUND)
-"""Ways in which a labelling is settled; the position is the code in a row."""
+_STATUSES: Final = tuple(Status)  # statuses; the position is the code in a row
+_SETTLED: Final = (SOLVE, BOUND)  # ways in which a labelling is settled; the position is the code in a row
+# Attributes of `Evaluation` that are stored as float64
 _NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
-"""Attributes of `Evaluation` that are stored as float64."""
 COLUMNS: Final = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
 """Columns of the table of evaluations, without their number."""
 
@@ -123,15 +121,7 @@ def keys_of(rows: Rows) -> list[bytes]:
 def statuses(rows: Rows) -> NDArray[np.object_]:
     """Return the status of each row by name.
 
-    Parameters
-    ----------
-    rows : (k,) structured array
-        Rows with the fields of `record_type`.
-
-    Returns
-    -------
-    (k,) object array of str
-        Names of the statuses.
+    rows: (k,) rows with the fields of `record_type`. Returns (k,).
     """
     codes = rows["status"]
     return _STATUS_NAMES.take(codes)
@@ -140,15 +130,7 @@ def statuses(rows: Rows) -> NDArray[np.object_]:
 def settled(rows: Rows) -> NDArray[np.object_]:
     """Return the way in which each row was settled, "solve" or "bound".
 
-    Parameters
-    ----------
-    rows : (k,) structured array
-        Rows with the fields of `record_type`.
-
-    Returns
-    -------
-    (k,) object array of str
-        Values of `Evaluation.settled`.
+    rows: (k,) rows with the fields of `record_type`. Returns (k,).
     """
     codes = rows["settled"]
     return _SETTLED_NAMES.take(codes)
@@ -157,15 +139,8 @@ def settled(rows: Rows) -> NDArray[np.object_]:
 def load_factors(rows: Rows) -> Floats:
     """Return λ of each row, as `Evaluation.load_factor`.
 
-    Parameters
-    ----------
-    rows : (k,) structured array
-        Rows with the fields of `record_type`.
-
-    Returns
-    -------
-    (k,) float array
-        λ without dilation where computed, else associative; NaN for rows settled by a bound. Scene units.
+    rows: (k,) rows with the fields of `record_type`. Returns (k,): λ without dilation where computed, else associative;
+    NaN for rows settled by a bound. Scene units.
     """
     zero = rows["zero_dilation"]
     found = np.where(np.isnan(zero), rows["associative"], zero)

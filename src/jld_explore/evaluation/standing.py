@@ -16,8 +16,8 @@ from jld_core.limit import LimitAnalysis, Motion, SolveOptions, State, Status
 from jld_core.tolerances import ROUNDING
 from jld_explore.evaluation.evaluation import Evaluation
 
+# What a driver is told of a layout that falls
 _UNSTABLE: Final = Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan)
-"""What a driver is told of a layout that falls."""
 
 
 class Standing:

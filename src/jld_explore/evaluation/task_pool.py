@@ -16,10 +16,7 @@ _Result = TypeVar("_Result")
 class TaskPool:
     """Pool of local processes for tasks whose results depend on their arguments alone.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes; with one all tasks are run in this process.
+    jobs: number of processes; with one all tasks are run in this process.
     """
 
     def __init__(self, jobs: int = 1) -> None:
@@ -30,17 +27,8 @@ class TaskPool:
     def run(self, work: Callable[..., _Result], tasks: Sequence[tuple[Any, ...]]) -> list[_Result]:
         """Run a function with the arguments of each task.
 
-        Parameters
-        ----------
-        work : callable
-            Function of a module, which other processes can import.
-        tasks : sequence of tuple
-            Arguments of each call.
-
-        Returns
-        -------
-        list
-            Results in the order of the tasks. Tasks that a process left undone when it died are run in this process.
+        work: function of a module, which other processes can import. tasks: arguments of each call. Result: results in
+        the order of the tasks. Tasks that a process left undone when it died are run in this process.
         """
         if self.jobs == 1 or len(tasks) < 2:
             return [work(*task) for task in tasks]

@@ -17,8 +17,7 @@ from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
 
-_MOST_EVALUATORS: Final = 64
-"""Largest number of structures whose evaluators are cached."""
+_MOST_EVALUATORS: Final = 64  # largest number of structures whose evaluators are cached
 
 
 class VoidCellsEvaluator(LabellingEvaluator):
@@ -26,12 +25,8 @@ class VoidCellsEvaluator(LabellingEvaluator):
 
     Each labelling is evaluated on the structure of the cells that remain.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with a sink, an element that stands for the void: m faces, then c faces from cells to the sink.
-    settings : EvaluatorSettings
-        Model and settings; the batch solver is never used.
+    assembly: structure with a sink, an element that stands for the void: m faces, then c faces from cells to the sink.
+    settings: model and settings; the batch solver is never used.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:

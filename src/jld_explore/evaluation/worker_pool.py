@@ -31,12 +31,11 @@ from jld_explore.evaluation.processes import (
     worker_init,
 )
 
+# Number of local processes that may replace dead ones; more deaths than this are not accidental
 _SPARE_STARTS: Final = 10
-"""Number of local processes that may replace dead ones; more deaths than this are not accidental."""
 
 
-_QUERY_SECONDS: Final = 0.5
-"""Seconds between queries of a cluster for its present workers."""
+_QUERY_SECONDS: Final = 0.5  # seconds between queries of a cluster for its present workers
 
 
 Result = TypeVar("Result")
@@ -56,17 +55,8 @@ LOST: Final = Lost.LOST
 class PoolWorker:
     """Local process or cluster worker that keeps state between tasks.
 
-    Parameters
-    ----------
-    executor : Executor
-        Executor with this single worker.
-    address : str, optional
-        Address of the worker on a cluster; None for a local process.
-
-    Attributes
-    ----------
-    name : str
-        Unique name, never reused.
+    executor: executor with this single worker. address: address of the worker on a cluster; None for a local process.
+    name: unique name, never reused.
     """
 
     def __init__(self, executor: Any, address: str | None = None) -> None:
@@ -91,10 +81,7 @@ class PoolWorker:
 class WorkerPool:
     """Pool of one `PoolWorker` per job, or per worker of the cluster in use.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of local processes; ignored on a cluster.
+    jobs: number of local processes; ignored on a cluster.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -116,10 +103,7 @@ class WorkerPool:
     def fill(self) -> list[PoolWorker]:
         """Add missing workers and return the cluster workers that have left.
 
-        Returns
-        -------
-        list of PoolWorker
-            Workers removed from the pool; always empty for local processes.
+        Result: workers removed from the pool; always empty for local processes.
         """
         if self._client is None:
             while len(self._workers) < self._jobs and self._starts_left > 0:
@@ -151,19 +135,8 @@ class WorkerPool:
     def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
         """Submit a task to one worker.
 
-        Parameters
-        ----------
-        worker : PoolWorker
-            A worker of this pool.
-        function : callable
-            Function of the task, defined at module level.
-        *arguments
-            Arguments of the function.
-
-        Returns
-        -------
-        Future or None
-            Result of the task. None if the worker has died; the worker is then removed.
+        worker: a worker of this pool. function: function of the task, defined at module level. *arguments: arguments of
+        the function. Result: result of the task. None if the worker has died; the worker is then removed.
         """
         try:
             return worker.submit(function, *arguments)
@@ -174,22 +147,9 @@ class WorkerPool:
     def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
         """Return the result of a task, waiting for it.
 
-        Parameters
-        ----------
-        worker : PoolWorker
-            Worker that the task was submitted to.
-        future : Future
-            The task.
-
-        Returns
-        -------
-        object
-            Result of the task. `LOST` if its worker died or left; the worker is then removed.
-
-        Raises
-        ------
-        Exception
-            An error of the task itself, which another worker would repeat.
+        worker: worker that the task was submitted to. future: the task. Result: result of the task. `LOST` if its
+        worker died or left; the worker is then removed. Raises Exception: an error of the task itself, which another
+        worker would repeat.
         """
         try:
             return future.result()

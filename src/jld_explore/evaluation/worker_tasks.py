@@ -34,16 +34,9 @@ _of_process: Final[
 class WorkerSpec:
     """Pickled data from which a worker makes its evaluator.
 
-    Attributes
-    ----------
-    content : bytes
-        Pickle of the function that makes the evaluator, the assembly and the settings.
-    digest : str
-        SHA-256 of the content and the name of the batch solver.
-    parent : int
-        Process id of the process that made this specification.
-    version : str
-        Version of jld that made it; a worker of a cluster may have another one.
+    content: pickle of the function that makes the evaluator, the assembly and the settings. digest: SHA-256 of the
+    content and the name of the batch solver. parent: process id of the process that made this specification. version:
+    version of jld that made it; a worker of a cluster may have another one.
     """
 
     content: bytes
@@ -67,10 +60,7 @@ class WorkerSpec:
 
         Another specification replaces it. If another thread of the process has one that can be shared, a twin is made.
 
-        Raises
-        ------
-        InputError
-            If the worker has another version of jld.
+        Raises InputError if the worker has another version of jld.
         """
         if getattr(_of_thread, "digest", None) != self.digest:
             other = _of_process.get(self.digest)
@@ -111,29 +101,11 @@ def evaluate_batch(
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process with the evaluator of this thread.
 
-    Parameters
-    ----------
-    spec : WorkerSpec
-        Specification of the evaluator.
-    number : int
-        Number of the batch.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    deadline : Deadline, optional
-        Time after which no further labelling is begun.
-    thresholds : (k,) float array, optional
-        Pruning thresholds (see `LabellingEvaluator.evaluate`).
-    required : bool
-        Evaluate all labellings regardless of the deadline.
-        The deadline then limits only the search without dilation, whose result so far is used.
-        If nothing is known by the deadline, the batch is evaluated without a limit.
-
-    Returns
-    -------
-    number : int
-        Number of the batch.
-    evaluations : list of Evaluation
-        Evaluations of all k labellings, or of those finished by the deadline.
+    spec: specification of the evaluator. labellings: (k, m) True = dry. deadline: time after which no further labelling
+    is begun. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). required: evaluate all labellings
+    regardless of the deadline. The deadline then limits only the search without dilation, whose result so far is used.
+    If nothing is known by the deadline, the batch is evaluated without a limit. Result: number: number of the batch;
+    evaluations: evaluations of all k labellings, or of those finished by the deadline.
     """
     if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.

@@ -28,50 +28,34 @@ from jld_explore.evaluation.worker_tasks import WorkerSpec, evaluate_batch
 HANG_SECONDS: Final = 600.0
 """Seconds without any result after which workers count as hung."""
 
+# Smallest number of tasks into which labellings are split, so that workers finish at similar times
 _FEWEST_TASKS: Final = 8
-"""Smallest number of tasks into which labellings are split, so that workers finish at similar times."""
 
-_MOST_PER_TASK: Final = 64
-"""Largest number of labellings per task."""
+_MOST_PER_TASK: Final = 64  # largest number of labellings per task
 
+# Largest number of faces over all labellings of a task for the batch solver, which takes about a second
 _MOST_FACES_PER_TASK: Final = 200_000
-"""Largest number of faces over all labellings of a task for the batch solver, which takes about a second."""
 
+# Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle
 _FEWEST_PER_TASK: Final = 32
-"""Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle."""
 
+# Largest useful number of threads in one process; code outside a solver waits for the interpreter lock
 _MOST_THREADS: Final = 2
-"""Largest useful number of threads in one process; code outside a solver waits for the interpreter lock."""
 
+# Time of the first thread, relative to that of all tasks, from which tasks of one process run one after another. The
+# first thread then nearly fills a core, and two tasks beside it would compete for the other one: a genetic search at 88
+# faces took 0.72 s on two cores with two tasks at a time, and 0.58 s with one.
 _BUSY_SHARE: Final = 0.6
-"""Time of the first thread, relative to that of all tasks, from which tasks of one process run one after another.
 
-The first thread then nearly fills a core, and two tasks beside it would compete for the other one: a genetic search at
-88 faces took 0.72 s on two cores with two tasks at a time, and 0.58 s with one.
-"""
-
+# Largest wait of a thread for the interpreter, s. The default of 5 ms equals the time of the batch solver for a
+# generation of 48 labellings with 88 faces. With the default a search took 10 % longer in wall-clock time.
 _SWITCH_SECONDS: Final = 5e-4
-"""Largest wait of a thread for the interpreter, s.
-
-The default of 5 ms equals the time of the batch solver for a generation of 48 labellings with 88 faces.
-With the default a search took 10 % longer in wall-clock time.
-"""
 
 
 def batch_size(faces: int, requested: int) -> int:
     """Compute the number of labellings that a worker evaluates in one task.
 
-    Parameters
-    ----------
-    faces : int
-        Number of faces of the scene.
-    requested : int
-        Number of labellings requested together.
-
-    Returns
-    -------
-    int
-        Labellings per task, from 1 to `_MOST_PER_TASK`.
+    faces: number of faces of the scene. requested: number of labellings requested together.
     """
     return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
@@ -85,29 +69,12 @@ def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], f
 class Workers:
     """Pool of workers for one specification; with one job everything runs in this process.
 
-    Parameters
-    ----------
-    spec : WorkerSpec
-        Specification of the evaluator.
-    jobs : int
-        Number of processes, or limit of threads.
-    faces : int
-        Number of faces of the scene.
-    hang_seconds : float
-        Seconds without any result after which workers count as hung.
-    batch : bool
-        Stay in this process, in a few threads, because the batch solver settles nearly all labellings.
-    ahead : int
-        Number of runs that begin before the results of an earlier one are requested; see `Driver.ahead`.
-
-    Attributes
-    ----------
-    deaths : int
-        Number of times that workers died or hung.
-    threads : int
-        Number of threads of this process; 0 where processes evaluate.
-    threads_of_run : int
-        Number of threads among which one run is divided.
+    spec: specification of the evaluator. jobs: number of processes, or limit of threads. faces: number of faces of the
+    scene. hang_seconds: seconds without any result after which workers count as hung. batch: stay in this process, in a
+    few threads, because the batch solver settles nearly all labellings. ahead: number of runs that begin before the
+    results of an earlier one are requested; see `Driver.ahead`. deaths: number of times that workers died or hung.
+    threads: number of threads of this process; 0 where processes evaluate. threads_of_run: number of threads among
+    which one run is divided.
     """
 
     def __init__(
@@ -154,22 +121,10 @@ class Workers:
 
         With one job, and on a cluster, the evaluation starts when results are requested.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        deadline : Deadline, optional
-            Time after which no further labelling is begun.
-        thresholds : (k,) float array, optional
-            Pruning thresholds (see `LabellingEvaluator.evaluate`).
-        first_required : bool
-            Evaluate the first labelling regardless of the deadline, in this process. Local processes start after it,
-            as their start would take processors from it.
-
-        Returns
-        -------
-        Run
-            Iterator over the results.
+        labellings: (k, m) True = dry. deadline: time after which no further labelling is begun. thresholds: (k,)
+        pruning thresholds (see `LabellingEvaluator.evaluate`). first_required: evaluate the first labelling regardless
+        of the deadline, in this process. Local processes start after it, as their start would take processors from it.
+        Result: iterator over the results.
         """
         thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
         run = Run(self, labellings, deadline, thresholds, first_required)

@@ -21,24 +21,15 @@ from jld_explore.reliability.variables import Variables
 SAMPLES: Final = 100_000
 """Default number of samples."""
 
+# Relative difference by which a failing sample must be nearer to the means than the design point to replace it
 _NEARER: Final = 1e-3
-"""Relative difference by which a failing sample must be nearer to the means than the design point to replace it."""
 
 
 @dataclass(frozen=True)
 class ReliabilityOptions:
     """Options of a reliability analysis.
 
-    Attributes
-    ----------
-    required : float
-        Governing load factor below which the structure fails.
-    samples : int
-        Samples of the simulation.
-    seed : int
-        Seed of the random numbers.
-    jobs : int
-        Threads; they change no result.
+    required: governing load factor below which the structure fails. jobs: threads; they change no result.
     """
 
     required: float = 1.0
@@ -61,18 +52,9 @@ class ReliabilityOptions:
 class Reliability:
     """Reliability of one layout by both methods.
 
-    Attributes
-    ----------
-    variables : Variables
-        Random variables of the structure.
-    form : Form
-        Result of the first-order method.
-    simulation : MonteCarlo
-        Result of the simulation.
-    points : tuple of Form
-        Design points of several mechanisms, nearest first, around which rare failures are sampled.
-    options : ReliabilityOptions
-        Options of both.
+    variables: random variables of the structure. form: result of the first-order method. simulation: result of the
+    simulation. points: design points of several mechanisms, nearest first, around which rare failures are sampled.
+    options: options of both.
     """
 
     variables: Variables
@@ -144,24 +126,8 @@ def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOption
     Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end
     of the interval.
 
-    Parameters
-    ----------
-    structure : RandomStructure
-        Structure as it depends on its random variables.
-    labels : (m,) bool array
-        Layout, True = dry.
-    options : ReliabilityOptions
-        Options.
-
-    Returns
-    -------
-    Reliability
-        Results of both methods.
-
-    Raises
-    ------
-    InputError
-        A material that the layout needs is missing.
+    structure: structure as it depends on its random variables. labels: (m,) layout, True = dry. Raises InputError: a
+    material that the layout needs is missing.
     """
     bounds = SampleBounds(structure, labels)
     function = LimitFunction(bounds, options.required)

@@ -21,19 +21,15 @@ from jld_core.models import limit_analysis, solve_labelling
 from jld_core.threads import one_thread
 from jld_explore.reliability.structure import RandomStructure
 
-_OPTIONS = SolveOptions()
-"""Model of all samples: associative friction, convex contact."""
+_OPTIONS = SolveOptions()  # model of all samples: associative friction, convex contact
 
 
 @dataclass(frozen=True)
 class GoverningBounds:
     """Bounds on the governing factor of k samples: least λ / required of all load cases.
 
-    Attributes
-    ----------
-    low, high : (k,) arrays
-        Proven bounds. Both are −inf where no λ ≥ 0 is admissible, +inf where λ is unbounded; the upper one is +inf
-        where the lower one is known to suffice.
+    low, high: (k,) proven bounds. Both are −inf where no λ ≥ 0 is admissible, +inf where λ is unbounded; the upper one
+    is +inf where the lower one is known to suffice.
     """
 
     low: Floats
@@ -53,17 +49,8 @@ class SampleBounds:
 
     It may be used by several threads at once.
 
-    Parameters
-    ----------
-    structure : RandomStructure
-        Structure as it depends on its random variables.
-    labels : (m,) bool array
-        Layout, True = dry.
-
-    Raises
-    ------
-    InputError
-        A material that the layout needs is missing.
+    structure: structure as it depends on its random variables. labels: (m,) layout, True = dry. Raises InputError: a
+    material that the layout needs is missing.
     """
 
     def __init__(self, structure: RandomStructure, labels: Bits) -> None:

@@ -17,26 +17,21 @@ from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_explore.reliability.form import Form, LimitFunction, design_point
 from jld_explore.reliability.monte_carlo import decided, exact_interval, in_threads
 
+# Probability of unseen failures, over that of known ones, that the spread of samples is chosen for
 _SHARE: Final = 0.05
-"""Probability of unseen failures, over that of known ones, that the spread of samples is chosen for."""
 
-_SPREADS: Final = (1.05, 4.0)
-"""Least and largest spread of the samples."""
+_SPREADS: Final = (1.05, 4.0)  # least and largest spread of the samples
 
-_NEAR: Final = 0.85
-"""Share of the distance of a design point from which on failures in its direction belong to it."""
+_NEAR: Final = 0.85  # share of the distance of a design point from which on failures in its direction belong to it
 
+# Factor on the share of unexplained samples: some lie beyond known design points too, some regions have corners
 _DOUBT: Final = 2.0
-"""Factor on the share of unexplained samples: some lie beyond known design points too, some regions have corners."""
 
-_SEARCHES: Final = 60
-"""Largest number of searches for a design point."""
+_SEARCHES: Final = 60  # largest number of searches for a design point
 
-_VAIN: Final = 5
-"""Number of searches in a row without a new design point after which no other one begins."""
+_VAIN: Final = 5  # number of searches in a row without a new design point after which no other one begins
 
-_STREAM: Final = 1
-"""Number that keeps these random numbers apart from those of the simulation."""
+_STREAM: Final = 1  # number that keeps these random numbers apart from those of the simulation
 
 
 @dataclass(frozen=True)

@@ -15,44 +15,36 @@ from jld_core.mechanics.yield_set import FrictionSet
 from jld_core.threads import one_thread
 from jld_explore.reliability.bounds import SampleBounds
 
-_STEPS: Final = 60
-"""Largest number of iterations."""
+_STEPS: Final = 60  # largest number of iterations
 
-_HALVINGS: Final = 3
-"""Largest number of halvings of a step along one gradient, and along several."""
+_HALVINGS: Final = 3  # largest number of halvings of a step along one gradient, and along several
 
+# Largest number of targets of one step at a kink; every one that fails adds the gradients that it met
 _TRIALS: Final = 6
-"""Largest number of targets of one step at a kink; every one that fails adds the gradients that it met."""
 
-_KEPT: Final = 24
-"""Largest number of gradients kept for a kink: the latest ones."""
+_KEPT: Final = 24  # largest number of gradients kept for a kink: the latest ones
 
+# Distance between points, over the larger of 1 and |u|, up to which their gradients belong to one kink
 _NEAR: Final = 0.3
-"""Distance between points, over the larger of 1 and |u|, up to which their gradients belong to one kink."""
 
-_SURFACE: Final = 1e-6
-"""Distance from the failure surface at which the iteration ends, in standard normal space."""
+_SURFACE: Final = 1e-6  # distance from the failure surface at which the iteration ends, in standard normal space
 
+# Distance from the point of the linearised surface nearest to the means at which the iteration ends
 _POINT: Final = 1e-4
-"""Distance from the point of the linearised surface nearest to the means at which the iteration ends."""
 
+# Distance to the failure surface, linearised at the means, beyond which there is no search for it
 _HOPELESS: Final = 1e4
-"""Distance to the failure surface, linearised at the means, beyond which there is no search for it."""
 
+# Relative step of the derivatives of the dissipation by strengths, in which it is linear or smooth
 _DIFFERENCE: Final = 1e-6
-"""Relative step of the derivatives of the dissipation by strengths, in which it is linear or smooth."""
 
 
 @dataclass(frozen=True)
 class Limit:
     """Value and gradient of the limit function at a point of the standard normal space.
 
-    Attributes
-    ----------
-    value : float
-        Governing factor less the required one; +inf where λ is unbounded.
-    gradient : (v,) array or None
-        Gradient by the standard normal variables; None where it is unknown.
+    value: governing factor less the required one; +inf where λ is unbounded. gradient: (v,) gradient by the standard
+    normal variables; None where it is unknown.
     """
 
     value: float
@@ -71,20 +63,10 @@ class Limit:
 class Form:
     """Result of the first-order method.
 
-    Attributes
-    ----------
-    beta : float
-        Reliability index; NaN where the iteration found no design point.
-    point : (v,) array
-        Design point in standard normal space.
-    steps : int
-        Iterations.
-    kink : bool
-        True if the design point lies on a kink of λ, between one-sided gradients.
-    problem : str
-        Why there is no design point; "" where there is one.
-    far : bool
-        True if there is none since failures are too far from the means.
+    beta: reliability index; NaN where the iteration found no design point. point: (v,) design point in standard normal
+    space. steps: iterations. kink: True if the design point lies on a kink of λ, between one-sided gradients. problem:
+    why there is no design point; "" where there is one. far: True if there is none since failures are too far from the
+    means.
     """
 
     beta: float
@@ -116,12 +98,7 @@ class Form:
 class LimitFunction:
     """Governing factor less the required one, as a function of standard normal variables.
 
-    Parameters
-    ----------
-    bounds : SampleBounds
-        Layout whose load factor is asked.
-    required : float
-        Required governing factor.
+    bounds: layout whose load factor is asked. required: required governing factor.
     """
 
     def __init__(self, bounds: SampleBounds, required: float) -> None:
@@ -270,8 +247,6 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
     start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c |g| is halved. Where that
     does not help, at a kink of λ, the gradients met at both of its sides are linearised together.
 
-    Notes
-    -----
     docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
     follows Zhang and Der Kiureghian (1995).
     """

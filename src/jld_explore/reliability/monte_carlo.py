@@ -18,14 +18,13 @@ from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
 from jld_explore.reliability.form import Form
 
-_FEW: Final = 1000
-"""Failures expected of plain sampling below which samples are drawn around the design points."""
+_FEW: Final = 1000  # failures expected of plain sampling below which samples are drawn around the design points
 
+# One of so many samples of importance sampling is drawn around the means, so that no weight exceeds this number
 _PLAIN: Final = 10
-"""One of so many samples of importance sampling is drawn around the means, so that no weight exceeds this number."""
 
+# Share of the other samples that is divided evenly among the design points; the rest follows their probabilities
 _EVEN: Final = 0.5
-"""Share of the other samples that is divided evenly among the design points; the rest follows their probabilities."""
 
 CONFIDENCE: Final = 0.95
 """Confidence of intervals."""
@@ -37,21 +36,12 @@ _Result = TypeVar("_Result")
 class MonteCarlo:
     """Result of a simulation.
 
-    Attributes
-    ----------
-    samples, failures, resolved, undecided : int
-        Samples; those that surely fail; those that the batch solver left open and another route solved; those that
-        stay open, which count as failures.
-    probability : float
-        Estimated probability of failure.
-    interval : (float, float)
-        Confidence interval of it; its lower end counts undecided samples as safe, its upper end what was not seen.
-    importance : bool
-        True for importance sampling.
-    nearest : (v,) array or None
-        Failing sample nearest to the means, in standard normal space; None where none fails.
-    unseen : float
-        What the upper end of the interval counts for failures away from all design points.
+    samples, failures, resolved, undecided: samples; those that surely fail; those that the batch solver left open and
+    another route solved; those that stay open, which count as failures. probability: estimated probability of failure.
+    interval: (float, float) confidence interval of it; its lower end counts undecided samples as safe, its upper end
+    what was not seen. importance: True for importance sampling. nearest: (v,) failing sample nearest to the means, in
+    standard normal space; None where none fails. unseen: what the upper end of the interval counts for failures away
+    from all design points.
     """
 
     samples: int
@@ -154,17 +144,9 @@ class _Drawing:
 
     A portion has random numbers of its own, so that neither threads nor their number change them.
 
-    Attributes
-    ----------
-    seed : int
-        Seed.
-    counts : (c,) array
-        Number of samples around each centre. Samples of one centre follow one another.
-    centres : (c, v) array
-        Points around which samples are drawn; the first one is the means.
-    along : (c, v) array
-        Direction in which the samples of each centre are stratified, one in each of as many strata of equal
-        probability; 0 for independent samples.
+    counts: (c,) number of samples around each centre. Samples of one centre follow one another. centres: (c, v) points
+    around which samples are drawn; the first one is the means. along: (c, v) direction in which the samples of each
+    centre are stratified, one in each of as many strata of equal probability; 0 for independent samples.
     """
 
     seed: int
@@ -255,11 +237,8 @@ def _normal_interval(weight: Any, square: Any, samples: int) -> tuple[float, flo
 class Comparison:
     """Which of two layouts of a structure carries more, over samples of their common values.
 
-    Attributes
-    ----------
-    samples, stronger, weaker, undecided : int
-        Samples; those in which the first layout surely carries more; surely less; and all others, in which both carry
-        alike or bounds overlap.
+    samples, stronger, weaker, undecided: samples; those in which the first layout surely carries more; surely less; and
+    all others, in which both carry alike or bounds overlap.
     """
 
     samples: int

@@ -25,17 +25,13 @@ from jld_explore.reliability.variables import Variables
 
 _ROUTE: Final = Route("the reliability of a layout")
 
-_STEP: Final = 2.0**-6
-"""Relative change of a value by which the dependence of a structure on it is measured."""
+_STEP: Final = 2.0**-6  # relative change of a value by which the dependence of a structure on it is measured
 
-_EQUAL: Final = 1e-9
-"""Relative error up to which a strength follows its value, or loads are linear in theirs."""
+_EQUAL: Final = 1e-9  # relative error up to which a strength follows its value, or loads are linear in theirs
 
-_LEAST: Final = 1e-9
-"""Compressive strength, relative to its mean, that stands for samples of zero and below."""
+_LEAST: Final = 1e-9  # compressive strength, relative to its mean, that stands for samples of zero and below
 
-_STEEPEST: Final = 89.9
-"""Angle of friction, degrees, that stands for samples above it."""
+_STEEPEST: Final = 89.9  # angle of friction, degrees, that stands for samples above it
 
 _FIELDS: Final = ("friction", "tension", "shear", "crush_dry", "crush_inner", "cohesion", "inner_friction")
 
@@ -70,16 +66,8 @@ class Growth:
 class RandomStructure:
     """Assembly at the means of its uncertain values, and how it depends on them.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Structure at the means.
-    variables : Variables
-        Random variables.
-    followers : tuple
-        Strengths that follow variables.
-    growths : tuple of tuples
-        For each load case, loads that grow with variables.
+    assembly: structure at the means. variables: random variables. followers: strengths that follow variables. growths:
+    for each load case, loads that grow with variables.
     """
 
     assembly: Assembly

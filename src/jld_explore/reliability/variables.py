@@ -9,30 +9,20 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 
-_FARTHEST: Final = 1e3
-"""Largest size of a standard normal variable."""
+_FARTHEST: Final = 1e3  # largest size of a standard normal variable
 
-_FACTOR: Final = 12.0
-"""Natural logarithm of the largest factor on the median of a lognormal value."""
+_FACTOR: Final = 12.0  # natural logarithm of the largest factor on the median of a lognormal value
 
 
 @dataclass(frozen=True)
 class Variables:
     """Independent normal and lognormal random variables.
 
-    Attributes
-    ----------
-    names : tuple of str
-        Key of each in the scene, with the face or element where each has its own.
-    mean, deviation : (v,) arrays
-        Means and standard deviations, in the units of the scene.
-    lognormal : (v,) bool array
-        True where |x| is lognormal, else x is normal.
+    names: key of each in the scene, with the face or element where each has its own. mean, deviation: (v,) means and
+    standard deviations, in the units of the scene. lognormal: (v,) True where |x| is lognormal, else x is normal.
 
-    Notes
-    -----
-    docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with
-    ζ² = ln(1 + s²/m²) and ν = ln |m| − ζ²/2.
+    docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with ζ² = ln(1 +
+    s²/m²) and ν = ln |m| − ζ²/2.
     """
 
     names: tuple[str, ...]

@@ -32,23 +32,9 @@ def front_rows(
     and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
     proven the best of its count, and not on the front: one with a better count may carry as much.
 
-    Parameters
-    ----------
-    front : DataFrame
-        Rows of the results that no other row dominates.
-    summary : mapping
-        Summary of the study, with the driver's own front if it has one.
-    axes : sequence of (str, str)
-        Names of the counts with their better directions, "max" or "min".
-    complete : bool
-        True if every class of the space has been evaluated.
-    aimed : bool
-        True if the driver searched for the whole front.
-
-    Returns
-    -------
-    list of dict
-        Rows sorted by count.
+    front: rows of the results that no other row dominates. summary: summary of the study, with the driver's own front
+    if it has one. axes: names of the counts with their better directions, "max" or "min". complete: True if every class
+    of the space has been evaluated. aimed: True if the driver searched for the whole front.
     """
     given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
     rows, told = [], list(given.values())

@@ -40,11 +40,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_DRAWING: Final = 1.2
-"""Longest time of one picture including imports, s; a picture is not begun with less time left."""
+_DRAWING: Final = 1.2  # longest time of one picture including imports, s; a picture is not begun with less time left
 
-_DRAWING_FACE: Final = 4e-4
-"""Further time for each face, s: pictures of 4 900 faces take 4.5 s together."""
+_DRAWING_FACE: Final = 4e-4  # further time for each face, s: pictures of 4 900 faces take 4.5 s together
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
@@ -105,17 +103,9 @@ def check_folder(folder: Path, resume: bool) -> None:
 def check_certificate_file(path: Path, folder: Path) -> None:
     """Check that a certificate can be written where it is asked for.
 
-    Parameters
-    ----------
-    path : Path
-        File that the certificate will be written to; it and its folder need not exist.
-    folder : Path
-        Results folder of the search.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or is one that the search itself writes. The check leaves no file on disk.
+    path: file that the certificate will be written to; it and its folder need not exist. folder: results folder of the
+    search. Raises InputError if the file cannot be written, or is one that the search itself writes. The check leaves
+    no file on disk.
     """
     option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
@@ -132,19 +122,8 @@ def check_certificate_file(path: Path, folder: Path) -> None:
 def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
     """Write all tables of a finished study.
 
-    Parameters
-    ----------
-    study : Study
-        Study that has ended.
-    reason : StopReason
-        Reason why it ended.
-    deadline : Deadline, optional
-        Time after which no more shapes of blocks are counted, so that the tables are written in time.
-
-    Returns
-    -------
-    Exploration
-        Tables and summary as written.
+    study: study that has ended. reason: reason why it ended. deadline: time after which no more shapes of blocks are
+    counted, so that the tables are written in time.
     """
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(

@@ -8,11 +8,9 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 
-_TOGETHER: Final = 1 << 24
-"""Number of comparisons made at once, which limits temporary memory."""
+_TOGETHER: Final = 1 << 24  # number of comparisons made at once, which limits temporary memory
 
-_DIGITS: Final = 12
-"""Decimal digits to which counts are compared, relative to the largest count."""
+_DIGITS: Final = 12  # decimal digits to which counts are compared, relative to the largest count
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
@@ -20,19 +18,8 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
 
     A row is dominated if another is at least as good in all objectives and better in one.
 
-    Parameters
-    ----------
-    load_factors : (k,) float array
-        λ, more is better; rows with NaN are never on the front.
-    counts : (k,) or (k, c) array
-        Values of c counts.
-    *senses : str
-        "max" or "min" for each count.
-
-    Returns
-    -------
-    (k,) bool array
-        True on the front.
+    load_factors: (k,) λ, more is better; rows with NaN are never on the front. counts: (k,) values of c counts.
+    *senses: "max" or "min" for each count. Returns (k,).
     """
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
     worth = np.asarray(counts, dtype=float).reshape(len(load_factors), len(senses)) * signs

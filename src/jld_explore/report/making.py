@@ -109,16 +109,9 @@ def smallest_rectangle(points: Floats) -> tuple[float, float]:
 class Making:
     """Sums over all stones of a layout, in the units of the scene.
 
-    Attributes
-    ----------
-    stones, moulds : int
-        Numbers of stones and of different shapes.
-    cuts, set_ups : int
-        Sawn faces, and set-ups of the saw where equal stones are sawn together.
-    sawn, volume, stock : float
-        Sawn area, volume of stone, and volume of the smallest cuboids, one for each stone.
-    mass, heaviest : float
-        Mass of all stones, and of the heaviest.
+    stones, moulds: numbers of stones and of different shapes. cuts, set_ups: sawn faces, and set-ups of the saw where
+    equal stones are sawn together. sawn, volume, stock: sawn area, volume of stone, and volume of the smallest cuboids,
+    one for each stone. mass, heaviest: mass of all stones, and of the heaviest.
     """
 
     stones: int

@@ -49,12 +49,7 @@ class ExplorationView:
 class Page:
     """Interactive page of a search, which a notebook shows in a frame.
 
-    Attributes
-    ----------
-    text : str
-        HTML of the page.
-    height : int
-        Height of the frame, pixels.
+    text: HTML of the page. height: height of the frame, pixels.
     """
 
     text: str

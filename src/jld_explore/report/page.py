@@ -32,17 +32,7 @@ PLANAR: Final = {"figures.js": "figures_planar.js"}
 def asset(name: str, wing: str = "report") -> str:
     """Return the text of a front-end file.
 
-    Parameters
-    ----------
-    name : str
-        Name of the file under `assets/`.
-    wing : str
-        Sub-package that holds it, "report" or "studio".
-
-    Returns
-    -------
-    str
-        Content of the file.
+    name: name of the file under `assets/`. wing: sub-package that holds it, "report" or "studio".
     """
     return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
@@ -50,15 +40,8 @@ def asset(name: str, wing: str = "report") -> str:
 def asset_names(wing: str = "report") -> list[str]:
     """List the front-end files that a browser loads.
 
-    Parameters
-    ----------
-    wing : str
-        Sub-package that holds them, "report" or "studio".
-
-    Returns
-    -------
-    list of str
-        Modules and styles, and modules of vendors as "vendor/...", sorted.
+    wing: sub-package that holds them, "report" or "studio". Result: modules and styles, and modules of vendors as
+    "vendor/...", sorted.
     """
     own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
     vendor = _assets(wing).joinpath("vendor")
@@ -156,22 +139,8 @@ def packed(data: Mapping[str, Any]) -> str:
 def filled(template: str, parts: Mapping[str, str]) -> str:
     """Replace each {{name}} in a template by its part; parts are not expanded again.
 
-    Parameters
-    ----------
-    template : str
-        Text with {{name}} tokens.
-    parts : mapping of str to str
-        Replacement of each token.
-
-    Returns
-    -------
-    str
-        Text with all tokens replaced.
-
-    Raises
-    ------
-    KeyError
-        If a token has no part.
+    template: text with {{name}} tokens. parts: replacement of each token. Result: text with all tokens replaced. Raises
+    KeyError if a token has no part.
     """
     return _TOKEN.sub(lambda found: parts[found[1]], template)
 

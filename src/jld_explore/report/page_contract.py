@@ -17,8 +17,8 @@ FORMAT: Final = "jld-page"
 VERSION: Final = 1
 """Version of the data format."""
 
+# Objects have all of their keys and no others
 _EXACT: Final = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-"""Objects have all of their keys and no others."""
 
 Point = TypeAliasType("Point", Annotated[list[float], Field(min_length=2, max_length=3)])
 Bracket = Annotated[list[float | None], Field(min_length=2, max_length=2)]
@@ -320,10 +320,7 @@ class PageData(TypedDict):
 def page_schema() -> dict[str, Any]:
     """Return the JSON schema of the data of a page.
 
-    Returns
-    -------
-    dict
-        Schema in the draft 2020-12, with every other object of the contract under `$defs`.
+    Result: schema in the draft 2020-12, with every other object of the contract under `$defs`.
     """
     schema = TypeAdapter(PageData).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -60,39 +60,12 @@ def page_data(
 ) -> PageData:
     """Assemble the data of a page.
 
-    Parameters
-    ----------
-    kind : str
-        "report" or "studio".
-    scene : Scene or None
-        Scene; None where only its assembly is known.
-    assembly : Assembly
-        Structure with m faces.
-    candidates : (m,) bool array
-        Faces whose label may be chosen.
-    facts : mapping of str to str
-        Facts shown by name.
-    warnings : sequence of str
-        Warnings shown.
-    how : str
-        Sentence on how to get forces that the page does not hold, with {rank} in it.
-    table : dict, optional
-        Table from `table_of`.
-    solutions : mapping of int to dict, optional
-        Data from `solution_of` by the number of the row.
-    convergence : sequence of dict
-        Curves with name, solves, seconds and best.
-    pictures : sequence of dict
-        Pictures with title and png, base64.
-    summary : mapping, optional
-        Summary of the study.
-    studio : mapping, optional
-        Additional data of the studio.
-
-    Returns
-    -------
-    PageData
-        Data that can be written as JSON.
+    kind: "report" or "studio". scene: scene; None where only its assembly is known. assembly: structure with m faces.
+    candidates: (m,) faces whose label may be chosen. facts: facts shown by name. warnings: warnings shown. how:
+    sentence on how to get forces that the page does not hold, with {rank} in it. table: table from `table_of`.
+    solutions: data from `solution_of` by the number of the row. convergence: curves with name, solves, seconds and
+    best. pictures: pictures with title and png, base64. studio: additional data of the studio. Result: data that can be
+    written as JSON.
     """
     return {
         "format": FORMAT,
@@ -221,15 +194,7 @@ def cases_of(assembly: Assembly) -> list[str]:
 def loads_of(assembly: Assembly) -> list[Load]:
     """List the live loads for drawing: on points, on all bodies together, and couples.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with its load cases.
-
-    Returns
-    -------
-    list of Load
-        Loads with case, kind, element, position and vector, scene units.
+    assembly: structure with its load cases. Result: loads with case, kind, element, position and vector, scene units.
     """
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[Load] = []
@@ -253,15 +218,8 @@ def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: 
 def solution_of(result: LimitAnalysisResult) -> Solution:
     """Convert a limit analysis result to the data of a drawing, by load case.
 
-    Parameters
-    ----------
-    result : LimitAnalysisResult
-        Result of one layout.
-
-    Returns
-    -------
-    Solution
-        λ (with load cases the governing factor), bracket and status, and for each case forces and mechanism.
+    result: result of one layout. Result: λ (with load cases the governing factor), bracket and status, and for each
+    case forces and mechanism.
     """
     cases = result.cases or {"": result}
     names = list(cases)

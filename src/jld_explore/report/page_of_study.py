@@ -46,8 +46,8 @@ PATIENCE: Final = 1.5
 DEAR: Final = 0.3
 """Seconds after a deadline that solving the best row may take."""
 
+# Time of a row that is solved alone, with forces and mechanism, as a multiple of that of its evaluation
 _AGAIN: Final = 2.0
-"""Time of a row that is solved alone, with forces and mechanism, as a multiple of that of its evaluation."""
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 """Sentence of the page on how to get forces that it does not hold."""
@@ -56,55 +56,22 @@ HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --
 def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
     """Make the self-contained HTML page of a finished search.
 
-    Parameters
-    ----------
-    done : Exploration
-        Finished search.
-    patience : float
-        Time limit for solving layouts, s (see `study_data`).
-    dear : float
-        Largest solve time of a layout, s (see `study_data`).
-
-    Returns
-    -------
-    str
-        HTML.
+    done: finished search. patience: time limit for solving layouts, s (see `study_data`). dear: largest solve time of a
+    layout, s (see `study_data`).
     """
     return page(study_data(done, patience, dear=dear))
 
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
-    """Solve a scene with its own labels, and return the HTML page that shows the result.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene.
-    assembly : Assembly
-        Assembly of the scene.
-
-    Returns
-    -------
-    str
-        Self-contained HTML.
-    """
+    """Solve a scene with its own labels, and return the HTML page that shows the result."""
     return page(result_data(scene, CaseAnalysis(assembly).solve(assembly.labels, stands=True)))
 
 
 def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
     """Assemble the data of the page of one layout (see `page_data`).
 
-    Parameters
-    ----------
-    scene : Scene or None
-        Scene; None where only its assembly is known.
-    found : LimitAnalysisResult
-        Result of the layout.
-
-    Returns
-    -------
-    PageData
-        Data that can be written as JSON.
+    scene: scene; None where only its assembly is known. found: result of the layout. Result: data that can be written
+    as JSON.
     """
     assembly, solution = found.assembly, solution_of(found)
     return page_data(
@@ -133,27 +100,11 @@ def study_data(
 ) -> PageData:
     """Assemble the data of the page of a search (see `page_data`).
 
-    Parameters
-    ----------
-    done : Exploration
-        Finished search.
-    patience : float
-        Time limit for solving layouts to be drawn, s; the best come first.
-    kind : str
-        "report" or "studio".
-    studio : mapping, optional
-        Additional data of the studio.
-    dear : float
-        Solve time, s, above which no layout is solved, not even the first; estimated by the time of its evaluation.
-    most : int
-        Number of strongest rows of the table; the front is added.
-    solved : int
-        Number of best rows whose forces and mechanism are solved, besides those of the front.
-
-    Returns
-    -------
-    dict
-        Data that can be written as JSON.
+    done: finished search. patience: time limit for solving layouts to be drawn, s; the best come first. kind: "report"
+    or "studio". studio: additional data of the studio. dear: solve time, s, above which no layout is solved, not even
+    the first; estimated by the time of its evaluation. most: number of strongest rows of the table; the front is added.
+    solved: number of best rows whose forces and mechanism are solved, besides those of the front. Result: data that can
+    be written as JSON.
     """
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes

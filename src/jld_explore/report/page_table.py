@@ -29,12 +29,11 @@ TITLES: Final = {
     "seconds": "seconds",
 }
 """Titles of columns whose name is not a good title."""
-_FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")
-"""Columns shown first."""
+_FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")  # columns shown first
+# Columns shown last
 _LAST: Final = ("load_factor_associative", "load_factor_zero_dilation", "multiplicity", "settled", "seconds", "driver")
-"""Columns shown last."""
+# Beginnings of the names of numeric columns that are no counts
 _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_lo", "bracket_hi")
-"""Beginnings of the names of numeric columns that are no counts."""
 
 
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:

@@ -66,28 +66,9 @@ def plot_pareto(
 
     Numbers in circles link layouts and points.
 
-    Parameters
-    ----------
-    results, front : DataFrame
-        Tables with the columns of results.csv; `front` is a part of `results`.
-    assembly : Assembly
-        Structure.
-    count : str
-        Name of a registered count.
-    sense : str
-        "max" or "min", the better direction of the count.
-    layouts : int
-        Largest number of layouts drawn.
-
-    Returns
-    -------
-    Figure
-        Figure.
-
-    Raises
-    ------
-    ValueError
-        If count or sense is unknown, or labellings do not fit the assembly.
+    results, front: tables with the columns of results.csv; `front` is a part of `results`. count: name of a registered
+    count. sense: "max" or "min", the better direction of the count. layouts: largest number of layouts drawn. Result:
+    figure. Raises ValueError if count or sense is unknown, or labellings do not fit the assembly.
     """
     if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
@@ -291,16 +272,8 @@ def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int
 class Gallery:
     """Layouts in one or two rows along the bottom of a figure.
 
-    Attributes
-    ----------
-    count : int
-        Number of layouts.
-    columns : int
-        Number of layouts per row.
-    cell : tuple of (float, float)
-        Width and height of each layout, inches.
-    width : float
-        Width of the figure, inches.
+    count: number of layouts. columns: number of layouts per row. cell: width and height of each layout, inches. width:
+    width of the figure, inches.
     """
 
     count: int

@@ -37,8 +37,7 @@ from jld_explore.space import count_named
 STRENGTH: Final = LinearSegmentedColormap.from_list("strength", ["#FFFFFF", "#F3D9A4", "#D89A2B"])
 """Colours of λ from the weakest to the strongest of the front; text is legible on all of them."""
 
-_CELLS: Final = 22
-"""Number of values of a count up to which pairs are drawn as squares with λ written inside."""
+_CELLS: Final = 22  # number of values of a count up to which pairs are drawn as squares with λ written inside
 
 
 def front_picture(done: Exploration) -> Figure:
@@ -62,21 +61,8 @@ def plot_three(
 
     The front is emphasised. Numbers in circles link layouts and points.
 
-    Parameters
-    ----------
-    results, front : DataFrame
-        Tables with the columns of results.csv; `front` is a part of `results`.
-    assembly : Assembly
-        Structure.
-    axes : sequence of (str, str)
-        The two counts with their better directions, "max" or "min".
-    layouts : int
-        Largest number of layouts drawn.
-
-    Returns
-    -------
-    Figure
-        Figure.
+    results, front: tables with the columns of results.csv; `front` is a part of `results`. axes: the two counts with
+    their better directions, "max" or "min". layouts: largest number of layouts drawn. Result: figure.
     """
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]

@@ -31,50 +31,31 @@ from jld_explore.report.making import Making, Stone, factor_to, making_of, stone
 from jld_explore.report.printed_loads import finite, force_words, load_rows
 from jld_explore.report.printed_moulds import draw_mould
 
-_PAPER: Final = (8.27, 11.69)
-"""Size of a page, DIN A4, inches."""
+_PAPER: Final = (8.27, 11.69)  # size of a page, DIN A4, inches
 
-_ROWS: Final = 52
-"""Largest number of rows of a table on one page."""
+_ROWS: Final = 52  # largest number of rows of a table on one page
 
-_LOADS: Final = 14
-"""Largest number of rows of the table of loads."""
+_LOADS: Final = 14  # largest number of rows of the table of loads
 
-_MOULDS: Final = 28
-"""Largest number of moulds that are drawn, on one page."""
+_MOULDS: Final = 28  # largest number of moulds that are drawn, on one page
 
+# Beginnings of assumptions on materials, whose values the report states anyway
 _MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength", "inner strengths")
-"""Beginnings of assumptions on materials, whose values the report states anyway."""
 
-_STRAIGHT: Final = 0.9998
-"""Cosine of the angle, 1 degree, up to which a stone comes along an axis."""
+_STRAIGHT: Final = 0.9998  # cosine of the angle, 1 degree, up to which a stone comes along an axis
 
-_MARGIN: Final = 0.09
-"""Margin of a page, relative to its width."""
+_MARGIN: Final = 0.09  # margin of a page, relative to its width
 
 
 @dataclass(frozen=True)
 class Printed:
     """Content of a printed report.
 
-    Attributes
-    ----------
-    layout : Layout
-        The layout.
-    fields, faces : (float, float)
-        Proven bounds on λ by fields and by faces, infinite where there are none.
-    status : str
-        Status of its limit analysis.
-    strongest : bool
-        True if the layout is proven the strongest of its cells.
-    laying : Laying or None
-        Order of laying, None if it was not asked for.
-    assumed : tuple of str
-        Assumptions beside the model, one sentence each.
-    uncut : float or None
-        Upper bound on λ by faces without cuts if it is below that of the layout, else None.
-    uncut_by_fields : float or None
-        Lower bound on λ by fields without cuts, None if unknown.
+    fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none. status:
+    status of its limit analysis. strongest: True if the layout is proven the strongest of its cells. laying: order of
+    laying, None if it was not asked for. assumed: assumptions beside the model, one sentence each. uncut: upper bound
+    on λ by faces without cuts if it is below that of the layout, else None. uncut_by_fields: lower bound on λ by fields
+    without cuts, None if unknown.
     """
 
     layout: Layout

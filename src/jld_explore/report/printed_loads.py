@@ -16,8 +16,7 @@ from jld_core.scene.units import NEWTONS
 from jld_explore.report.languages import digits, phrase_in
 from jld_explore.report.making import Stone
 
-_PARALLEL: Final = 1e-9
-"""Sine of the angle between forces up to which they are printed as one."""
+_PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are printed as one
 
 
 def load_rows(

@@ -12,23 +12,17 @@ from jld_core.arrays import Floats
 from jld_core.views.look import INK
 from jld_explore.report.making import Stone
 
-_SIZE: Final = 5.5
-"""Size of the letters, points."""
+_SIZE: Final = 5.5  # size of the letters, points
 
-_LETTER: Final = (0.62, 0.95)
-"""Width and height of a digit, relative to the size of the letters."""
+_LETTER: Final = (0.62, 0.95)  # width and height of a digit, relative to the size of the letters
 
-_GAP: Final = 2.0
-"""Distance of a length from its edge, points."""
+_GAP: Final = 2.0  # distance of a length from its edge, points
 
-_MARGIN: Final = 0.2
-"""Margin on each side of a drawing, relative to the outline."""
+_MARGIN: Final = 0.2  # margin on each side of a drawing, relative to the outline
 
-_SHORT: Final = 0.04
-"""Length of an edge, relative to the outline, up to which it bears none."""
+_SHORT: Final = 0.04  # length of an edge, relative to the outline, up to which it bears none
 
-_SHARES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
-"""Places of a length along its edge, in the order in which they are tried."""
+_SHARES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # places of a length along its edge, in the order in which they are tried
 
 
 def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:

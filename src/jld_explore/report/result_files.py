@@ -29,8 +29,8 @@ Parquet; spreadsheets end at 1 048 576 rows.
 WITH_PARQUET: Final = "pip install 'jld[parquet]'"
 """Command that installs what Parquet needs."""
 
+# Columns of texts, which CSV does not tell from numbers
 _TEXTS: Final = ("labelling", "status", "settled", "driver", "governing")
-"""Columns of texts, which CSV does not tell from numbers."""
 
 
 def parquet_is_installed() -> bool:

@@ -14,24 +14,16 @@ from jld_explore.report.making import Stone, factor_to
 if TYPE_CHECKING:
     import pandas as pd
 
-_FITS: Final = 1e-9
-"""Excess of a side, relative to the stock, up to which a stone fits."""
+_FITS: Final = 1e-9  # excess of a side, relative to the stock, up to which a stone fits
 
 
 @dataclass(frozen=True)
 class Placed:
     """Stone in a stock cuboid; lengths in the unit of the scene.
 
-    Attributes
-    ----------
-    stone : int
-        Number of the stone.
-    cuboid : int
-        Number of the stock cuboid, from 1.
-    corner : (float, float, float)
-        Corner of the stone's own cuboid nearest to the corner of the stock.
-    sides : (float, float, float)
-        Sides of the stone's own cuboid along those of the stock.
+    stone: number of the stone. cuboid: number of the stock cuboid, from 1. corner: (float, float, float) corner of the
+    stone's own cuboid nearest to the corner of the stock. sides: (float, float, float) sides of the stone's own cuboid
+    along those of the stock.
     """
 
     stone: int
@@ -44,18 +36,9 @@ class Placed:
 class Stock:
     """Stones placed in equal stock cuboids.
 
-    Attributes
-    ----------
-    size : (float, float, float)
-        Sides of a stock cuboid, in the unit of the scene.
-    placed : tuple of Placed
-        Place of every stone.
-    cuboids : int
-        Number of stock cuboids.
-    least : int
-        Number of cuboids that no cutting of these stones goes below, whatever their places.
-    volume : float
-        Volume of all stones.
+    size: (float, float, float) sides of a stock cuboid, in the unit of the scene. placed: place of every stone.
+    cuboids: number of stock cuboids. least: number of cuboids that no cutting of these stones goes below, whatever
+    their places. volume: volume of all stones.
     """
 
     size: tuple[float, float, float]

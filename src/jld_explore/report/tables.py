@@ -40,8 +40,7 @@ CONVERGENCE: Final = "convergence.csv"
 STANDS: Final = "stands_at_zero"
 """Name of the column, and of the entry of the summary, on layouts that stand under their dead load alone."""
 
-_SLICE: Final = 1 << 15
-"""Number of labellings turned into texts at a time, which limits temporary memory."""
+_SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, which limits temporary memory
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
@@ -89,28 +88,11 @@ def results_table(
     dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach it come
     first, sorted by the count of the front.
 
-    Parameters
-    ----------
-    records : Records or RefinedRecords
-        Evaluations.
-    assembly : Assembly
-        Structure.
-    space : SearchSpace
-        Search space.
-    driver : str
-        Name of the driver.
-    own_objective : bool
-        True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
-    deadline : Deadline, optional
-        Time after which no outline of a block is computed. Counts that need outlines are then missing in the last
-        rows, unless the front is one of such a count.
-    standing : Standing, optional
-        Decides which layouts stand under their dead load alone. Default: none is known to stand or to fall.
-
-    Returns
-    -------
-    DataFrame
-        Table with the columns of results.csv, λ in scene units; a count that was not computed is NA.
+    records: evaluations. driver: name of the driver. own_objective: True if `load_factor` is the value of a function of
+    the user; λ is then the last entry of `cases`. deadline: time after which no outline of a block is computed. Counts
+    that need outlines are then missing in the last rows, unless the front is one of such a count. standing: decides
+    which layouts stand under their dead load alone. Default: none is known to stand or to fall. Result: table with the
+    columns of results.csv, λ in scene units; a count that was not computed is NA.
     """
     import pandas as pd
 

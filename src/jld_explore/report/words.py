@@ -43,19 +43,8 @@ STOPPED: Final = {
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     """Describe an assembly and its search space for `jld check`.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene.
-    found : Assembly
-        Assembly of the scene.
-    space : SearchSpace
-        Search space of the scene.
-
-    Returns
-    -------
-    str
-        Lines of text: dimension, counts, loads, program size, candidates and symmetries.
+    space: search space of the scene. Result: lines of text: dimension, counts, loads, program size, candidates and
+    symmetries.
     """
     spots = int(np.count_nonzero(space.candidates))
     return aligned(

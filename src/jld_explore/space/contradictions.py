@@ -19,8 +19,7 @@ from jld_explore.space.labelling import Connectivity
 from jld_explore.space.limits import Limits
 from jld_explore.space.measures import CELLS, MEASURES, Measure, Range, block_sizes
 
-_TOTAL: Final = 1e-8
-"""Relative rounding allowed where the number of blocks follows from the total size of all elements."""
+_TOTAL: Final = 1e-8  # relative rounding allowed where the number of blocks follows from the total size of all elements
 
 
 @dataclass(frozen=True)

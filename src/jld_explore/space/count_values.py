@@ -17,11 +17,10 @@ from jld_explore.space.shapes import BlockShapes
 Values = dict[str, Ints | Floats]
 """Values (k,) by the names of counts."""
 
-_CHUNK: Final = 8192
-"""Number of labellings counted together, so that arrays stay in the cache."""
+_CHUNK: Final = 8192  # number of labellings counted together, so that arrays stay in the cache
 
+# Number of labellings counted together where time may run out: those of an unfinished slice are lost
 _SLICE: Final = 64
-"""Number of labellings counted together where time may run out: those of an unfinished slice are lost."""
 
 
 def values_of(
@@ -64,23 +63,9 @@ def counts(
 ) -> Values:
     """Compute the values of every registered count.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    graph : Connectivity, optional
-        Element graph of the assembly; built if missing.
-    shapes : BlockShapes, optional
-        Block outlines of the assembly; built if missing.
-    without : sequence of Count
-        Counts to leave out.
-
-    Returns
-    -------
-    dict of str to (k,) array
-        Values by the name of the count, in the order of the columns, scene units.
+    labellings: (k, m) True = dry. graph: element graph of the assembly; built if missing. shapes: block outlines of the
+    assembly; built if missing. without: counts to leave out. Result: values by the name of the count, in the order of
+    the columns, scene units.
     """
     return _values([count for count in registered() if count not in without], assembly, labellings, graph, shapes)
 
@@ -95,25 +80,9 @@ def values_until(
 ) -> Ints | Floats:
     """Compute the values of one count for as many labellings, in order, as there is time for.
 
-    Parameters
-    ----------
-    count : Count
-        Definition of the count.
-    assembly : Assembly
-        Structure.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    graph : Connectivity
-        Element graph of the assembly.
-    shapes : BlockShapes
-        Block outlines of the assembly.
-    deadline : Deadline
-        Time at which the computation stops; it is checked between outlines.
-
-    Returns
-    -------
-    (k,) int or float array
-        Values, scene units; NaN from the first one on that is late. The first is always computed.
+    count: definition of the count. labellings: (k, m) True = dry. graph: element graph of the assembly. shapes: block
+    outlines of the assembly. deadline: time at which the computation stops; it is checked between outlines. Returns
+    (k,): values, scene units; NaN from the first one on that is late. The first is always computed.
     """
     if not deadline.limited:
         return _values([count], assembly, labellings, graph, shapes)[count.name]

@@ -307,8 +307,7 @@ _COUNTS: Final[dict[str, Count]] = {
 }
 
 
-_BUILT_IN: Final = tuple(_COUNTS)
-"""Names of the counts of jld."""
+_BUILT_IN: Final = tuple(_COUNTS)  # names of the counts of jld
 
 
 @cache

@@ -32,8 +32,7 @@ INNER_LETTER: Final = "i"
 LETTERS: Final = DRY_LETTER + INNER_LETTER
 """Letters of a labelling as text; a spreadsheet would convert digits to a number."""
 
-_ENTRIES: Final = 1 << 23
-"""Largest number of entries of a temporary array in `blocks_of`; larger batches are split."""
+_ENTRIES: Final = 1 << 23  # largest number of entries of a temporary array in `blocks_of`; larger batches are split
 
 
 def pack(labellings: Bits) -> Packed:
@@ -107,15 +106,7 @@ def to_string(labelling: Bits) -> str:
 def to_strings(labellings: Bits) -> list[str]:
     """Convert labellings to texts, 'd' for dry and 'i' for inner.
 
-    Parameters
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    list of str
-        k texts of m letters.
+    labellings: (k, m) True = dry.
     """
     width = labellings.shape[1]
     text = letters_of(labellings).tobytes().decode("ascii")
@@ -154,18 +145,9 @@ def from_string(text: str) -> Bits:
 class Connectivity:
     """Element graph as arcs into each element, its own arc first, for `blocks_of`.
 
-    Attributes
-    ----------
-    a, b : (m,) int array
-        Elements of each face.
-    touching : (t, 2) int array
-        Pairs of supports that share a face.
-    source : (arcs,) int array
-        Element from which an arc comes.
-    face : (arcs,) int array
-        Face that an arc crosses; m for arcs that are always open.
-    start : (n,) int array
-        Position of the first arc into each element.
+    a, b: (m,) elements of each face. touching: (t, 2) pairs of supports that share a face. source: (arcs,) element from
+    which an arc comes. face: (arcs,) face that an arc crosses; m for arcs that are always open. start: (n,) position of
+    the first arc into each element.
     """
 
     a: Ints
@@ -184,15 +166,7 @@ class Connectivity:
 def connectivity(assembly: Assembly) -> Connectivity:
     """Build the element graph of an assembly, with arcs between supports that touch.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with n elements and m faces.
-
-    Returns
-    -------
-    Connectivity
-        Element graph.
+    assembly: structure with n elements and m faces.
     """
     faces, count = assembly.interfaces, len(assembly.elements)
     touching = np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
@@ -274,17 +248,7 @@ def _spread(graph: Connectivity, rows: Bits) -> Ints:
 def slits(graph: Connectivity, labellings: Bits) -> Bools:
     """Return the dry faces whose two sides are in one block.
 
-    Parameters
-    ----------
-    graph : Connectivity
-        Element graph.
-    labellings : (m,) or (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (m,) or (k, m) bool array
-        True for slits.
+    graph: element graph. labellings: (m,) True = dry. Returns (m,).
     """
     blocks = blocks_of(graph, labellings)
     return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))
@@ -293,17 +257,8 @@ def slits(graph: Connectivity, labellings: Bits) -> Bools:
 def canonical(labellings: Bits, group: Ints) -> Bits:
     """Return the smallest image of each labelling under the group.
 
-    Parameters
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    group : (g, m) int array
-        Face permutations, closed under composition, the identity first.
-
-    Returns
-    -------
-    (k, m) bool array
-        Canonical labellings.
+    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
+    Returns (k, m).
     """
     best, words = labellings.copy(), as_words(labellings)
     for permutation in group[1:]:
@@ -317,17 +272,8 @@ def canonical(labellings: Bits, group: Ints) -> Bits:
 def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
     """Return the number of different images of each labelling, the multiplicity of its class.
 
-    Parameters
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    group : (g, m) int array
-        Face permutations, closed under composition, the identity first.
-
-    Returns
-    -------
-    (k,) int array
-        Orbit sizes.
+    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
+    Returns (k,).
     """
     words = as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
@@ -339,19 +285,8 @@ def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
 def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
     """Select the labellings that are canonical.
 
-    Parameters
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-    group : (g, m) int array
-        Face permutations, closed under composition, the identity first.
-
-    Returns
-    -------
-    indices : (r,) int array
-        Rows that are canonical.
-    sizes : (r,) int array
-        Their orbit sizes.
+    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
+    Result: indices: (r,) rows that are canonical; sizes: (r,) their orbit sizes.
     """
     kept, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
@@ -365,15 +300,7 @@ def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
 def as_words(labellings: Bits) -> Words:
     """Pack labellings into 64-bit words that sort, first word first, as the rows do.
 
-    Parameters
-    ----------
-    labellings : (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (k, w) uint64 array
-        Words, padded with zero bits.
+    labellings: (k, m) True = dry. Result: (k, w) words, padded with zero bits.
     """
     packed = pack(labellings)
     padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)

@@ -25,27 +25,20 @@ from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of
 from jld_explore.space.measures import CELLS, EXEMPT, MEASURES, Measure, Range, Sized, SizeOf, block_sizes
 from jld_explore.space.shapes import BlockShapes
 
-_SAME: Final = 1e-12
-"""Relative difference up to which sizes of elements count as equal."""
+_SAME: Final = 1e-12  # relative difference up to which sizes of elements count as equal
 
 
 SHAPED: Final = {"block_aspect": "aspect"}
 """Limits with bounds on the shape of single blocks: key under "search" and attribute of an outline (`BlockShapes`)."""
 
-_MEASURED: Final = 1e-6
-"""Relative rounding allowed for values measured on the outline of a block."""
+_MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the outline of a block
 
 
 @dataclass(frozen=True)
 class Limits:
     """All limits of a search over an assembly.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        Structure with n elements and m faces.
-    search : Search
-        Section "search" of a scene.
+    assembly: structure with n elements and m faces. search: section "search" of a scene.
     """
 
     assembly: Assembly
@@ -152,17 +145,8 @@ class Limits:
 
         Unless `mendable`, no added element can make such a block admissible.
 
-        Parameters
-        ----------
-        size : callable
-            Function that returns the sizes of the blocks by a measure.
-        slack : float
-            Additional relative tolerance.
-
-        Returns
-        -------
-        bool array
-            Mask in the shape of the sizes; False for exempt blocks.
+        size: function that returns the sizes of the blocks by a measure. slack: additional relative tolerance. Result:
+        mask in the shape of the sizes; False for exempt blocks.
         """
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
         return self._violated(found, size)
@@ -185,19 +169,8 @@ class Limits:
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
         """Return True for labellings that satisfy all limits.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        graph : Connectivity
-            Element graph of the assembly.
-        blocks : (k, n) int array, optional
-            Blocks of the labellings, if known.
-
-        Returns
-        -------
-        (k,) bool array
-            True if all limits are satisfied.
+        labellings: (k, m) True = dry. graph: element graph of the assembly. blocks: (k, n) blocks of the labellings, if
+        known. Returns (k,): True if all limits are satisfied.
         """
         good = np.ones(len(labellings), dtype=bool)
         if self.assembly.sink >= 0 and len(labellings):
@@ -260,15 +233,7 @@ class Limits:
 
         A limit on an additive measure becomes a limit on cells if all cells have the same size.
 
-        Parameters
-        ----------
-        sized : Sized
-            Sizes of the sets.
-
-        Returns
-        -------
-        dict of str to Range
-            Ranges by the key of the measure; the range on cells is in whole numbers.
+        sized: sizes of the sets. Result: ranges by the key of the measure; the range on cells is in whole numbers.
         """
         found = {measure.key: self.bounds(measure) for measure in MEASURES}
         cells = found[CELLS.key]

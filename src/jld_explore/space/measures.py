@@ -19,12 +19,8 @@ from jld_explore.space.labelling import totals_of
 class Range:
     """Inclusive bounds as a scene gives them, with a tolerance for rounding.
 
-    Attributes
-    ----------
-    low, high : float or None
-        Bounds as given, None for no bound.
-    least, most : float
-        Bounds with tolerance for comparisons, ±inf for no bound.
+    low, high: bounds as given, None for no bound. least, most: bounds with tolerance for comparisons, ±inf for no
+    bound.
     """
 
     low: float | None
@@ -67,17 +63,8 @@ class Measure:
 
     The size of a part of a block never exceeds the size of the block.
 
-    Attributes
-    ----------
-    key : str
-        Key of its limit under "search".
-    words : str
-        Words after a size in messages.
-    whole : bool
-        True for whole numbers.
-    of : callable or None
-        Function that returns the contribution of each element (n,).
-        None for the longest side of the bounding box.
+    key: key of its limit under "search". words: words after a size in messages. whole: True for whole numbers. of:
+    function that returns the contribution of each element (n,). None for the longest side of the bounding box.
     """
 
     key: str
@@ -112,12 +99,8 @@ SizeOf = Callable[[Measure], Floats]
 class Sized:
     """Sizes of n elements, or sets of elements, by every measure.
 
-    Attributes
-    ----------
-    adds : dict of str to (n,) float array
-        Contributions to each additive measure, by its key.
-    corner : (n, 2 d) float array
-        Upper corner of the bounding box, followed by the negative lower corner.
+    adds: contributions to each additive measure, by its key. corner: (n, 2 d) upper corner of the bounding box,
+    followed by the negative lower corner.
     """
 
     adds: dict[str, Floats]
@@ -143,17 +126,7 @@ class Sized:
     def joined(self, name: Ints, count: int) -> Sized:
         """Return the sizes of sets of entries.
 
-        Parameters
-        ----------
-        name : (n,) int array
-            Set of each entry.
-        count : int
-            Number of sets.
-
-        Returns
-        -------
-        Sized
-            Sizes of the sets.
+        name: (n,) set of each entry. count: number of sets.
         """
         corner = np.full((count, self.corner.shape[1]), -inf)
         np.maximum.at(corner, name, self.corner)
@@ -198,20 +171,9 @@ def _longest(corner: Floats) -> Floats:
 def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = MEASURES) -> dict[str, Floats]:
     """Compute the sizes of all blocks of labellings by several measures.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with n elements.
-    blocks : (k, n) int array
-        Block of each element, from `blocks_of`.
-    measures : sequence of Measure
-        Measures to compute.
-
-    Returns
-    -------
-    dict of str to (k, n) float array
-        Sizes by the key of the measure, at the column of each block's name, scene units.
-        Columns that name no block with a free element are zero.
+    assembly: structure with n elements. blocks: (k, n) block of each element, from `blocks_of`. measures: measures to
+    compute. Result: sizes by the key of the measure, at the column of each block's name, scene units. Columns that name
+    no block with a free element are zero.
     """
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape

@@ -124,17 +124,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
 
     A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space.
-    labellings : (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (k,) bool array
-        True for labellings in the space.
+    labellings: (k, m) True = dry. Returns (k,): True for labellings in the space.
     """
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)

@@ -22,27 +22,20 @@ from jld_core.geometry import Outlines, reach_of
 from jld_core.geometry.congruence import Kinds
 from jld_core.geometry.outlines import Outline
 
+# Step to which coordinates are rounded, relative to the reach of a comparison: blocks that agree there are copies
 _COPY: Final = 1e-3
-"""Step to which coordinates are rounded, relative to the reach of a comparison: blocks that agree there are copies."""
 
-_SEEDS: Final = 400
-"""Largest number of blocks that are numbered before those of any layout."""
+_SEEDS: Final = 400  # largest number of blocks that are numbered before those of any layout
 
+# Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous
 _SHIFT: Final = 0.37
-"""Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous."""
 
 
 class BlockShapes:
     """Outlines of the blocks of one assembly, computed on request and cached; thread-safe.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with n elements.
-    rotate : bool
-        Blocks that differ by a rotation have the same shape.
-    flip : bool
-        Blocks that differ by a reflection have the same shape.
+    assembly: structure with n elements. rotate: blocks that differ by a rotation have the same shape. flip: blocks that
+    differ by a reflection have the same shape.
     """
 
     def __init__(self, assembly: Assembly, *, rotate: bool = False, flip: bool = False) -> None:
@@ -74,17 +67,8 @@ class BlockShapes:
     def look(self, blocks: Ints) -> tuple[Bools, Ints]:
         """Find the blocks of labellings among the known outlines, and compute missing outlines.
 
-        Parameters
-        ----------
-        blocks : (k, n) int array
-            Block of each element, from `blocks_of`.
-
-        Returns
-        -------
-        holds : (k, n) bool array
-            True at columns that name a block with free elements.
-        places : (k, n) int array
-            Positions of these blocks among the known outlines, −1 elsewhere.
+        blocks: (k, n) block of each element, from `blocks_of`. Result: holds: (k, n) True at columns that name a block
+        with free elements; places: (k, n) positions of these blocks among the known outlines, −1 elsewhere.
         """
         with self._lock:
             return self._look(blocks)
@@ -130,20 +114,8 @@ class BlockShapes:
     def kinds(self, blocks: Sequence[Sequence[int]]) -> Ints:
         """Return the shape numbers of single blocks; congruent blocks have the same number.
 
-        Parameters
-        ----------
-        blocks : sequence of b sequences of int
-            Free elements of each block, ascending.
-
-        Returns
-        -------
-        (b,) int array
-            Shape numbers.
-
-        Raises
-        ------
-        DeadlinePassed
-            If an enforced deadline passes first.
+        blocks: free elements of each block, ascending. Returns (b,). Raises DeadlinePassed if an enforced deadline
+        passes first.
         """
         places = []
         for members in blocks:

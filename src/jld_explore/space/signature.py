@@ -18,8 +18,8 @@ from jld_core.scene.cracks import FieldCracks
 from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
 from jld_core.scene.uncertain import Uncertain, UncertainVector, uncertain_values, written
 
+# Largest difference of values that are mapped onto each other, relative to their size
 _NEAR: Final = 10.0 * tolerances.SYMMETRY
-"""Largest difference of values that are mapped onto each other, relative to their size."""
 
 Tag = tuple[Hashable, ...]
 """Facts that must be the same at the image."""

@@ -25,11 +25,9 @@ from jld_explore.space.signature import Signature, Unknown, same_marks, same_tag
 if TYPE_CHECKING:
     from jld_core.refinement.cells import CrackCells
 
-_ANGLE: Final = 10.0 * tolerances.SYMMETRY
-"""Largest difference of unit vectors that are mapped onto each other."""
+_ANGLE: Final = 10.0 * tolerances.SYMMETRY  # largest difference of unit vectors that are mapped onto each other
 
-_FEW: Final = 200
-"""Largest number of points whose distances are all computed; a tree of points takes 0.07 s to import."""
+_FEW: Final = 200  # largest number of points whose distances are all computed; a tree of points takes 0.07 s to import
 
 
 @dataclass(frozen=True)
@@ -38,14 +36,8 @@ class SymmetryGroup:
 
     Each isometry permutes the faces differently. The images of a labelling are `labelling[faces]`.
 
-    Attributes
-    ----------
-    matrices : (g, d, d) float array
-        Orthogonal matrices about the mean of the elements' centroids.
-    elements : (g, n) int array
-        Element onto which each element is mapped.
-    faces : (g, m) int array
-        Face onto which each face is mapped.
+    matrices: (g, d, d) orthogonal matrices about the mean of the elements' centroids. elements: (g, n) element onto
+    which each element is mapped. faces: (g, m) face onto which each face is mapped.
     """
 
     matrices: Floats

@@ -26,8 +26,7 @@ from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_s
 LETTER: Final = "v"
 """Letter of a face beside a cell that is left out."""
 
-_LETTERS: Final = LETTERS + LETTER
-"""All letters of a labelling as text, with void cells."""
+_LETTERS: Final = LETTERS + LETTER  # all letters of a labelling as text, with void cells
 
 
 @dataclass(frozen=True)
@@ -36,12 +35,8 @@ class Void:
 
     A labelling has m + c labels: those of the m faces of `real`, then one for each cell, True = the cell stays.
 
-    Attributes
-    ----------
-    real : Assembly
-        Structure without the sink, with m faces and n elements.
-    cells : (c,) int array
-        Elements that may be left out, in the order of their faces to the sink.
+    real: structure without the sink, with m faces and n elements. cells: (c,) elements that may be left out, in the
+    order of their faces to the sink.
     """
 
     real: Assembly
@@ -67,17 +62,7 @@ class Void:
 def is_labelling(text: object, faces: int) -> bool:
     """Return True if an object is the text of a labelling.
 
-    Parameters
-    ----------
-    text : object
-        Object to test.
-    faces : int
-        Number m of faces.
-
-    Returns
-    -------
-    bool
-        True for a string of m letters d, i and v.
+    text: object to test. faces: number m of faces. Result: True for a string of m letters d, i and v.
     """
     return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
 
@@ -85,15 +70,7 @@ def is_labelling(text: object, faces: int) -> bool:
 def beside_nothing(text: str) -> Bools:
     """Return the faces beside a cell that is left out.
 
-    Parameters
-    ----------
-    text : str
-        m letters of a labelling.
-
-    Returns
-    -------
-    (m,) bool array
-        True at the letter v.
+    text: m letters of a labelling. Returns (m,).
     """
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(LETTER))
 
@@ -101,20 +78,7 @@ def beside_nothing(text: str) -> Bools:
 def dry_of(text: str) -> Bits:
     """Convert the letters of a labelling to a mask of dry faces; faces with v are not dry.
 
-    Parameters
-    ----------
-    text : str
-        m letters d, i and v.
-
-    Returns
-    -------
-    (m,) bool array
-        Labels, True = dry.
-
-    Raises
-    ------
-    ValueError
-        If the text holds any other letter.
+    text: m letters d, i and v. Returns (m,). Raises ValueError if the text holds any other letter.
     """
     if text.strip(_LETTERS):
         raise ValueError(f"a labelling holds {text.strip(_LETTERS)[0]!r}; expected 'd', 'i' and 'v' only")
@@ -124,17 +88,8 @@ def dry_of(text: str) -> Bits:
 def omitted(assembly: Assembly, text: str) -> Bools:
     """Return the elements that a labelling leaves out.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure without the sink.
-    text : str
-        m letters of a labelling.
-
-    Returns
-    -------
-    (n,) bool array
-        True for free elements all of whose faces have the letter v; all False for a text without v.
+    assembly: structure without the sink. text: m letters of a labelling. Returns (n,): True for free elements all of
+    whose faces have the letter v; all False for a text without v.
     """
     void = beside_nothing(text)
     faces = assembly.interfaces
@@ -146,24 +101,9 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     """Return the structure without the cells that a labelling leaves out, and its labels.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure without the sink.
-    text : str
-        m letters of a labelling.
-
-    Returns
-    -------
-    assembly : Assembly
-        Remaining structure, the given one if the text has no v.
-    labels : bool array
-        Labels of its interfaces, True = dry.
-
-    Raises
-    ------
-    ValueError
-        If the text holds a letter other than d, i and v.
+    assembly: structure without the sink. text: m letters of a labelling. Result: assembly: remaining structure, the
+    given one if the text has no v; labels: labels of its interfaces, True = dry. Raises ValueError if the text holds a
+    letter other than d, i and v.
     """
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:

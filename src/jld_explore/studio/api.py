@@ -30,8 +30,7 @@ from jld_explore.studio.supports import with_support
 
 SECONDS: Final = (1.0, 86_400.0)
 """Smallest and largest time limit of a search begun from the page, s."""
-_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")
-"""Names under which a scene may be saved."""
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")  # names under which a scene may be saved
 PAGES: Final = 64
 """Number of open pages whose newest revision is remembered."""
 CANDIDATES: Final = "candidates.json"
@@ -45,16 +44,8 @@ class Api:
     answer with status 400. Requests about a state of the page have "labelling" (letters d and i, one per face) and
     "changes" (parts of the scene that differ), and "scene", the name of another scene than the first.
 
-    Parameters
-    ----------
-    desk : StudioSession
-        Solver of the scene with which the studio begins.
-    jobs : Jobs
-        Searches.
-    root : Path
-        The only folder into which files are written.
-    first : callable
-        Function that returns the initial data of the page.
+    desk: solver of the scene with which the studio begins. jobs: searches. root: the only folder into which files are
+    written. first: function that returns the initial data of the page.
     """
 
     def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], PageData]) -> None:

@@ -21,20 +21,9 @@ METRIC: Final = ("MN", "kN", "N")
 def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
     """State λ times every live load of each load case.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the loads.
-    assembly : Assembly
-        Assembly of the scene.
-    result : LimitAnalysisResult
-        Result of one layout, with all load cases.
-
-    Returns
-    -------
-    list of lists of str
-        For each load case, one text per live entry, as "11.9 kN" or, for a pressure in the plane, "3 kN/m (15 kN/m²)";
-        "" without a load factor. A case of a moving load has no entries.
+    result: result of one layout, with all load cases. Result: for each load case, one text per live entry, as "11.9 kN"
+    or, for a pressure in the plane, "3 kN/m (15 kN/m²)"; "" without a load factor. A case of a moving load has no
+    entries.
     """
     results = result.cases or {"": result}
     return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})

@@ -34,14 +34,7 @@ class FieldBracket:
 
     The constructor raises InputError if fields do not apply, or the coarsest mesh is too large to follow by hand.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure.
-    labels : (m,) bool array
-        Labels, True = dry.
-    gap : float
-        Relative width of the bracket at which refinement ends.
+    labels: (m,) True = dry. gap: relative width of the bracket at which refinement ends.
     """
 
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
@@ -58,11 +51,8 @@ class FieldBracket:
         The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its required
         factor.
 
-        Returns
-        -------
-        dict
-            bracket (lower bound None until every case has one), cases (bracket of each), status, triangles, seconds of
-            work, and `more`: True if a further step may narrow the bracket.
+        Result: bracket (lower bound None until every case has one), cases (bracket of each), status, triangles, seconds
+        of work, and `more`: True if a further step may narrow the bracket.
         """
         case = self._next()
         if case is not None:
@@ -111,19 +101,9 @@ class FieldBrackets:
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
         """Solve one more mesh of the bounds by fields of a layout, and return the bounds so far.
 
-        Parameters
-        ----------
-        assembly : Assembly
-            Structure with the materials and loads shown; the same object for the same state of the page.
-        labels : (m,) bool array
-            Labels, True = dry.
-        gap : float
-            Relative width of the bracket at which refinement ends.
-
-        Returns
-        -------
-        dict
-            As `FieldBracket.step`, or `refused` with the reason where fields do not apply.
+        assembly: structure with the materials and loads shown; the same object for the same state of the page. labels:
+        (m,) True = dry. gap: relative width of the bracket at which refinement ends. Result: as `FieldBracket.step`, or
+        `refused` with the reason where fields do not apply.
         """
         key = (id(assembly), labels.tobytes())
         with self._turn:

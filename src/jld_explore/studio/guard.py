@@ -33,14 +33,7 @@ class Guard:
 
     POST requests need JSON, and an `Origin` of these hosts or none. A request may have at most `LARGEST` bytes.
 
-    Parameters
-    ----------
-    app : ASGIApp
-        Application behind the guard.
-    token : str
-        First part of every path.
-    hosts : tuple of str
-        Admissible values of the header `Host`.
+    app: application behind the guard. token: first part of every path. hosts: admissible values of the header `Host`.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:

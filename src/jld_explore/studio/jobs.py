@@ -34,39 +34,23 @@ ORDERS: Final = "order.json"
 MOST: Final = 4
 """Largest number of searches that may run at a time."""
 
+# Entries of summary.json that a page shows
 _SUMMARY: Final = ("best", "bound", "gap", "proven", "unbounded", "stop_reason", "evaluated")
-"""Entries of summary.json that a page shows."""
 
+# Remedy in error messages about a damaged file of a search
 _UNDAMAGED: Final = "the file as it was written, or the folder removed"
-"""Remedy in error messages about a damaged file of a search."""
 
 
 @dataclass
 class Job:
     """Search of the studio, which runs or has run in a process of its own.
 
-    Attributes
-    ----------
-    name : str
-        Name of the job and of its folder.
-    kind : Kind
-        Purpose of the search: improve, prove, explore, or study for one that was opened.
-    folder : Path
-        Folder of the job.
-    orders : dict
-        Settings of the search, by the names of `ExploreSettings`.
-    shown : dict
-        "scene" (its name in the studio) and "changes" of the page that began the search; empty if unknown.
-    state : State
-        running, stopping, stopped, done or failed.
-    progress : dict
-        Last progress report; empty before the first one.
-    error : str
-        Reason of a failure, in one line; "" without one.
-    process : Popen or None
-        Process of the search; None if it was not started in this session.
-    listener : Thread or None
-        Thread that reads the output of the process, and ends after it.
+    name: name of the job and of its folder. kind: purpose of the search: improve, prove, explore, or study for one that
+    was opened. orders: settings of the search, by the names of `ExploreSettings`. shown: "scene" (its name in the
+    studio) and "changes" of the page that began the search; empty if unknown. state: running, stopping, stopped, done
+    or failed. progress: last progress report; empty before the first one. error: reason of a failure, in one line; ""
+    without one. process: process of the search; None if it was not started in this session. listener: thread that reads
+    the output of the process, and ends after it.
     """
 
     name: str
@@ -129,12 +113,7 @@ class Jobs:
 
     The constructor reads the folder, and raises InputError for a damaged file in it.
 
-    Parameters
-    ----------
-    root : Path
-        Folder of the searches.
-    study : Path, optional
-        Folder of a study that was opened, which becomes the search "study".
+    root: folder of the searches. study: folder of a study that was opened, which becomes the search "study".
     """
 
     def __init__(self, root: Path, study: Path | None = None) -> None:

@@ -33,17 +33,8 @@ class JointVertices:
     Vertices are numbered as in `vertex_mesh`. Those that are ends of a face and belong to no support may move: inside
     the structure freely, on a straight outline or a circle that the key "move" names along it.
 
-    Parameters
-    ----------
-    scene : Scene
-        Planar scene of the studio.
-    assembly : Assembly
-        Assembly of the scene.
-
-    Raises
-    ------
-    InputError
-        No vertex can move, or the key "move" does not fit the structure.
+    scene: planar scene of the studio. Raises InputError: no vertex can move, or the key "move" does not fit the
+    structure.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
@@ -57,12 +48,9 @@ class JointVertices:
     def facts(self) -> dict[str, Any]:
         """Return the data by which a page drags vertices, as JSON.
 
-        Returns
-        -------
-        dict
-            `places` of all vertices, lengths; `loops`, the vertices around each element; `ends`, two vertices of each
-            face; `paths`, by vertex, how it moves: {} freely, {"direction": vector} or {"circle": centre}; `ties`, by
-            vertex, the others that move with it, as pairs of a vertex and a factor on the displacement in x.
+        Result: `places` of all vertices, lengths; `loops`, the vertices around each element; `ends`, two vertices of
+        each face; `paths`, by vertex, how it moves: {} freely, {"direction": vector} or {"circle": centre}; `ties`, by
+        vertex, the others that move with it, as pairs of a vertex and a factor on the displacement in x.
         """
         found, paths = self._variables, dict[str, Any]()
         for vertex in sorted(self._movable):
@@ -135,28 +123,10 @@ class JointVertices:
         Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states another
         objective.
 
-        Parameters
-        ----------
-        scene : Scene
-            Scene that the page shows.
-        assembly : Assembly
-            Assembly of the scene.
-        labels : (m,) bool array
-            Labels shown, True = dry.
-        places : (v, 2) array
-            Places of the vertices that the page shows.
-
-        Returns
-        -------
-        dict
-            `vertices`, from vertex to place [x, y], of those that are not where the studio's scene has them; `start`
-            and `value`, λ before and after (None: it does not stand, or is locked); `steps`; `end`, as
-            `MovedJoints.end`.
-
-        Raises
-        ------
-        InputError
-            Nothing can move, or nothing that was tried stands.
+        scene: scene that the page shows. labels: (m,) labels shown, True = dry. places: (v, 2) places of the vertices
+        that the page shows. Result: `vertices`, from vertex to place [x, y], of those that are not where the studio's
+        scene has them; `start` and `value`, λ before and after (None: it does not stand, or is locked); `steps`; `end`,
+        as `MovedJoints.end`. Raises InputError: nothing can move, or nothing that was tried stands.
         """
         move = (scene.move or Move(inner="follow")).model_copy(update={"maximise": "load_factor"})
         shown = scene.model_copy(update={"move": move})

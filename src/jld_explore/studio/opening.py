@@ -31,14 +31,9 @@ KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
 class OpenedFile:
     """Scene of a file, with the report of its import.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene of the file, its name that of the file where the file has none.
-    report : tuple of (str, str)
-        Sentences of the import, each after its kind, as "found" or "skipped"; empty for a scene file.
-    unit : str
-        Length unit of the file, in which tolerances are given; "" for a scene file.
+    scene: scene of the file, its name that of the file where the file has none. report: sentences of the import, each
+    after its kind, as "found" or "skipped"; empty for a scene file. unit: length unit of the file, in which tolerances
+    are given; "" for a scene file.
     """
 
     scene: Scene

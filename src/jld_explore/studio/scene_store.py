@@ -19,24 +19,14 @@ SESSIONS: Final = 6
 """Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for."""
 FOLDER: Final = "scenes"
 """Folder for the scenes of kept candidates."""
-_NAME: Final = re.compile(r"[0-9a-f]{16}")
-"""Pattern of the name of a scene."""
+_NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
 
 
 class SceneStore:
     """Scenes of the pages by name, a digest of their content; thread-safe.
 
-    Parameters
-    ----------
-    first : StudioSession
-        Solver of the scene with which the studio began.
-    root : Path
-        Folder of the studio; scenes of kept candidates are written into a folder in it.
-
-    Attributes
-    ----------
-    first_name : str
-        Name of the first scene.
+    first: solver of the scene with which the studio began. root: folder of the studio; scenes of kept candidates are
+    written into a folder in it. first_name: name of the first scene.
     """
 
     def __init__(self, first: StudioSession, root: Path) -> None:

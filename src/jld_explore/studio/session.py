@@ -40,26 +40,16 @@ SPACES: Final = 4
 CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
 """Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes."""
 
-_SCENE: Final = "scene"
-"""Name of the scene in messages, which a key of the page does not have."""
+_SCENE: Final = "scene"  # name of the scene in messages, which a key of the page does not have
 
 
 @dataclass(frozen=True)
 class ScenarioCache:
     """Scene of one state of the page, with all objects that solve it.
 
-    Attributes
-    ----------
-    scene : Scene
-        Scene with these materials, loads and vertices.
-    assembly : Assembly
-        Assembly of the scene.
-    space : SearchSpace or None
-        Search space of the scene, None if the scene cannot be searched, or joints were moved.
-    refusal : InputError or None
-        Why the scene cannot be searched.
-    solver : CaseAnalysis
-        Solver of all load cases of the scene.
+    scene: scene with these materials, loads and vertices. space: search space of the scene, None if the scene cannot be
+    searched, or joints were moved. refusal: why the scene cannot be searched. solver: solver of all load cases of the
+    scene.
     """
 
     scene: Scene
@@ -72,15 +62,8 @@ class ScenarioCache:
 class StudioSession:
     """Solver of labellings of one scene, whose materials, loads, limits and joints may change.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the studio; its elements and interfaces are fixed.
-
-    Attributes
-    ----------
-    joints : JointVertices or None
-        Vertices that may move; None in space, or where none may.
+    scene: scene of the studio; its elements and interfaces are fixed. joints: vertices that may move; None in space, or
+    where none may.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -8,33 +8,16 @@ from typing import Any, Final
 
 from jld_core.errors import InputError
 
-_CELL: Final = re.compile(r"c(\d+)r(\d+)")
-"""Pattern of the name of a cell of a grid: column and row."""
-_LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
-"""Letters from which a cell that is no longer a support takes its own."""
+_CELL: Final = re.compile(r"c(\d+)r(\d+)")  # pattern of the name of a cell of a grid: column and row
+_LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"  # letters from which a cell that is no longer a support takes its own
 
 
 def with_support(document: Mapping[str, Any], element: object, support: object) -> dict[str, Any]:
     """Return a scene document in which an element is a support, or is none.
 
-    Parameters
-    ----------
-    document : mapping
-        Scene document.
-    element : str
-        Id of the element.
-    support : bool
-        True for a support. A cell of a grid that becomes free is a block of its own.
-
-    Returns
-    -------
-    dict
-        New document; pairs of its labels that are two supports are left out.
-
-    Raises
-    ------
-    InputError
-        There is no such element, or `support` is not true or false.
+    document: scene document. element: id of the element. support: True for a support. A cell of a grid that becomes
+    free is a block of its own. Result: new document; pairs of its labels that are two supports are left out. Raises
+    InputError: there is no such element, or `support` is not true or false.
     """
     if not isinstance(support, bool):
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")

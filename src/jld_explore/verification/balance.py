@@ -26,20 +26,14 @@ _ROUTE: Final = Route("certificates")
 Moves = Mapping[int, Sequence[int]]
 """Velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move."""
 
-_PARTS: Final = 24
-"""Denominator of dissipation, so that halves, sixths and twelfths of strengths are integers."""
+_PARTS: Final = 24  # denominator of dissipation, so that halves, sixths and twelfths of strengths are integers
 
 
 @dataclass(frozen=True)
 class Balance:
     """Work balance of a mechanism, λ · work ≤ spent, that holds for a set of labellings.
 
-    Attributes
-    ----------
-    work : Fraction
-        Power of the live load at λ = 1.
-    spent : Fraction or None
-        Dissipation minus power of the dead load; None if unbounded.
+    work: power of the live load at λ = 1. spent: dissipation minus power of the dead load; None if unbounded.
     """
 
     work: Fraction
@@ -58,15 +52,8 @@ class Balance:
 class Balances:
     """Exact work balances of one assembly under one load.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with a single load case.
-
-    Raises
-    ------
-    InputError
-        If a spatial assembly has crushing or faces that are not rectangles.
+    assembly: structure with a single load case. Raises InputError if a spatial assembly has crushing or faces that are
+    not rectangles.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -144,19 +131,9 @@ class Balances:
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
         """Evaluate the work balance of a mechanism.
 
-        Parameters
-        ----------
-        moves : mapping of int to sequence of int
-            Velocities of elements, as integers over 2**digits.
-        digits : int
-            Binary digits of the velocities after the point.
-        labels : mapping of int to bool
-            Labels of decided faces, True = dry; other faces may have either label.
-
-        Returns
-        -------
-        Balance
-            Balance valid for all labellings with these labels.
+        moves: velocities of elements, as integers over 2**digits. digits: binary digits of the velocities after the
+        point. labels: labels of decided faces, True = dry; other faces may have either label. Result: balance valid for
+        all labellings with these labels.
         """
         scale = self._coefficient_digits + digits
         work = self._power(self._live, self._live_digits, moves, digits)

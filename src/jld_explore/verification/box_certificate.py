@@ -21,8 +21,8 @@ VERSION: Final = 1
 KEY: Final = "jld box certificate"
 """Key of the version in the first line."""
 
+# Remedy in error messages about a damaged certificate
 _EXPECTED: Final = "a certificate as jld move --prove --certificate writes it"
-"""Remedy in error messages about a damaged certificate."""
 
 Pair = tuple[float, float]
 """Two numbers: a point, a displacement, or the ends of an interval."""
@@ -32,22 +32,11 @@ Pair = tuple[float, float]
 class BoxClaim:
     """Statement of a certificate: no position in the box carries more than `bound`.
 
-    Attributes
-    ----------
-    scene : dict
-        Scene with stated interfaces as JSON, not validated; positions are measured from it.
-    bound : float
-        Upper bound on λ, scene units; with load cases on the governing factor.
-    box : tuple of (float, float)
-        Least and greatest value of each parameter, lengths.
-    directions : tuple of tuples of ((x, y), (dx, dy))
-        For each parameter the points that it moves, and their displacement for a parameter of one.
-    parameters : tuple of float or None
-        Best position found.
-    load_factor : float or None
-        λ that it carries; None if no position was found to stand.
-    made_by : str
-        Name of the program that wrote the certificate.
+    scene: scene with stated interfaces as JSON, not validated; positions are measured from it. bound: upper bound on λ,
+    scene units; with load cases on the governing factor. box: least and greatest value of each parameter, lengths.
+    directions: for each parameter the points that it moves, and their displacement for a parameter of one. parameters:
+    best position found. load_factor: λ that it carries; None if no position was found to stand. made_by: name of the
+    program that wrote the certificate.
     """
 
     scene: dict[str, Any]
@@ -63,12 +52,7 @@ class BoxClaim:
 class Split:
     """Node of the tree: the box is split into two along one parameter.
 
-    Attributes
-    ----------
-    axis : int
-        Index of the parameter.
-    at : float
-        Value of the parameter at the common end of both halves, length.
+    axis: index of the parameter. at: value of the parameter at the common end of both halves, length.
     """
 
     axis: int
@@ -79,15 +63,8 @@ class Split:
 class Leaf:
     """Node of the tree: a mechanism that bounds λ of all positions in the box.
 
-    Attributes
-    ----------
-    case : int
-        Position of the load case.
-    digits : int
-        Binary digits of the velocities after the point.
-    moves : dict of int to (int, int, int)
-        Velocities (ux, uy, ω) of elements as integers over 2**digits: a point (x, y) of the plane has the velocity
-        (ux − ω y, uy + ω x).
+    case: position of the load case. digits: binary digits of the velocities after the point. moves: velocities (ux, uy,
+    ω) of elements as integers over 2**digits: a point (x, y) of the plane has the velocity (ux − ω y, uy + ω x).
     """
 
     case: int

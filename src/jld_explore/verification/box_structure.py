@@ -23,22 +23,15 @@ _ROUTE: Final = Route("certificates of boxes", frozenset({"friction"}))
 Vector = tuple[Fraction, Fraction]
 """Exact vector or point in the plane."""
 
-_MOST: Final = 4
-"""Largest number of parameters."""
+_MOST: Final = 4  # largest number of parameters
 
 
 @dataclass(frozen=True)
 class Joint:
     """Dry face between two elements.
 
-    Attributes
-    ----------
-    a, b : int
-        Elements; -1 for a support.
-    ends : ((x, y), (x, y))
-        Points at which it begins and ends along the counter-clockwise outline of a.
-    friction : Fraction
-        Friction coefficient.
+    a, b: elements; -1 for a support. ends: points at which it begins and ends along the counter-clockwise outline of a.
+    friction: friction coefficient.
     """
 
     a: int
@@ -51,12 +44,7 @@ class Joint:
 class Loads:
     """Loads of one kind on the elements.
 
-    Attributes
-    ----------
-    per_area : dict of int to vector
-        Force per area of the element.
-    points : list of (element, force, point, moment)
-        Forces at fixed points, and moments.
+    per_area: force per area of the element. points: forces at fixed points, and moments.
     """
 
     per_area: dict[int, Vector]
@@ -66,28 +54,9 @@ class Loads:
 class BoxStructure:
     """Structure of a claim: exact outlines, joints, and loads of every case.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the claim.
-    claim : BoxClaim
-        Statement with the points that move.
-
-    Attributes
-    ----------
-    joints : list of Joint
-        All faces.
-    cases : list of (Loads, Loads, Fraction)
-        Dead and live loads of each case, and its required load factor.
-    free : set of int
-        Elements that are no supports.
-    parameters : int
-        Number of parameters.
-
-    Raises
-    ------
-    InputError
-        The scene is not of dry joints alone, or holds something that is not checked here.
+    claim: statement with the points that move. joints: all faces. cases: dead and live loads of each case, and its
+    required load factor. free: elements that are no supports. parameters: number of parameters. Raises InputError: the
+    scene is not of dry joints alone, or holds something that is not checked here.
     """
 
     def __init__(self, scene: Scene, claim: BoxClaim) -> None:

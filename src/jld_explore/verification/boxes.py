@@ -29,26 +29,15 @@ _ROUTE: Final = Route("certificates of boxes")
 Velocity = tuple[Fraction, Fraction, Fraction]
 """Exact velocity (ux, uy, ω) about the origin of coordinates."""
 
-_STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))
-"""Velocity of elements that do not move."""
+_STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))  # velocity of elements that do not move
 
 
 @dataclass(frozen=True)
 class VerifiedBox:
     """Result of a successful check: no position in the box carries a λ above `claim.bound`.
 
-    Attributes
-    ----------
-    claim : BoxClaim
-        Statement of the certificate.
-    scene : Scene
-        Scene that the certificate holds.
-    boxes : int
-        Number of boxes with a mechanism of their own.
-    size : int
-        Size of the file, bytes.
-    seconds : float
-        Time of the check, s.
+    claim: statement of the certificate. scene: scene that the certificate holds. boxes: number of boxes with a
+    mechanism of their own. size: size of the file, bytes. seconds: time of the check, s.
     """
 
     claim: BoxClaim
@@ -109,19 +98,8 @@ def _numbers(assembly: Assembly) -> Floats:
 def check_boxes(scene: Scene, claim: BoxClaim, nodes: list[Node]) -> int:
     """Check the tree of a certificate, and return its number of boxes with a mechanism.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the claim.
-    claim : BoxClaim
-        Statement to check.
-    nodes : list of Node
-        The tree, a split before both of its halves, the lower one first.
-
-    Raises
-    ------
-    InputError
-        For the first node that does not hold, or a tree that does not cover the box.
+    claim: statement to check. nodes: the tree, a split before both of its halves, the lower one first. Raises
+    InputError for the first node that does not hold, or a tree that does not cover the box.
     """
     checker = _Checker(BoxStructure(scene, claim), claim)
     start = [Fraction(low) for low, _ in claim.box], [Fraction(high) for _, high in claim.box]

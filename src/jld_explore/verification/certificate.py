@@ -23,28 +23,18 @@ VERSION: Final = 1
 MOST_DIGITS: Final = 10_000
 """Exclusive limit on the binary digits of velocities; a double has fewer than 1100 after its point."""
 
-_KEY: Final = "jld certificate"
-"""Key of the version in the first line."""
+_KEY: Final = "jld certificate"  # key of the version in the first line
+# Remedy in error messages about a damaged certificate
 _EXPECTED: Final = "a certificate as jld explore --certificate writes it"
-"""Remedy in error messages about a damaged certificate."""
 
 
 @dataclass(frozen=True)
 class Claim:
     """Statement of a certificate: no labelling of the scene carries more than `bound`.
 
-    Attributes
-    ----------
-    scene : dict
-        Scene as JSON, not validated.
-    bound : float
-        Upper bound on λ, scene units; with load cases on the governing factor.
-    labelling : str or None
-        Best labelling found, letters 'd' and 'i'.
-    load_factor : float or None
-        λ that `labelling` carries; None if no labelling was found.
-    made_by : str
-        Name of the program that wrote the certificate.
+    scene: scene as JSON, not validated. bound: upper bound on λ, scene units; with load cases on the governing factor.
+    labelling: best labelling found, letters 'd' and 'i'. load_factor: λ that `labelling` carries; None if no labelling
+    was found. made_by: name of the program that wrote the certificate.
     """
 
     scene: dict[str, Any]
@@ -58,18 +48,8 @@ class Claim:
 class Mechanism:
     """Reason: a mechanism by which no labelling with these labels carries more than the bound.
 
-    Attributes
-    ----------
-    dry : tuple of int
-        Faces that are dry.
-    inner : tuple of int
-        Faces that are inner.
-    case : int
-        Position of the load case.
-    digits : int
-        Binary digits of the velocities after the point.
-    moves : dict of int to tuple of int
-        Velocities of elements, as integers over 2**digits.
+    dry: faces that are dry. inner: faces that are inner. case: position of the load case. digits: binary digits of the
+    velocities after the point. moves: velocities of elements, as integers over 2**digits.
     """
 
     dry: tuple[int, ...]
@@ -83,14 +63,9 @@ class Mechanism:
 class Rule:
     """Reason: a rule of the scene that excludes labellings.
 
-    Attributes
-    ----------
-    kind : str
-        "slit", "large" or "small".
-    numbers : tuple of int
-        For "slit" a dry face, then the inner faces that join its two sides.
-        For "large" inner faces that join a block above a limit.
-        For "small" elements enclosed by dry faces whose block is below a limit.
+    kind: "slit", "large" or "small". numbers: for "slit" a dry face, then the inner faces that join its two sides. For
+    "large" inner faces that join a block above a limit. For "small" elements enclosed by dry faces whose block is below
+    a limit.
     """
 
     kind: str
@@ -101,12 +76,7 @@ class Rule:
 class Lemma:
     """Reason: a clause that follows from earlier clauses by unit propagation.
 
-    Attributes
-    ----------
-    literals : tuple of int
-        Literals of the clause.
-    by : tuple of int
-        Numbers of the clauses used, in order.
+    by: numbers of the clauses used, in order.
     """
 
     literals: tuple[int, ...]
@@ -131,14 +101,8 @@ def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
 def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
     """Write a certificate atomically.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; its folder is created if missing.
-    claim : Claim
-        Statement that the certificate proves.
-    reasons : iterable of Reason
-        Reasons in the order in which they are checked.
+    path: file to write; its folder is created if missing. claim: statement that the certificate proves. reasons:
+    reasons in the order in which they are checked.
     """
     head = {_KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(reason) for reason in reasons)]
@@ -158,22 +122,9 @@ def _line(reason: Reason) -> dict[str, Any]:
 def read(path: Path) -> tuple[Claim, list[Reason]]:
     """Read a certificate without checking its reasons.
 
-    Parameters
-    ----------
-    path : Path
-        File of a certificate.
-
-    Returns
-    -------
-    claim : Claim
-        Statement of the certificate; its scene is not validated.
-    reasons : list of Reason
-        The reasons in the order of their lines.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is no certificate, is not whole, or has an invalid claim.
+    path: file of a certificate. Result: claim: statement of the certificate; its scene is not validated; reasons: the
+    reasons in the order of their lines. Raises InputError if the file cannot be read, is no certificate, is not whole,
+    or has an invalid claim.
     """
     try:
         text = path.read_bytes()

@@ -23,6 +23,7 @@ from jld_explore.verification.counting import at_least
 
 Clause = list[int]
 
+# Keys under "search" from which rules follow
 _STATED: Final = {
     "candidates",
     "keep",
@@ -33,8 +34,8 @@ _STATED: Final = {
     "block_mass",
     "dry_faces",
 }
-"""Keys under "search" from which rules follow."""
 
+# Keys under "search" that never add labellings; a proof without them holds with them as well
 _NARROWER: Final = {
     "block_aspect",
     "convex_blocks",
@@ -48,10 +49,8 @@ _NARROWER: Final = {
     "saw_cuts",
     "saw_set_ups",
 }
-"""Keys under "search" that never add labellings; a proof without them holds with them as well."""
 
-_IDLE: Final = {"symmetry", "front"}
-"""Keys under "search" that do not affect which labellings are admissible."""
+_IDLE: Final = {"symmetry", "front"}  # keys under "search" that do not affect which labellings are admissible
 
 
 class Labellings:
@@ -60,24 +59,9 @@ class Labellings:
     A clause is a list of literals of which at least one holds: face + 1 states that a face is inner, −(face + 1) that
     it is dry.
 
-    Parameters
-    ----------
-    scene : Scene
-        Validated scene.
-    assembly : Assembly
-        Assembly of the scene.
-
-    Attributes
-    ----------
-    fixed : dict of int to bool
-        Label of each face that has only one, True = dry.
-    beginning : list of list of int
-        Clauses known before any reason; counts have variables of their own.
-
-    Raises
-    ------
-    InputError
-        If "search" has a key that certificates do not support.
+    scene: validated scene. fixed: label of each face that has only one, True = dry. beginning: clauses known before any
+    reason; counts have variables of their own. Raises InputError if "search" has a key that certificates do not
+    support.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:

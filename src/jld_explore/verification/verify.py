@@ -26,18 +26,8 @@ from jld_explore.verification.refutation import follows
 class Verified:
     """Result of a successful check: no labelling of the scene carries a λ above `claim.bound`.
 
-    Attributes
-    ----------
-    claim : Claim
-        Statement of the certificate.
-    scene : Scene
-        Scene that the certificate holds.
-    mechanisms, rules, lemmas : int
-        Number of reasons of each kind.
-    size : int
-        Size of the file, bytes.
-    seconds : float
-        Time of the check, s.
+    claim: statement of the certificate. scene: scene that the certificate holds. mechanisms, rules, lemmas: number of
+    reasons of each kind. size: size of the file, bytes. seconds: time of the check, s.
     """
 
     claim: Claim
@@ -87,24 +77,9 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 class Checker:
     """Checker of the reasons of one claim, in order: call `check` once.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the claim.
-    assembly : Assembly
-        Assembly of the scene.
-    claim : Claim
-        Statement to check.
-
-    Attributes
-    ----------
-    clauses : dict of int to list of int
-        Clauses by number, with literals as in `Labellings`; those of the scene are numbered from one.
-
-    Raises
-    ------
-    InputError
-        If the scene is not supported or the labelling of the claim is not one of the scene.
+    claim: statement to check. clauses: clauses by number, with literals as in `Labellings`; those of the scene are
+    numbered from one. Raises InputError if the scene is not supported or the labelling of the claim is not one of the
+    scene.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
@@ -132,15 +107,7 @@ class Checker:
     def check(self, reasons: list[Reason]) -> None:
         """Check all reasons in order.
 
-        Parameters
-        ----------
-        reasons : list of Reason
-            Reasons of the certificate.
-
-        Raises
-        ------
-        InputError
-            For the first reason that does not hold, or if labellings remain.
+        Raises InputError for the first reason that does not hold, or if labellings remain.
         """
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)

@@ -20,29 +20,23 @@ from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.solvers.linear import LinearRows
 
+# Values of y below which a mode may move, tried in order until some mechanism exists
 _CLOSED: Final = (1e-9, 1e-7, 1e-5)
-"""Values of y below which a mode may move, tried in order until some mechanism exists."""
 
-_MOVING: Final = 1e-9
-"""Value of z above which a mode counts as moving."""
+_MOVING: Final = 1e-9  # value of z above which a mode counts as moving
 
-_BETTER: Final = 1e-9
-"""Relative gain in λ that counts."""
+_BETTER: Final = 1e-9  # relative gain in λ that counts
 
-_IDLES: Final = 1e-3
-"""Scaled weight of a mode whose slack is zero, so that few of these modes move."""
+_IDLES: Final = 1e-3  # scaled weight of a mode whose slack is zero, so that few of these modes move
 
-_SWAY: Final = 1e-3
-"""Size of the random objective that selects another vertex of the same λ."""
+_SWAY: Final = 1e-3  # size of the random objective that selects another vertex of the same λ
 
+# Random change of the weights y where the gap is closed: relative, absolute. The second is also the weight of λ.
 _UNEVEN: Final = (0.2, 1e-6)
-"""Random change of the weights y where the gap is closed: relative, absolute. The second is also the weight of λ."""
 
-_ROUNDS: Final = 6
-"""Maximum number of rounds to close the gap."""
+_ROUNDS: Final = 6  # maximum number of rounds to close the gap
 
-_CLOSING: Final = 0.9
-"""Factor by which Σ yz must decrease in each round."""
+_CLOSING: Final = 0.9  # factor by which Σ yz must decrease in each round
 
 
 class AlternatingPrograms:
@@ -51,12 +45,7 @@ class AlternatingPrograms:
     Each of m faces has four yield slacks y ≥ 0 and four modes, rates z ≥ 0 of hinges and slides. In a solution y z = 0,
     docs/method.md (4.6). A point (3m + 1,) holds scaled forces F and λ. Solutions found here are not certified yet.
 
-    Parameters
-    ----------
-    modes : Modes
-        The complementarity problem.
-    most : float
-        Scaled λ above which solutions are ignored.
+    modes: the complementarity problem. most: scaled λ above which solutions are ignored.
     """
 
     def __init__(self, modes: Modes, most: float) -> None:

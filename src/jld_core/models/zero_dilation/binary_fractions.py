@@ -20,12 +20,7 @@ class BinaryFractions:
 
     The operators +, − and @ are exact.
 
-    Attributes
-    ----------
-    values : (r, c) object array
-        Integers of any length.
-    scale : int
-        Each entry is its integer divided by 2^scale.
+    values: (r, c) integers of any length. scale: each entry is its integer divided by 2^scale.
     """
 
     values: Any

@@ -15,14 +15,8 @@ from jld_core.models.zero_dilation.statics import Statics, bound_velocities
 class Region:
     """Part of the solutions on which a bound is proven.
 
-    Attributes
-    ----------
-    low, high : float
-        Ends of the interval of scaled λ.
-    closed : (4m,) bool array
-        Closed modes, with the rate z = 0.
-    held : (4m,) bool array
-        Held modes, with the yield slack y = 0.
+    low, high: ends of the interval of scaled λ. closed: (4m,) closed modes, with the rate z = 0. held: (4m,) held
+    modes, with the yield slack y = 0.
     """
 
     low: float
@@ -52,14 +46,9 @@ class BoundedModes:
 
     Every step of a lower-bound search takes this one description of the problem.
 
-    Attributes
-    ----------
-    modes : Modes
-        The complementarity problem.
-    force_bounds : (3m + 2,) float array
-        Upper bounds on |F|, |λ| and 1, see `Statics.force_bounds`.
-    velocity_bounds : (3n + m,) float array or None
-        Upper bounds on velocities and slides per unit of cost, see `bound_velocities`; None if not proven.
+    modes: the complementarity problem. force_bounds: (3m + 2,) upper bounds on |F|, |λ| and 1, see
+    `Statics.force_bounds`. velocity_bounds: (3n + m,) upper bounds on velocities and slides per unit of cost, see
+    `bound_velocities`; None if not proven.
     """
 
     modes: Modes

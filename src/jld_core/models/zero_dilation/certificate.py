@@ -36,41 +36,31 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
     row_maxima,
 )
 
-_ROUNDS: Final = 20
-"""Maximum number of corrections of the multipliers."""
+_ROUNDS: Final = 20  # maximum number of corrections of the multipliers
 
+# Size above which a multiplier may change without limit in a correction; smaller ones change in proportion
 _FREE: Final = 1e-7
-"""Size above which a multiplier may change without limit in a correction; smaller ones change in proportion."""
 
-_GONE: Final = 1e-14
-"""Size below which a multiplier counts as zero."""
+_GONE: Final = 1e-14  # size below which a multiplier counts as zero
 
-_FINER: Final = 0.2
-"""Factor by which the slack σ decreases after a proof, as less slack may prove a higher bound."""
+_FINER: Final = 0.2  # factor by which the slack σ decreases after a proof, as less slack may prove a higher bound
 
-_FINEST: Final = 2e-4
-"""Fraction of the initial slack at which this reduction ends."""
+_FINEST: Final = 2e-4  # fraction of the initial slack at which this reduction ends
 
-_ASTRAY: Final = 1e4
-"""Ratio of the charge to the least charge so far at which corrections have diverged."""
+_ASTRAY: Final = 1e4  # ratio of the charge to the least charge so far at which corrections have diverged
 
+# Factor by which a correction must reduce the charge; three failures in a row end the corrections
 _STALLED: Final = 0.7
-"""Factor by which a correction must reduce the charge; three failures in a row end the corrections."""
 
-_REFINED: Final = 12
-"""Maximum number of refinements of a correction with the same factor."""
+_REFINED: Final = 12  # maximum number of refinements of a correction with the same factor
 
-_GAINS: Final = 0.5
-"""Factor by which each refinement must reduce the residual."""
+_GAINS: Final = 0.5  # factor by which each refinement must reduce the residual
 
-_IN_FULL: Final = 9000
-"""Number of unknowns up to which normal equations are factored as a dense matrix (0.65 GB)."""
+_IN_FULL: Final = 9000  # number of unknowns up to which normal equations are factored as a dense matrix (0.65 GB)
 
-_SHIFT: Final = 1e-15
-"""Regularisation of the normal equations, compensated by refinement."""
+_SHIFT: Final = 1e-15  # regularisation of the normal equations, compensated by refinement
 
-_NIL: Final = 1e-60
-"""Upper limit of what is lost where residuals are converted to doubles."""
+_NIL: Final = 1e-60  # upper limit of what is lost where residuals are converted to doubles
 
 
 class Certifier:
@@ -78,19 +68,8 @@ class Certifier:
 
     The identity that is checked is docs/method.md (4.8).
 
-    Parameters
-    ----------
-    bounded : BoundedModes
-        Complementarity problem with bounds on forces and velocities, both proven.
-    region : Region
-        Part of the solutions.
-    slack : float
-        σ, decrease of scaled λ per unit of the cost of a mechanism.
-
-    Raises
-    ------
-    ValueError
-        If velocities are not bounded.
+    bounded: complementarity problem with bounds on forces and velocities, both proven. region: part of the solutions.
+    slack: σ, decrease of scaled λ per unit of the cost of a mechanism. Raises ValueError if velocities are not bounded.
     """
 
     def __init__(self, bounded: BoundedModes, region: Region, slack: float) -> None:

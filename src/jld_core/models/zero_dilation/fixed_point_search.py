@@ -25,63 +25,33 @@ from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 _STEP, _GAP = 1e-9, 1e-11
 """Solver residuals: of proximal steps (`_STEP`) and of the minimisation of Γ (`_GAP`)."""
 
-_BACK = 6
-"""Maximum number of solves of one proximal step; after each failure its centre moves back half way."""
+_BACK = 6  # maximum number of solves of one proximal step; after each failure its centre moves back half way
 
-_DOWN = 0.02
-"""Relative reduction of the weight of λ in Γ, so that the lowest λ is preferred among equal Γ."""
+_DOWN = 0.02  # relative reduction of the weight of λ in Γ, so that the lowest λ is preferred among equal Γ
 
-_LEAST = 0.1
-"""Least fraction of a proximal step that is applied."""
+_LEAST = 0.1  # least fraction of a proximal step that is applied
 
-_LOST = 1e30
-"""Size of scaled forces at which the solver is considered to have failed."""
+_LOST = 1e30  # size of scaled forces at which the solver is considered to have failed
 
-_LIGHT = 1e-3
-"""Lower limit of the largest scaled N in the test for compressed faces; below it N is rounding."""
+_LIGHT = 1e-3  # lower limit of the largest scaled N in the test for compressed faces; below it N is rounding
 
-_PRESSED = 1e-6
-"""N relative to the largest N above which a face counts as compressed and may not dilate."""
+_PRESSED = 1e-6  # N relative to the largest N above which a face counts as compressed and may not dilate
 
 
 @dataclass(frozen=True)
 class ProximalOptions:
     """Parameters of the fixed-point search: proximal steps and minimisation of Γ in turn.
 
-    Parameters
-    ----------
-    alpha : float
-        Share of the present N in friction at the first step, 0 to 1. The share falls tenfold with each step, down to
-        0, and is 0 in the last step before each minimisation of Γ.
-    damping : float
-        Weight ε of the proximal term about the previous forces, for scaled forces of order one; positive.
-    anchor : float
-        Weight of the same term where Γ is minimised; positive.
-    block : int
-        Number of proximal steps before a minimisation of Γ, apart from a last step with alpha = 0; at least 1.
-    start : {"associative", "gravity", "vertex"}
-        Start: forces of the associative solution, the state of least forces at λ = 0, or a vertex of the associative
-        problem (planar).
-    most : int
-        Number of programs from each start after which no further attempt begins; at least 1.
-    effective_area : bool
-        Update effective areas in the same iteration (spatial, dry rectangles).
-
-    Attributes
-    ----------
-    alpha, damping, anchor : float
-        Share of N in friction, weight of the proximal term of a step, and where Γ is minimised.
-    block, most : int
-        Number of proximal steps before a minimisation of Γ, and of programs from each start.
-    start : str
-        Forces to start from.
-    effective_area : bool
-        True if effective areas are updated.
-
-    Raises
-    ------
-    InputError
-        If a value is outside its range.
+    alpha: share of the present N in friction at the first step, 0 to 1. The share falls tenfold with each step, down to
+    0, and is 0 in the last step before each minimisation of Γ. damping: weight ε of the proximal term about the
+    previous forces, for scaled forces of order one; positive. anchor: weight of the same term where Γ is minimised;
+    positive. block: number of proximal steps before a minimisation of Γ, apart from a last step with alpha = 0; at
+    least 1. start: start: forces of the associative solution, the state of least forces at λ = 0, or a vertex of the
+    associative problem (planar). most: number of programs from each start after which no further attempt begins; at
+    least 1. effective_area: update effective areas in the same iteration (spatial, dry rectangles). alpha, damping,
+    anchor: share of N in friction, weight of the proximal term of a step, and where Γ is minimised. block, most: number
+    of proximal steps before a minimisation of Γ, and of programs from each start. start: forces to start from.
+    effective_area: True if effective areas are updated. Raises InputError if a value is outside its range.
     """
 
     alpha: float = 0.01

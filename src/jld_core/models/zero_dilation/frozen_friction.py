@@ -13,8 +13,7 @@ from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.models.zero_dilation.statics import Statics
 
-_ROUNDS: Final = 8
-"""Maximum number of iterations."""
+_ROUNDS: Final = 8  # maximum number of iterations
 
 
 def frozen_friction_bound(

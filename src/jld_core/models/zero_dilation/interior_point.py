@@ -17,65 +17,49 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.normal_equations import NormalEquations
 from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
-_STEPS: Final = 120
-"""Maximum number of steps."""
+_STEPS: Final = 120  # maximum number of steps
 
-_FIRST: Final = 0.1
-"""Initial slacks and multipliers; with 0.01 or 1, walls take half as many steps again."""
+_FIRST: Final = 0.1  # initial slacks and multipliers; with 0.01 or 1, walls take half as many steps again
 
-_EQUAL: Final = 1e-6
-"""Regularisation of equations: residual per unit change of the multiplier."""
+_EQUAL: Final = 1e-6  # regularisation of equations: residual per unit change of the multiplier
 
-_POSITIVE: Final = 1e-8
-"""Regularisation of inequalities: residual per unit change of the multiplier."""
+_POSITIVE: Final = 1e-8  # regularisation of inequalities: residual per unit change of the multiplier
 
-_SHIFT: Final = 1e-9
-"""Shift of the diagonal of the normal equations."""
+_SHIFT: Final = 1e-9  # shift of the diagonal of the normal equations
 
-_REFINED: Final = 3
-"""Maximum number of corrections of a solution by the same factor."""
+_REFINED: Final = 3  # maximum number of corrections of a solution by the same factor
 
-_EXACT: Final = (1e-7, 1e-12)
-"""Relative residual at which such corrections end: far from the optimum, and near to it."""
+_EXACT: Final = (1e-7, 1e-12)  # relative residual at which such corrections end: far from the optimum, and near to it
 
-_CORRECTORS: Final = 2
-"""Maximum number of additional correctors per step."""
+_CORRECTORS: Final = 2  # maximum number of additional correctors per step
 
-_BACK: Final = 0.995
-"""Fraction of the distance to the boundary that a step takes."""
+_BACK: Final = 0.995  # fraction of the distance to the boundary that a step takes
 
-_CENTRE: Final = 0.5
-"""Lower limit of the centring target, as a fraction of the tolerance."""
+_CENTRE: Final = 0.5  # lower limit of the centring target, as a fraction of the tolerance
 
-_SURE: Final = 5.0
-"""Multiple of the tolerance up to which an answer counts as accurate."""
+_SURE: Final = 5.0  # multiple of the tolerance up to which an answer counts as accurate
 
+# Default tolerance of residuals and complementarity. Multipliers nearer to zero are hard to make exact.
 _DONE: Final = 2e-7
-"""Default tolerance of residuals and complementarity. Multipliers nearer to zero are hard to make exact."""
 
-_IDLE: Final = 3
-"""Number of consecutive steps without improvement at which the method ends, once `_NEAR` is reached."""
+_IDLE: Final = 3  # number of consecutive steps without improvement at which the method ends, once `_NEAR` is reached
 
-_NEAR: Final = 1e-3
-"""Error from which `_IDLE` applies as it is; before, ten times as many steps are allowed."""
+_NEAR: Final = 1e-3  # error from which `_IDLE` applies as it is; before, ten times as many steps are allowed
 
+# Multiple of `_IDLE` that replaces ten if the tolerance is `_ROUGH` or larger: further steps then gain nothing
 _HASTY: Final = 2
-"""Multiple of `_IDLE` that replaces ten if the tolerance is `_ROUGH` or larger: further steps then gain nothing."""
 
-_ROUGH: Final = 1e-2
-"""Tolerance from which `_HASTY` and `_OPEN` apply."""
+_ROUGH: Final = 1e-2  # tolerance from which `_HASTY` and `_OPEN` apply
 
-_STATED: Final = 100.0
-"""Weight of the dual residual in the error, for tolerances of `_LITTLE` or more."""
+_STATED: Final = 100.0  # weight of the dual residual in the error, for tolerances of `_LITTLE` or more
 
+# Tolerance from which `_STATED` applies: the bound may be low, but its multipliers must be easy to make exact
 _LITTLE: Final = 1e-3
-"""Tolerance from which `_STATED` applies: the bound may be low, but its multipliers must be easy to make exact."""
 
+# Weight of complementarity in the error, for tolerances of `_ROUGH` or more: a bound does not require it
 _OPEN: Final = 0.01
-"""Weight of complementarity in the error, for tolerances of `_ROUGH` or more: a bound does not require it."""
 
-_GAINS: Final = 0.9
-"""Factor by which the error must decrease to count as an improvement."""
+_GAINS: Final = 0.9  # factor by which the error must decrease to count as an improvement
 
 
 @dataclass(frozen=True)
@@ -84,16 +68,9 @@ class ProductProgram:
 
     Products y_k z_l of `space` are zero, or not negative, where the masks say so.
 
-    Attributes
-    ----------
-    space : ProductSpace
-        Map from the unknowns (Z, T) to the products (r, forms).
-    equal, positive : (r, forms) bool arrays
-        Products that are zero, and products that are not negative.
-    cost : (Z, T)
-        Coefficients of the objective, in the shape of a point.
-    groups : (w,) int array
-        Number of the group in which each velocity is eliminated.
+    space: map from the unknowns (Z, T) to the products (r, forms). equal, positive: (r, forms) products that are zero,
+    and products that are not negative. cost: (Z, T) coefficients of the objective, in the shape of a point. groups:
+    (w,) number of the group in which each velocity is eliminated.
     """
 
     space: ProductSpace
@@ -107,20 +84,9 @@ class ProductProgram:
 class ProductSolution:
     """Result of the interior-point method for one program over products.
 
-    Attributes
-    ----------
-    point : (Z, T)
-        Best point found.
-    multipliers : (r, forms) array
-        Multipliers of the products, ≥ 0 for positive ones, 0 for those not in the program.
-    bound : float
-        Multiplier of b_λ·u = 1, at most 1.
-    error : float
-        Largest one of residuals and complementarity, all of order one.
-    steps : int
-        Number of steps taken.
-    accurate : bool
-        True if `error` is near the tolerance.
+    point: (Z, T) best point found. multipliers: (r, forms) multipliers of the products, ≥ 0 for positive ones, 0 for
+    those not in the program. bound: multiplier of b_λ·u = 1, at most 1. error: largest one of residuals and
+    complementarity, all of order one. steps: number of steps taken. accurate: True if `error` is near the tolerance.
     """
 
     point: Point

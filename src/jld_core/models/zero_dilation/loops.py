@@ -22,11 +22,11 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 
+# Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding
 _NOTHING: Final = 1e-9
-"""Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding."""
 
+# Largest coefficient, relative to that of the slide; larger ones come from nearly parallel faces and bound little
 _LARGE: Final = 1e3
-"""Largest coefficient, relative to that of the slide; larger ones come from nearly parallel faces and bound little."""
 
 Loop = tuple[int, ...]
 """Numbers of the faces of one loop."""

@@ -29,29 +29,24 @@ from jld_core.models.zero_dilation.sweep import BlockSweep
 FACES: Final = 60
 """Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time."""
 
+# Distance from the lowest solution found, relative, below which a certificate is not refined further
 _ENOUGH: Final = 2e-7
-"""Distance from the lowest solution found, relative, below which a certificate is not refined further."""
 
-_SLACK: Final = 1e-8
-"""Least slack σ: decrease of λ per unit of cost in the program, relative to λ or to 1."""
+_SLACK: Final = 1e-8  # least slack σ: decrease of λ per unit of cost in the program, relative to λ or to 1
 
+# Slack σ while the bound is far from the solution: the bound is lower, but its certificate is exact at once
 _MORE: Final = 1e-6
-"""Slack σ while the bound is far from the solution: the bound is lower, but its certificate is exact at once."""
 
-_FINER: Final = 0.1
-"""Factor by which the slack decreases again near the solution, and the inverse by which it grows."""
+_FINER: Final = 0.1  # factor by which the slack decreases again near the solution, and the inverse by which it grows
 
+# Relative distance from the lowest solution found up to which the slack, not the rows, limits the bound
 _FAR: Final = 1e-4
-"""Relative distance from the lowest solution found up to which the slack, not the rows, limits the bound."""
 
-_BLOCKS: Final = 25
-"""Number of faces from which programs are solved by matrix blocks."""
+_BLOCKS: Final = 25  # number of faces from which programs are solved by matrix blocks
 
-_AT_ONCE: Final = 45
-"""Number of faces up to which the first program by matrix blocks is solved to full accuracy."""
+_AT_ONCE: Final = 45  # number of faces up to which the first program by matrix blocks is solved to full accuracy
 
-_DEPTH: Final = 6
-"""Maximum depth of branching."""
+_DEPTH: Final = 6  # maximum depth of branching
 
 
 @dataclass(frozen=True)

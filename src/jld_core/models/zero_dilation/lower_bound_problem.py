@@ -16,42 +16,26 @@ from jld_core.deadline import time_left
 PATIENT: Final = 600.0
 """Processor time in seconds from which products are formed for any number of faces."""
 
-_LEAST: Final = 1e-8
-"""Lower limit of the scaled |λ| to which relative distances refer."""
+_LEAST: Final = 1e-8  # lower limit of the scaled |λ| to which relative distances refer
 
-_ROOM: Final = 0.02
-"""Margin above the lowest solution found, relative to the interval of λ not yet excluded."""
+_ROOM: Final = 0.02  # margin above the lowest solution found, relative to the interval of λ not yet excluded
 
+# Additional margin relative to λ; an interval of zero width leaves the interior-point method no interior
 _LEAST_ROOM: Final = 1e-3
-"""Additional margin relative to λ; an interval of zero width leaves the interior-point method no interior."""
 
+# Fraction of the remaining distance that a step must gain; below it rows are added or the region is split
 _STALL: Final = 0.05
-"""Fraction of the remaining distance that a step must gain; below it rows are added or the region is split."""
 
-_TRUSTED: Final = 1e-7
-"""Relative reduction of an unproven bound; it exceeds the tolerance of the solver."""
+_TRUSTED: Final = 1e-7  # relative reduction of an unproven bound; it exceeds the tolerance of the solver
 
 
 @dataclass(frozen=True)
 class LowerBound:
     """Lower bounds on λ of all non-dilatant solutions with λ ≥ 0, scaled.
 
-    Attributes
-    ----------
-    proven : float
-        Bound by certificates only.
-    bound : float
-        Highest bound, valid within `tolerance`.
-    tolerance : float
-        Relative; 0 if `bound` is proven, otherwise it covers the error of the solver.
-    closed : bool
-        True if `bound` meets the lowest solution found.
-    programs : int
-        Number of programs solved.
-    seconds : float
-        Processor time, s.
-    solve_log : tuple of str
-        Steps in order.
+    proven: bound by certificates only. bound: highest bound, valid within `tolerance`. tolerance: relative; 0 if
+    `bound` is proven, otherwise it covers the error of the solver. closed: True if `bound` meets the lowest solution
+    found. programs: number of programs solved. seconds: processor time, s. solve_log: steps in order.
     """
 
     proven: float
@@ -66,24 +50,10 @@ class LowerBound:
 class LowerBoundProblem:
     """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
-    Parameters
-    ----------
-    load : float
-        Scaled λ of the lowest solution found.
-    seconds : float
-        Processor time from now, s, after which no further program begins.
-    offer : callable, optional
-        Function that takes forces and λ of states (k, q + 1), which may lead to a lower solution. It returns the scaled
-        λ of the lowest solution found.
-
-    Attributes
-    ----------
-    load : float
-        As above, updated by `offer_states`.
-    programs : int
-        Number of programs solved.
-    solve_log : list of str
-        Steps in order.
+    load: scaled λ of the lowest solution found. seconds: processor time from now, s, after which no further program
+    begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a lower solution. It returns
+    the scaled λ of the lowest solution found. load: as above, updated by `offer_states`. programs: number of programs
+    solved. solve_log: steps in order.
     """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:

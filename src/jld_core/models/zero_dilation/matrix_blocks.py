@@ -31,20 +31,15 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
     zero_product_pairs,
 )
 
-_FREE: Final = (1e-6, 1e-4)
-"""Sizes, tried in order, above which a multiplier may change without limit in a correction."""
+_FREE: Final = (1e-6, 1e-4)  # sizes, tried in order, above which a multiplier may change without limit in a correction
 
-_GONE: Final = 1e-14
-"""Size below which a multiplier counts as zero."""
+_GONE: Final = 1e-14  # size below which a multiplier counts as zero
 
-_SHIFT: Final = 1e-14
-"""Regularisation of the normal equations, compensated by refinement."""
+_SHIFT: Final = 1e-14  # regularisation of the normal equations, compensated by refinement
 
-_REFINED: Final = 40
-"""Maximum number of steps of conjugate gradients per correction."""
+_REFINED: Final = 40  # maximum number of steps of conjugate gradients per correction
 
-_EXACT: Final = 1e-9
-"""Relative residual at which these steps end."""
+_EXACT: Final = 1e-9  # relative residual at which these steps end
 
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:

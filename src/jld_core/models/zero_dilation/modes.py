@@ -31,22 +31,9 @@ class LinearModes:
     z the rate of a hinge or a slide. Crushing is excluded. There are q resultants, k rows, m faces. All values are
     scaled.
 
-    Attributes
-    ----------
-    matrix : (equations, q) array
-        A.
-    dead : (equations,) array
-        b.
-    live_rate : (w,) array
-        Coefficients of b_λ·u in w.
-    rows, constants : (k, q) and (k,) arrays
-        C and d.
-    rates : (k, w) array
-        H.
-    capacities : (m, q + 2) array
-        Shear capacity of each face, μN or τA, as a linear form of (F, λ, 1).
-    adjacent : (m, m) bool array
-        True for faces that meet at an element, and on the diagonal.
+    matrix: (equations, q) a. dead: (equations,) b. live_rate: (w,) coefficients of b_λ·u in w. rows, constants: (k, q)
+    c and d. rates: (k, w) h. capacities: (m, q + 2) shear capacity of each face, μN or τA, as a linear form of (F, λ,
+    1). adjacent: (m, m) True for faces that meet at an element, and on the diagonal.
     """
 
     matrix: Floats

@@ -21,52 +21,34 @@ from jld_core.models.zero_dilation.modes import Modes, modes_of
 from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.models.zero_dilation.starts import low_compression_states, repair_and_evaluate, starts
 
-_DRAWS: Final = 8
-"""Number of random mechanisms per round, planar scenes."""
+_DRAWS: Final = 8  # number of random mechanisms per round, planar scenes
 
+# Number of further rounds of random mechanisms once a solution is known, while some mechanism has forces
 _ENOUGH: Final = 4
-"""Number of further rounds of random mechanisms once a solution is known, while some mechanism has forces."""
 
-_TURNS: Final = 25
-"""Maximum number of rounds of random mechanisms while no solution is known."""
+_TURNS: Final = 25  # maximum number of rounds of random mechanisms while no solution is known
 
-_LITTLE: Final = 24
-"""Maximum number of states of low compression used as starts."""
+_LITTLE: Final = 24  # maximum number of states of low compression used as starts
 
-_IDLE: Final = 8
-"""Number of consecutive starts or mixtures without a lower solution after which the search stops."""
+_IDLE: Final = 8  # number of consecutive starts or mixtures without a lower solution after which the search stops
 
-_LOWER: Final = 1e-6
-"""Relative decrease of λ that counts as a lower solution."""
+_LOWER: Final = 1e-6  # relative decrease of λ that counts as a lower solution
 
-_CLOSES: Final = 2
-"""Number of random seeds for which the gap of a pair is closed."""
+_CLOSES: Final = 2  # number of random seeds for which the gap of a pair is closed
 
-_SHARES: Final = (0.05, 0.2, 0.5)
-"""Shares of a state of low compression in a mixture with the lowest solution."""
+_SHARES: Final = (0.05, 0.2, 0.5)  # shares of a state of low compression in a mixture with the lowest solution
 
-_TRIES: Final = 6
-"""Number of consecutive tries without gain in a descent from a mixture."""
+_TRIES: Final = 6  # number of consecutive tries without gain in a descent from a mixture
 
 
 @dataclass
 class Found:
     """Certified solutions of one labelling found so far, scaled.
 
-    Attributes
-    ----------
-    width : float
-        Relative width of the bracket up to which a pair counts as a solution.
-    zero_load : float
-        λ below which λ is rounding of zero.
-    lowest : PrimalDualPair or None
-        Solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no other.
-    highest : PrimalDualPair or None
-        Solution of largest λ.
-    best : PrimalDualPair or None
-        Best pair offered, certified or not.
-    loads : list of float
-        λ of all certified solutions.
+    width: relative width of the bracket up to which a pair counts as a solution. zero_load: λ below which λ is rounding
+    of zero. lowest: solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no
+    other. highest: solution of largest λ. best: best pair offered, certified or not. loads: λ of all certified
+    solutions.
     """
 
     width: float
@@ -109,16 +91,8 @@ class MultiStartSearch:
     A point (q·m + 1,) holds scaled forces and λ. `found` collects the certified solutions. Callers may add starts with
     `search_from` at any time. Methods that use linear programs do nothing in space.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of associative friction.
-    labels : (m,) bool array
-        Labels, True = dry.
-    options : ProximalOptions
-        Parameters of the fixed-point search from each start.
-    associative : Proof
-        Associative proof of these labels.
+    analysis: analysis of associative friction. labels: (m,) True = dry. options: parameters of the fixed-point search
+    from each start. associative: associative proof of these labels.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:

@@ -21,17 +21,13 @@ from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 Solve = Callable[[Point, float, int], Point]
 """Function from right-hand side, relative residual and maximum number of corrections to a solution."""
 
-_MORE: Final = 10.0
-"""Factor by which the shift grows, permanently, where a factorisation fails."""
+_MORE: Final = 10.0  # factor by which the shift grows, permanently, where a factorisation fails
 
-_TRIES: Final = 8
-"""Maximum number of factorisations with growing shift."""
+_TRIES: Final = 8  # maximum number of factorisations with growing shift
 
-_FLAT: Final = 1e-30
-"""Relative curvature that counts as zero."""
+_FLAT: Final = 1e-30  # relative curvature that counts as zero
 
-_AWAY: Final = 1e3
-"""Ratio of the residual to the least residual so far at which corrections have diverged."""
+_AWAY: Final = 1e3  # ratio of the residual to the least residual so far at which corrections have diverged
 
 
 class NormalEquations:
@@ -312,8 +308,8 @@ class _EliminationTree:
         return out
 
 
+# Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)
 _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
-"""Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)."""
 
 
 class _FrontPositions:

@@ -15,28 +15,13 @@ class PrimalDualPair:
 
     A frozen problem is one whose friction is fixed at μN of the state, docs/method.md (4.1).
 
-    Attributes
-    ----------
-    state : State
-        Forces in equilibrium. They lie inside the true friction cone if repairs succeeded.
-    motion : Motion or None
-        Mechanism of the frozen problem; None if none has finite dissipation.
-    locked : bool
-        True if the frozen problem has no finite λ.
-    violation : float
-        Largest excess of friction (|V| − μN)⁺ over the largest N.
-    dilation : float
-        Largest dilation of pressed faces over the largest slip; inf without a mechanism.
-    gap : float
-        Complementarity gap Γ, docs/method.md (4.3); inf without a mechanism.
-    dissipation : float
-        Σ D_N(J), docs/method.md (4.5).
-    area_change : float
-        Change of effective areas that the forces require; 0 without effective areas.
-    load_scale : float
-        Scaled λ below which λ counts as zero.
-    settled : bool
-        True if λ of the last two programs agree: minimisation of Γ, and frozen problem.
+    state: forces in equilibrium. They lie inside the true friction cone if repairs succeeded. motion: mechanism of the
+    frozen problem; None if none has finite dissipation. locked: True if the frozen problem has no finite λ. violation:
+    largest excess of friction (|V| − μN)⁺ over the largest N. dilation: largest dilation of pressed faces over the
+    largest slip; inf without a mechanism. gap: complementarity gap Γ, docs/method.md (4.3); inf without a mechanism.
+    dissipation: σ D_N(J), docs/method.md (4.5). area_change: change of effective areas that the forces require; 0
+    without effective areas. load_scale: scaled λ below which λ counts as zero. settled: True if λ of the last two
+    programs agree: minimisation of Γ, and frozen problem.
     """
 
     state: State

@@ -19,8 +19,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.rlt_relaxation import null_space, row_maxima
 
-_NOTHING: Final = 1e-11
-"""Size of coefficients that are rounding errors of an elimination."""
+_NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination
 
 Point = tuple[Floats, Floats]
 """(Z, T): coefficients of the states by velocities (k, w), and own products of slides of lone faces (f, 4)."""
@@ -35,24 +34,11 @@ class ProductSpace:
     only. T (f, 4) holds the products of this t with the forces N, V, m and 1, in place of a column. The slides of a
     lone face, modes 4f + 2 and 4f + 3, are t and t + s, with the slip s.
 
-    Attributes
-    ----------
-    facts : (r, p) array
-        Linear forms of Φ: the yield slacks y, then others, the last of them 1.
-    rates : (forms, w) array
-        Linear forms of the velocities: the mode rates z, then the sums around loops.
-    bases : tuple of (p, k) arrays
-        Bases of the states that velocities multiply. Z has as many rows as the widest.
-    of : (w,) int array
-        Basis of each velocity.
-    lone : (f,) int array
-        Lone faces.
-    own : (f, 5, 4) array
-        Matrix from the products of each lone face in T to those of t with its four slacks and 1.
-    at : (f, 4) int array
-        Places of its N, V, m and of 1 in Φ.
-    live : (w,) array
-        Coefficients of b_λ·u.
+    facts: (r, p) linear forms of Φ: the yield slacks y, then others, the last of them 1. rates: (forms, w) linear forms
+    of the velocities: the mode rates z, then the sums around loops. bases: bases of the states that velocities
+    multiply. Z has as many rows as the widest. of: (w,) basis of each velocity. lone: (f,) lone faces. own: (f, 5, 4)
+    matrix from the products of each lone face in T to those of t with its four slacks and 1. at: (f, 4) places of its
+    N, V, m and of 1 in Φ. live: (w,) coefficients of b_λ·u.
     """
 
     facts: Floats
@@ -131,23 +117,10 @@ class LocalProductSpace:
 
     Velocities tied by closed modes, those with z = 0, share the same set of elements.
 
-    Parameters
-    ----------
-    modes : Modes
-        Planar complementarity problem with m faces, n free elements and 2e forms of loops.
-    closed : (4m,) bool array
-        Modes that do not move.
-    distance : int or None
-        Number of faces from a velocity up to which forces are included; None: all elements.
-
-    Attributes
-    ----------
-    basis : (3n + m, w) array
-        Basis of the velocities that closed modes leave free.
-    forms : (4m + 2e, w) array
-        Linear forms of these w velocities that are ≥ 0 in solutions, the mode rates first.
-    groups : (w,) int array
-        Number of the element of each velocity.
+    modes: planar complementarity problem with m faces, n free elements and 2e forms of loops. closed: (4m,) modes that
+    do not move. distance: number of faces from a velocity up to which forces are included; None: all elements. basis:
+    (3n + m, w) basis of the velocities that closed modes leave free. forms: (4m + 2e, w) linear forms of these w
+    velocities that are ≥ 0 in solutions, the mode rates first. groups: (w,) number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
@@ -268,18 +241,9 @@ class Velocities:
     equilibrium, see `ProductSpace`. On walls this removes a third of X, and no case was found where it lowers the
     bound.
 
-    Attributes
-    ----------
-    space : ProductSpace
-        Products of the velocities that have columns, and of the lone faces.
-    basis : (3n + m, v) array
-        Basis of all v free velocities.
-    whole : (v,) bool array
-        True for the w velocities that have columns in `space`.
-    at : (f,) int array
-        Free velocity that is the t of each lone face.
-    groups : (w,) int array
-        Number of the group in which each velocity with a column is eliminated.
+    space: products of the velocities that have columns, and of the lone faces. basis: (3n + m, v) basis of all v free
+    velocities. whole: (v,) True for the w velocities that have columns in `space`. at: (f,) free velocity that is the t
+    of each lone face. groups: (w,) number of the group in which each velocity with a column is eliminated.
     """
 
     space: ProductSpace

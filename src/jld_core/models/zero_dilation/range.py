@@ -20,8 +20,7 @@ from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerB
 from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
 from jld_core.models.zero_dilation.proof import pair_proof
 
-_TRIED: Final = 3
-"""Number of states of a relaxation from which the search for solutions continues."""
+_TRIED: Final = 3  # number of states of a relaxation from which the search for solutions continues
 
 BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBound | None]
 """Search for a lower bound: analysis, labels, solutions found so far, processor time in seconds; None without one."""
@@ -31,15 +30,10 @@ BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBoun
 class RangeOptions:
     """Parameters of the search for the range of collapse loads without dilation.
 
-    Attributes
-    ----------
-    seconds : float
-        Processor time in seconds after which no further step of the lower bound begins; 0 omits the bound.
-    sufficient_load : float
-        λ in scene units. The search ends once a solution at or below this value is found.
-    bound : callable or None
-        Function that searches for the lower bound. Default: that of planar scenes; it gives no bound for spatial scenes
-        and with crushing.
+    seconds: processor time in seconds after which no further step of the lower bound begins; 0 omits the bound.
+    sufficient_load: λ in scene units. The search ends once a solution at or below this value is found. bound: function
+    that searches for the lower bound. Default: that of planar scenes; it gives no bound for spatial scenes and with
+    crushing.
     """
 
     seconds: float
@@ -54,35 +48,16 @@ def load_range(
 
     The search ends early at the deadline of the command; solutions found until then are reported.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        As for `prove_zero_dilation`.
-    labels : (m,) bool array
-        Labels, True = dry.
-    proximal : ProximalOptions
-        Parameters of the fixed-point search.
-    associative : Proof
-        Associative proof for these labels.
-    options : RangeOptions
-        Time of the lower bound, and when the search ends.
+    labels: (m,) True = dry. proximal: parameters of the fixed-point search. associative: associative proof for these
+    labels. options: time of the lower bound, and when the search ends. Result: proof of the lowest solution found.
+    `extra` also holds `lowest_found` and `highest_found` (λ, None if no solution was certified), `solutions_found`,
+    `highest` (evidence for the highest solution: λ, violation, dilation, gap, forces, mechanism), and the entries of
+    the bound: - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic;
+    None if no bound above zero is proven. - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative
+    tolerance to which it depends on a solver. - `proven`: `lowest_bound` equals `lowest_proven`. `closed`:
+    `lowest_bound` meets `lowest_found` within 1e-6. - `floor_route`, `floor_programs`, `floor_seconds`: steps, number
+    of programs, and processor time in seconds.
 
-    Returns
-    -------
-    Proof
-        Proof of the lowest solution found. `extra` also holds `lowest_found` and `highest_found` (λ, None if no
-        solution was certified), `solutions_found`, `highest` (evidence for the highest solution: λ, violation,
-        dilation, gap, forces, mechanism), and the entries of the bound:
-
-        - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None
-          if no bound above zero is proven.
-        - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
-          solver.
-        - `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6.
-        - `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
-
-    Notes
-    -----
     The bound requires a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner
     faces.
     """

@@ -21,17 +21,13 @@ from jld_core.models.zero_dilation.bounded_modes import BoundedModes, Region
 from jld_core.models.zero_dilation.modes import LinearModes, Modes
 from jld_core.solvers.linear import LinearAnswer, interior_point
 
-_NOTHING: Final = 1e-11
-"""Size of coefficients that are rounding errors of an elimination."""
+_NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination
 
-_MIXED: Final = 6
-"""Number of modes, the largest, whose states are computed from X."""
+_MIXED: Final = 6  # number of modes, the largest, whose states are computed from X
 
-_SEEN: Final = 1e-6
-"""Least z of a mode whose state is computed from X."""
+_SEEN: Final = 1e-6  # least z of a mode whose state is computed from X
 
-_VIOLATED: Final = 1e-7
-"""Size of a negative product from which its row is added to the program."""
+_VIOLATED: Final = 1e-7  # size of a negative product from which its row is added to the program
 
 
 @dataclass(frozen=True)
@@ -43,14 +39,9 @@ class Multipliers:
     4m mode rates z and the 2e sums around loops (`Modes.forms`). Mode k has slack y_k and rate z_k. Held modes
     (`Region.held`) have y_k = 0.
 
-    Attributes
-    ----------
-    products : (4m + 3, 4m + 2e) array
-        Multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes.
-    live_work : (4m + 2,) array
-        Multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes.
-    bound : float
-        Bound that the solver claims, scaled λ.
+    products: (4m + 3, 4m + 2e) multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes.
+    live_work: (4m + 2,) multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes. bound:
+    bound that the solver claims, scaled λ.
     """
 
     products: Floats
@@ -66,18 +57,10 @@ class RltSolution:
     number of sums around loops. Only `multipliers` prove a bound. The other arrays suggest where to search for a
     solution and which mode to split.
 
-    Attributes
-    ----------
-    multipliers : Multipliers
-        Multipliers of the rows.
-    states : (k, 3m + 1) array
-        Forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates.
-    rates, slacks : (4m,) arrays
-        Mean mode rates z and mean yield slacks y.
-    violated : (4m, 4m + 2e) bool array or None
-        True for products y_k h_l outside the program that are negative in X; None if unknown.
-    accurate : bool
-        True if the solver reports an optimum; otherwise the multipliers may still prove a bound.
+    states: (k, 3m + 1) forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates.
+    rates, slacks: (4m,) mean mode rates z and mean yield slacks y. violated: (4m, 4m + 2e) True for products y_k h_l
+    outside the program that are negative in X; None if unknown. accurate: True if the solver reports an optimum;
+    otherwise the multipliers may still prove a bound.
     """
 
     multipliers: Multipliers
@@ -92,20 +75,12 @@ class RltSolution:
 class RltOptions:
     """Parameters of one RLT program.
 
-    Attributes
-    ----------
-    pairs : (4m, 4m + 2e) bool array
-        Rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities.
-    slack : float
-        σ, decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs.
-    seconds : float
-        Time limit: wall-clock time of HiGHS, processor time of the solver by matrix blocks.
-    distance : int or None
-        Number of faces within which a velocity is multiplied with forces and equilibrium; None: all of them. Used by
-        the solver by matrix blocks only.
-    tolerance : float or None
-        Residual and complementarity of the solver by matrix blocks; None: its default. With a large tolerance
-        multipliers are larger and easier to make exact.
+    pairs: (4m, 4m + 2e) rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities. slack: σ,
+    decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs. seconds:
+    time limit: wall-clock time of HiGHS, processor time of the solver by matrix blocks. distance: number of faces
+    within which a velocity is multiplied with forces and equilibrium; None: all of them. Used by the solver by matrix
+    blocks only. tolerance: residual and complementarity of the solver by matrix blocks; None: its default. With a large
+    tolerance multipliers are larger and easier to make exact.
     """
 
     pairs: Bools

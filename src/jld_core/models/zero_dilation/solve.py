@@ -32,8 +32,8 @@ from jld_core.models.zero_dilation.proof import pair_proof
 from jld_core.models.zero_dilation.range import RangeOptions, load_range
 from jld_core.models.zero_dilation.starts import initial_forces
 
+# Largest number of faces for which linear programs in turn are tried after proximal steps did not converge
 _SEVERAL: Final = 1000
-"""Largest number of faces for which linear programs in turn are tried after proximal steps did not converge."""
 
 
 def prove_zero_dilation(
@@ -48,46 +48,23 @@ def prove_zero_dilation(
 ) -> Proof:
     """Prove the load factor of one labelling under friction without dilation.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Analysis of associative friction, planar or spatial, of whole faces or of point contacts.
-    labels : (m,) bool array
-        Labels, True = dry.
-    options : ProximalOptions, optional
-        Parameters of the fixed-point search.
-    associative : Proof, optional
-        Associative proof for these labels; computed if not given.
-    stands : bool, optional
-        Also decide whether the structure stands at λ = 0.
-    pruning_threshold : float, optional
-        λ in scene units at or below which the labelling is irrelevant. If the associative upper bound does not exceed
-        this value, the result keeps the associative λ (`Proof.outbid`), which no λ without dilation exceeds.
-    range : float, optional
-        If given, search for the lowest and the highest solution from many starts, and spend this processor time in
-        seconds on a lower bound, see `load_range`.
+    analysis: analysis of associative friction, planar or spatial, of whole faces or of point contacts. labels: (m,)
+    True = dry. options: parameters of the fixed-point search. associative: associative proof for these labels; computed
+    if not given. stands: also decide whether the structure stands at λ = 0. pruning_threshold: λ in scene units at or
+    below which the labelling is irrelevant. If the associative upper bound does not exceed this value, the result keeps
+    the associative λ (`Proof.outbid`), which no λ without dilation exceeds. range: if given, search for the lowest and
+    the highest solution from many starts, and spend this processor time in seconds on a lower bound, see `load_range`.
+    Result: λ and the forces `found` are those of an exactly admissible state, and the motion does not dilate. The
+    bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN of that state. Its
+    width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper bound on all solutions
+    is `extra["associative_load_factor"]`. `extra` also holds `friction_violation` (max(|V| − μN)⁺ / max N),
+    `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces / largest slip), `bracket_of` and
+    `zero_dilation_iterations`. The status is `uncertified` if the search did not converge, or if the bracket is wider
+    than the gap of the analysis. Raises InputError if a material is missing, for the start "vertex" on a program with
+    cones, or for effective areas where they do not apply.
 
-    Returns
-    -------
-    Proof
-        λ and the forces `found` are those of an exactly admissible state, and the motion does not dilate. The bracket
-        is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN of that state. Its
-        width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper bound on all
-        solutions is `extra["associative_load_factor"]`. `extra` also holds `friction_violation`
-        (max(|V| − μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces
-        / largest slip), `bracket_of` and `zero_dilation_iterations`. The status is `uncertified` if the search did not
-        converge, or if the bracket is wider than the gap of the analysis.
-
-    Raises
-    ------
-    InputError
-        If a material is missing, for the start "vertex" on a program with cones, or for effective areas where they
-        do not apply.
-
-    Notes
-    -----
-    If the associative problem is locked, the search starts from the state of least forces.
-    Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
+    If the associative problem is locked, the search starts from the state of least forces. Source: Gilbert, Casapulla,
+    Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     """
     start = time.perf_counter()
     options = options or ProximalOptions()

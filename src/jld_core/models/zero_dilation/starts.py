@@ -17,26 +17,22 @@ from jld_core.models.zero_dilation.primal_dual_pair import PrimalDualPair
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 
-_STEPS: Final = 20
-"""Number of steps of the load path. A step without a state is halved, at most four times in all."""
+_STEPS: Final = 20  # Number of steps of the load path. A step without a state is halved, at most four times in all.
 
-_SLOPE: Final = -0.01
-"""Share of the present N in friction; negative: friction decreases as N grows."""
+_SLOPE: Final = -0.01  # share of the present N in friction; negative: friction decreases as N grows
 
-_RELAXED: Final = 0.6
-"""Weight of the new N in the updated N that determines friction."""
+_RELAXED: Final = 0.6  # weight of the new N in the updated N that determines friction
 
-_FALLS: Final = 15
-"""Maximum number of programs with friction that decreases with N."""
+_FALLS: Final = 15  # maximum number of programs with friction that decreases with N
 
+# Least and largest number of alternations between mechanism and forces from a state of low compression
 _TURNS: Final = (2, 4)
-"""Least and largest number of alternations between mechanism and forces from a state of low compression."""
 
+# Maximum number of rounds that match forces with the last mechanism and a mechanism with these forces
 _MATCHES: Final = 3
-"""Maximum number of rounds that match forces with the last mechanism and a mechanism with these forces."""
 
+# Mean of the random increase of resistances that selects a mechanism, for scaled forces of order one
 _DRAWN: Final = 1e-3
-"""Mean of the random increase of resistances that selects a mechanism, for scaled forces of order one."""
 
 
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:

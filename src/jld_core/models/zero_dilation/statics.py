@@ -15,14 +15,11 @@ from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.solvers.linear import LinearRows
 
-_SUMS: Final = 1e-13
-"""Rounding error of a sum of a few hundred products, relative to the sum of their absolute values."""
+_SUMS: Final = 1e-13  # rounding error of a sum of a few hundred products, relative to the sum of their absolute values
 
-_MOVES_NOT: Final = 1e-6
-"""Least scaled slack that proves that a mode cannot move."""
+_MOVES_NOT: Final = 1e-6  # least scaled slack that proves that a mode cannot move
 
-_SEEN: Final = 1e-8
-"""Slack of a known state below which a form is not tested, as its minimum cannot be positive enough."""
+_SEEN: Final = 1e-8  # slack of a known state below which a form is not tested, as its minimum cannot be positive enough
 
 
 class Statics:
@@ -30,16 +27,8 @@ class Statics:
 
     The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high, see `LinearModes`.
 
-    Parameters
-    ----------
-    modes : LinearModes
-        Complementarity problem with m faces.
-    low, high : float
-        Ends of the interval of scaled λ.
-    held : (4m,) bool array
-        Yield rows that are equations.
-    force_bounds : (3m + 2,) array, optional
-        The property of this name, if already known.
+    modes: complementarity problem with m faces. low, high: ends of the interval of scaled λ. held: (4m,) yield rows
+    that are equations. force_bounds: (3m + 2,) the property of this name, if already known.
     """
 
     def __init__(

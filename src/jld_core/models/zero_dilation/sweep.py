@@ -18,50 +18,41 @@ from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_core.models.zero_dilation.rlt_relaxation import RltOptions, RltSolution
 
+# Distance from the lowest solution found, relative, below which a certificate is not refined further
 _ENOUGH: Final = 4e-7
-"""Distance from the lowest solution found, relative, below which a certificate is not refined further."""
 
 _FINE, _COARSE = 1e-8, 1e-5
 """Least and largest initial slack σ: decrease of λ per unit of cost, relative to λ or to 1."""
 
+# Initial slack between these limits, as a fraction of the relative distance from the lowest solution found
 _SHARE: Final = 1e-4
-"""Initial slack between these limits, as a fraction of the relative distance from the lowest solution found."""
 
+# Factor by which the slack grows where nothing is proven, or shrinks where the first program fails
 _DEARER: Final = 10.0
-"""Factor by which the slack grows where nothing is proven, or shrinks where the first program fails."""
 
-_MOST: Final = 1e-4
-"""Largest slack after such growth."""
+_MOST: Final = 1e-4  # largest slack after such growth
 
-_FIRST: Final = 1e-4
-"""Slack of the first step of large scenes."""
+_FIRST: Final = 1e-4  # slack of the first step of large scenes
 
+# Fraction of the distance to the lowest solution found that the first step of large scenes tries to exclude
 _PART: Final = 0.75
-"""Fraction of the distance to the lowest solution found that the first step of large scenes tries to exclude."""
 
-_FAR: Final = 0.05
-"""Relative distance from that solution above which programs are solved with tolerance `_ROUGHLY`."""
+_FAR: Final = 0.05  # relative distance from that solution above which programs are solved with tolerance `_ROUGHLY`
 
-_ROUGHLY: Final = 1e-3
-"""Solver tolerance of programs that are followed by others in any case."""
+_ROUGHLY: Final = 1e-3  # solver tolerance of programs that are followed by others in any case
 
-_LESS: Final = 1e-4
-"""Solver tolerance used after a program did not converge to full accuracy."""
+_LESS: Final = 1e-4  # solver tolerance used after a program did not converge to full accuracy
 
-_ROUGHEST: Final = 1e-2
-"""Solver tolerance of the first step of large scenes."""
+_ROUGHEST: Final = 1e-2  # solver tolerance of the first step of large scenes
 
-_NEAR: Final = 1e-4
-"""Relative distance below which a certificate is refined as far as possible."""
+_NEAR: Final = 1e-4  # relative distance below which a certificate is refined as far as possible
 
-_CLOSE: Final = 1e-5
-"""Relative distance below which accuracy limits the bound, so that branching does not help."""
+_CLOSE: Final = 1e-5  # relative distance below which accuracy limits the bound, so that branching does not help
 
+# Fraction of the distance that a step must gain; below it products are added or the region is split
 _GAINS: Final = 0.5
-"""Fraction of the distance that a step must gain; below it products are added or the region is split."""
 
-_DEPTH: Final = 12
-"""Maximum depth of branching."""
+_DEPTH: Final = 12  # maximum depth of branching
 
 
 class BlockSweep:
@@ -69,17 +60,8 @@ class BlockSweep:
 
     Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended.
 
-    Parameters
-    ----------
-    bounded : BoundedModes
-        Complementarity problem with bounds on forces and velocities, both proven.
-    problem : LowerBoundProblem
-        Lowest solution found, time budget and log.
-
-    Attributes
-    ----------
-    stages : tuple of (str, (4m, 4m + 2e) bool array)
-        Names and products y_k h_l of programs, in the order in which they are tried.
+    bounded: complementarity problem with bounds on forces and velocities, both proven. problem: lowest solution found,
+    time budget and log. stages: names and products y_k h_l of programs, in the order in which they are tried.
     """
 
     def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:

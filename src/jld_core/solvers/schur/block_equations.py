@@ -15,27 +15,15 @@ import scipy.sparse as sp
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram, Structure
 
+# Entry in the equations of a block, relative to the largest term of its column, below which it is rounding. Terms of
+# faces within the block cancel up to rounding, which grows with the distance from the root in element sizes.
 _CANCELLED = 1e-11
-"""Entry in the equations of a block, relative to the largest term of its column, below which it is rounding.
-
-Terms of faces within the block cancel up to rounding, which grows with the distance from the root in element sizes.
-"""
 
 
 class BlockEquations:
     """Equations of a program replaced by those of whole blocks, for one labelling.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        Program with `bodies`.
-    sums : sparse array
-        Matrix T that replaces the equations of roots, see `Bodies.sums`.
-
-    Attributes
-    ----------
-    structure : Structure
-        Structure of the changed programs.
+    program: program with `bodies`. sums: matrix T that replaces the equations of roots, see `Bodies.sums`.
     """
 
     def __init__(self, program: ConicProgram, sums: sp.csr_array) -> None:

@@ -20,6 +20,7 @@ from jld_core.batch.library import Fronts as FrontsOfC
 from jld_core.batch.library import library, pointers, require_success
 from jld_core.linalg.cholesky import Fronts
 
+# Routines in the order in which `JldFronts` takes them
 _ROUTINES: Final = (
     (cython_lapack, "dpotrf"),
     (cython_blas, "dtrsm"),
@@ -27,7 +28,6 @@ _ROUTINES: Final = (
     (cython_blas, "dtrsv"),
     (cython_blas, "dgemv"),
 )
-"""Routines in the order in which `JldFronts` takes them."""
 
 
 class Solves(Protocol):
@@ -72,14 +72,7 @@ def _addresses() -> tuple[int, ...] | None:
 class CompiledFronts:
     """Compiled factorisation of matrices of one pattern.
 
-    Parameters
-    ----------
-    fronts : Fronts
-        Analysis of the pattern.
-    variant : str
-        Variant of the library.
-    routines : tuple of int
-        Addresses of `_ROUTINES`.
+    fronts: analysis of the pattern. routines: addresses of `_ROUTINES`.
     """
 
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
@@ -125,12 +118,7 @@ class CompiledFronts:
 class CompiledFactor:
     """Cholesky factorisation made by `CompiledFronts.factor`.
 
-    Parameters
-    ----------
-    fronts : CompiledFronts
-        Analysis of the pattern.
-    numbers : array
-        Pivot columns of all fronts.
+    fronts: analysis of the pattern. numbers: pivot columns of all fronts.
     """
 
     def __init__(self, fronts: CompiledFronts, numbers: Floats) -> None:

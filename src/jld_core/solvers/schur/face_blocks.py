@@ -25,19 +25,11 @@ _MOST = 60  # largest number of columns of a matrix block; larger ones mean that
 class Family:
     """Data positions of m faces whose matrix blocks have equal sizes, as stacked arrays.
 
-    Attributes
-    ----------
-    columns : (m, k) int array
-        Program columns of each face.
-    rows : (m, rows) int array
-        Yield rows of each face, numbered after the equations, half-lines first.
-    equations : (m, r) int array
-        Equations that each face enters.
-    linear, cones : int
-        Number of half-lines and of cones per face.
-    g, a, edge : (int array, int array)
-        Entries of the program's data, and their positions in a flat array. The arrays are: `g` (m, rows, k) of yield
-        rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield rows in border columns.
+    columns: (m, k) program columns of each face. rows: (m, rows) yield rows of each face, numbered after the equations,
+    half-lines first. equations: (m, r) equations that each face enters. linear, cones: number of half-lines and of
+    cones per face. g, a, edge: (int array, int array) entries of the program's data, and their positions in a flat
+    array. The arrays are: `g` (m, rows, k) of yield rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield
+    rows in border columns.
     """
 
     columns: Ints
@@ -54,20 +46,10 @@ class Family:
 class FaceBlocks:
     """Rows and columns of a program grouped by face, as positions in the program's data.
 
-    Attributes
-    ----------
-    cones : Cones
-        Product of cones of the yield rows.
-    families : tuple of Family
-        Faces, grouped by size.
-    border : (border,) int array
-        Columns that belong to no face.
-    idle : int array
-        Columns without yield rows; no program may have entries in them.
-    loose : three int arrays
-        Data entries in yield rows of border columns alone, with their yield row and border column.
-    edge : three int arrays
-        Data entries in equations of border columns, with their equation and border column.
+    cones: product of cones of the yield rows. families: faces, grouped by size. border: (border,) columns that belong
+    to no face. idle: columns without yield rows; no program may have entries in them. loose: data entries in yield rows
+    of border columns alone, with their yield row and border column. edge: data entries in equations of border columns,
+    with their equation and border column.
     """
 
     cones: Cones

@@ -31,14 +31,8 @@ class SchurSolver(Solver):
     The analysis of a structure is kept for later programs. Columns of a program must separate into faces, and its cones
     must have one size, as in every template. `solve` raises SolverError for other programs.
 
-    Parameters
-    ----------
-    tolerance : float, optional
-        Relative residuals to reach; None: the precision of the kind of program.
-    gap : float
-        Relative duality gap to reach.
-    most : int
-        Largest number of iterations.
+    tolerance: relative residuals to reach; None: the precision of the kind of program. gap: relative duality gap to
+    reach. most: largest number of iterations.
     """
 
     name = "schur"

@@ -97,21 +97,9 @@ def _determinant(cones: Floats) -> Floats:
 class NesterovTodd:
     """Nesterov–Todd scaling of the cones at an iterate: W is symmetric with W z = W⁻¹ s.
 
-    Parameters
-    ----------
-    cones : Cones
-        Product of cones, of vectors with n numbers.
-    s, z : (n,) arrays
-        Slack and multiplier, both inside the cones.
-
-    Attributes
-    ----------
-    linear : (linear,) array
-        Diagonal of W on half-lines.
-    blocks, inverse : (count, size, size) arrays
-        Symmetric matrix blocks of W and of W⁻¹ on cones.
-    point : (n,) array
-        Scaled point W z = W⁻¹ s.
+    cones: product of cones, of vectors with n numbers. s, z: (n,) slack and multiplier, both inside the cones. linear:
+    (linear,) diagonal of W on half-lines. blocks, inverse: (count, size, size) symmetric matrix blocks of W and of W⁻¹
+    on cones. point: (n,) scaled point W z = W⁻¹ s.
     """
 
     def __init__(self, cones: Cones, s: Floats, z: Floats) -> None:

@@ -82,24 +82,10 @@ class Direction:
 class Newton:
     """Newton system of the central path at one iterate, factored for several right-hand sides.
 
-    Parameters
-    ----------
-    system : SchurSystem
-        Linear systems, with the program loaded.
-    given : three arrays
-        Objective q (columns,), right-hand side r of the equations and h of the yield rows.
-    it : Iterate
-        The iterate.
-
-    Attributes
-    ----------
-    scaling : NesterovTodd
-        Scaling of the cones.
-    embedded : bool
-        True while τ and κ are variables.
-    apart : bool
-        True if forces and motion may have steps of their own. In linear programs without the embedding, their residuals
-        do not depend on each other; with cones this was measured to take more iterations.
+    system: linear systems, with the program loaded. given: objective q (columns,), right-hand side r of the equations
+    and h of the yield rows. it: the iterate. embedded: True while τ and κ are variables. apart: True if forces and
+    motion may have steps of their own. In linear programs without the embedding, their residuals do not depend on each
+    other; with cones this was measured to take more iterations.
     """
 
     def __init__(self, system: SchurSystem, given: tuple[Floats, Floats, Floats], it: Iterate) -> None:

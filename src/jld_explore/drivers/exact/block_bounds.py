@@ -94,17 +94,8 @@ class BlockBoundPool:
 
     It bounds scaled λ of all labellings whose blocks are among those allowed.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    blocks : PossibleBlocks
-        Possible blocks of the space.
-
-    Attributes
-    ----------
-    solves_in_worker : int
-        Programs solved by the worker process.
+    context: space, relaxation and other data that stay fixed during the proof. blocks: possible blocks of the space.
+    solves_in_worker: programs solved by the worker process.
     """
 
     def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
@@ -208,46 +199,32 @@ class BlockBoundPool:
         return None
 
 
+# Relaxations face by face that take as long as the program takes per side of a block. The first value applies with the
+# batch solver, the second without it. The program takes 1 ms per side.
 _RELAXATIONS: Final = (5.0, 0.25)
-"""Relaxations face by face that take as long as the program takes per side of a block.
 
-The first value applies with the batch solver, the second without it. The program takes 1 ms per side.
-"""
+_MOST_SIDES: Final = 60_000  # largest number of sides of blocks; the program of 40 000 sides takes 41 s
 
-_MOST_SIDES: Final = 60_000
-"""Largest number of sides of blocks; the program of 40 000 sides takes 41 s."""
-
+# Largest number of sides for which this process solves the program. Such a program takes at most two seconds, as long
+# as another process needs to start.
 _SIDES_HERE: Final = 2000
-"""Largest number of sides for which this process solves the program.
 
-Such a program takes at most two seconds, as long as another process needs to start.
-"""
-
+# Interval, s, at which the deadline is checked while another process solves the program
 _DEADLINE_CHECK_SECONDS: Final = 0.2
-"""Interval, s, at which the deadline is checked while another process solves the program."""
 
-_REMAINING_SHARE: Final = 0.9
-"""Largest share of the blocks that may remain for another program."""
+_REMAINING_SHARE: Final = 0.9  # largest share of the blocks that may remain for another program
 
-_INCREASE: Final = 1e-3
-"""Relative increase of the best known λ after which the programs are solved again."""
+_INCREASE: Final = 1e-3  # relative increase of the best known λ after which the programs are solved again
 
-_TIME_SHARE: Final = 0.5
-"""Share of the remaining time that the programs may take."""
+_TIME_SHARE: Final = 0.5  # share of the remaining time that the programs may take
 
 
 @dataclass(frozen=True)
 class TightenedBound:
     """Result of `BlockBoundTightening.tighten`.
 
-    Attributes
-    ----------
-    bound : float
-        Scaled λ that no labelling exceeds.
-    conflicts : tuple of Conflict
-        One conflict for each refuted block.
-    proof : tuple of BlockEvidence
-        Mechanisms of all programs so far, which prove the bound.
+    bound: scaled λ that no labelling exceeds. conflicts: one conflict for each refuted block. proof: mechanisms of all
+    programs so far, which prove the bound.
     """
 
     bound: float
@@ -258,17 +235,8 @@ class TightenedBound:
 class BlockBoundTightening:
     """Repeated block relaxation of one space without the blocks that are refuted.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    wanted : bool
-        Whether the block relaxation may be used at all.
-
-    Attributes
-    ----------
-    solves : int
-        Number of programs solved.
+    context: space, relaxation and other data that stay fixed during the proof. wanted: whether the block relaxation may
+    be used at all. solves: number of programs solved.
     """
 
     def __init__(self, context: ProofContext, *, wanted: bool) -> None:
@@ -298,12 +266,7 @@ class BlockBoundTightening:
     def is_due(self, relaxations: int, least: float) -> bool:
         """Return True if the programs should be solved now.
 
-        Parameters
-        ----------
-        relaxations : int
-            Number of relaxations solved so far.
-        least : float
-            Scaled λ that a labelling must exceed.
+        relaxations: number of relaxations solved so far. least: scaled λ that a labelling must exceed.
         """
         last = self._least
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
@@ -311,19 +274,9 @@ class BlockBoundTightening:
     def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
         """Solve block relaxations without refuted blocks until few more are refuted or time ends.
 
-        Parameters
-        ----------
-        least, most : float
-            Scaled λ to reach, and scaled λ that no labelling exceeds.
-        left : float
-            Time until the deadline, s, of which a share is used; inf for no deadline.
-        time_is_up : callable
-            Returns True once the deadline has passed; called between and during programs.
-
-        Returns
-        -------
-        TightenedBound
-            Bound not above `most`, and the conflicts of the refuted blocks.
+        least, most: scaled λ to reach, and scaled λ that no labelling exceeds. left: time until the deadline, s, of
+        which a share is used; inf for no deadline. time_is_up: returns True once the deadline has passed; called
+        between and during programs. Result: bound not above `most`, and the conflicts of the refuted blocks.
         """
         self._next *= 4.0
         self._least = least

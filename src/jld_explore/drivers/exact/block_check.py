@@ -23,15 +23,8 @@ from jld_explore.drivers.exact.proof_state import Conflict, Evidence
 class BlockConflictCheck:
     """Repeated refutation of conflicts of possible blocks.
 
-    Parameters
-    ----------
-    context : CheckedProof
-        Space, possible blocks, free faces and relaxation of the proof.
-
-    Attributes
-    ----------
-    done : int
-        Number of conflicts that were refuted again.
+    context: space, possible blocks, free faces and relaxation of the proof. done: number of conflicts that were refuted
+    again.
     """
 
     def __init__(self, context: CheckedProof) -> None:
@@ -44,17 +37,8 @@ class BlockConflictCheck:
         Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks, or
         without a bound on all labellings, nothing is checked.
 
-        Parameters
-        ----------
-        conflicts : sequence of Conflict
-            Conflicts of the proof; those of another kind are skipped.
-        end : float
-            Time to stop, on the clock of `time.perf_counter`, s.
-
-        Returns
-        -------
-        str
-            The first problem, "" for none.
+        conflicts: conflicts of the proof; those of another kind are skipped. end: time to stop, on the clock of
+        `time.perf_counter`, s. Result: the first problem, "" for none.
         """
         mine = [one for one in conflicts if one.evidence is Evidence.BLOCKS]
         if not mine or self._context.blocks is None or time.perf_counter() >= end:

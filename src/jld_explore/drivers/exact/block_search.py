@@ -26,52 +26,36 @@ from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict
 ByBlocks = Literal["auto", "on", "off"]
 """Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
 
-_GAP_CLOSED: Final = 0.25
-"""Share of the gap at the root that the block relaxation must close to start the tree."""
+_GAP_CLOSED: Final = 0.25  # share of the gap at the root that the block relaxation must close to start the tree
 
+# Largest relative gap at the root for which conflicts of faces are faster than a tree. The first value applies if the
+# batch solver minimises conflicts, the second if it also solves the programs of the tree. Measured for walls in blocks
+# of two, by conflicts and by a tree: 0.9 and 1.8 s (6 × 8 cells, gap 19 %), 10 and 5 s (8 × 10, 26 %). The wall of 10 ×
+# 12 (31 %) takes 19 s by a tree and far longer by conflicts.
 _NARROW_GAP: Final = (0.28, 0.2)
-"""Largest relative gap at the root for which conflicts of faces are faster than a tree.
 
-The first value applies if the batch solver minimises conflicts, the second if it also solves the programs of the
-tree. Measured for walls in blocks of two, by conflicts and by a tree: 0.9 and 1.8 s (6 × 8 cells, gap 19 %), 10 and 5
-s (8 × 10, 26 %). The wall of 10 × 12 (31 %) takes 19 s by a tree and far longer by conflicts.
-"""
-
+# Possible blocks per element above which the tree is not searched. Blocks of one and two cells come to three per
+# element. For blocks of two to six cells on the beam on bearings a tree takes 20 s, conflicts of faces 1 s.
 _BLOCKS_PER_ELEMENT: Final = 4
-"""Possible blocks per element above which the tree is not searched.
 
-Blocks of one and two cells come to three per element. For blocks of two to six cells on the beam on bearings a tree
-takes 20 s, conflicts of faces 1 s.
-"""
-
+# Labellings left by the tree, but refuted by their own mechanism, that end the tree. The bounds of the tree are then
+# too inaccurate, as happens where strengths are a million times the forces.
 _MOST_INACCURATE: Final = 20
-"""Labellings left by the tree, but refuted by their own mechanism, that end the tree.
-
-The bounds of the tree are then too inaccurate, as happens where strengths are a million times the forces.
-"""
 
 
-_FIRST_INTERVAL: Final = 16
-"""Programs of the tree before annealing runs for the first time; later intervals double."""
-_LONGEST_INTERVAL: Final = 256
-"""Largest number of programs of the tree between two runs of annealing."""
+_FIRST_INTERVAL: Final = 16  # programs of the tree before annealing runs for the first time; later intervals double
+_LONGEST_INTERVAL: Final = 256  # largest number of programs of the tree between two runs of annealing
 
+# Labellings annealed per program of the tree, which takes about as long as the program
 _LABELLINGS_PER_PROGRAM: Final = 30
-"""Labellings annealed per program of the tree, which takes about as long as the program."""
 
 
 @dataclass(frozen=True)
 class BlockStep:
     """Result of one step of `BlockSearch`.
 
-    Attributes
-    ----------
-    conflicts : tuple of Conflict
-        Conflicts found in the step.
-    complete : (m,) bool array or None
-        Labelling of a node without undecided faces, True = dry.
-    promising : (m,) bool array or None
-        Labelling that may exceed the best one known, True = dry.
+    conflicts: conflicts found in the step. complete: (m,) labelling of a node without undecided faces, True = dry.
+    promising: (m,) labelling that may exceed the best one known, True = dry.
     """
 
     conflicts: tuple[Conflict, ...]
@@ -84,12 +68,8 @@ class BlockSearch:
 
     A block relaxation bounds λ over all choices among possible blocks. Call `start`, then `step` while `active`.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    wanted : {"auto", "on", "off"}
-        Whether to search the tree; "auto": where it promises more than conflicts of faces.
+    context: space, relaxation and other data that stay fixed during the proof. wanted: whether to search the tree;
+    "auto": where it promises more than conflicts of faces.
     """
 
     def __init__(self, context: ProofContext, wanted: ByBlocks = "auto") -> None:
@@ -107,15 +87,8 @@ class BlockSearch:
 
         Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
 
-        Parameters
-        ----------
-        least, root : float
-            Scaled λ to reach, and bound on the scaled λ of all labellings.
-
-        Returns
-        -------
-        float
-            Bound on the scaled λ of all labellings, at most `root`.
+        least, root: scaled λ to reach, and bound on the scaled λ of all labellings. Result: bound on the scaled λ of
+        all labellings, at most `root`.
         """
         blocks = self._context.blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
@@ -194,14 +167,8 @@ class BlockSearch:
 
         Raises RuntimeError without a tree; see `active`.
 
-        Parameters
-        ----------
-        formula : Formula
-            Formula of the labellings that are left.
-        threshold : float
-            Scaled λ to reach.
-        time_is_up : callable
-            Returns True once the deadline has passed; called between programs.
+        formula: formula of the labellings that are left. threshold: scaled λ to reach. time_is_up: returns True once
+        the deadline has passed; called between programs.
         """
         tree = self._tree
         if tree is None:

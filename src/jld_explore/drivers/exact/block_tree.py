@@ -37,16 +37,9 @@ Possible = Callable[[Ints, Bits], bool]
 class Node:
     """Node of the tree: a partial labelling and its block relaxation.
 
-    Attributes
-    ----------
-    faces, labels : (k,) int array and (k,) bool array
-        Decided faces and their labels, True = dry.
-    allowed : (p,) bool array
-        Blocks that are left.
-    choice : Choice
-        Result of the block relaxation over those blocks.
-    proof : tuple of BlockEvidence
-        Mechanisms of the node and of the nodes above it, from the root on.
+    faces, labels: (k,) decided faces and their labels, True = dry. allowed: (p,) blocks that are left. choice: result
+    of the block relaxation over those blocks. proof: mechanisms of the node and of the nodes above it, from the root
+    on.
     """
 
     faces: Ints
@@ -88,16 +81,7 @@ UnsolvedChild = tuple[tuple[int, bool], Node]
 class Branching:
     """Arguments of branching at one node.
 
-    Attributes
-    ----------
-    node : Node
-        The node.
-    allowed : (p,) bool array
-        Blocks left at the node.
-    threshold : float
-        Scaled λ to reach.
-    possible, time_is_up : callable
-        As in `BlockTree.step`.
+    allowed: (p,) blocks left at the node. threshold: scaled λ to reach.
     """
 
     node: Node
@@ -111,14 +95,8 @@ class Branching:
 class TreeStep:
     """Result of `BlockTree.step`.
 
-    Attributes
-    ----------
-    node : Node
-        The node that was processed.
-    conflicts : tuple of Conflict
-        Conflicts found.
-    labelling : (m,) bool array or None
-        Labelling of a node without undecided faces, which the caller must check; True = dry.
+    node: the node that was processed. conflicts: conflicts found. labelling: (m,) labelling of a node without undecided
+    faces, which the caller must check; True = dry.
     """
 
     node: Node
@@ -126,18 +104,14 @@ class TreeStep:
     labelling: Bits | None = None
 
 
+# Number of faces tried at a node, without and with the batch solver. The second number fills a SIMD register. The wall
+# of 10 × 12 cells in blocks of two, with 1, 2, 4 and 8 faces tried, takes 50, 16, 13 and 10 nodes. The programs number
+# 100, 69, 110 and 163.
 _FACES_TRIED: Final = (2, 4)
-"""Number of faces tried at a node, without and with the batch solver.
 
-The second number fills a SIMD register. The wall of 10 × 12 cells in blocks of two, with 1, 2, 4 and 8 faces tried,
-takes 50, 16, 13 and 10 nodes. The programs number 100, 69, 110 and 163.
-"""
-
+# Least decrease of a bound that counts, scaled λ. With this minimum a label without effect does not hide the effect of
+# the other label.
 _LEAST_DECREASE: Final = 1e-5
-"""Least decrease of a bound that counts, scaled λ.
-
-With this minimum a label without effect does not hide the effect of the other label.
-"""
 
 
 class BlockTree:
@@ -146,23 +120,9 @@ class BlockTree:
     A node decides the labels of some faces. Its block relaxation bounds λ over all choices among the blocks that are
     left. Call `step` until `finished`.
 
-    Parameters
-    ----------
-    relaxation : BlockBoundPool
-        Solves the block relaxations.
-    space : SearchSpace
-        Space of planar segmentations.
-    blocks : PossibleBlocks
-        Possible blocks of the space.
-    threshold : float
-        Scaled λ to reach.
-    most : float
-        Scaled λ that no labelling exceeds.
-
-    Attributes
-    ----------
-    root : Choice
-        Result of the relaxation over all possible blocks.
+    relaxation: solves the block relaxations. space: space of planar segmentations. blocks: possible blocks of the
+    space. threshold: scaled λ to reach. most: scaled λ that no labelling exceeds. root: result of the relaxation over
+    all possible blocks.
     """
 
     def __init__(
@@ -203,14 +163,9 @@ class BlockTree:
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
         """Process an open node: branch on a face, refute the node, or return its only labelling.
 
-        Parameters
-        ----------
-        threshold : float
-            Scaled λ to reach, at least that of the call before.
-        possible : callable
-            Returns True if any labelling with labels (k,) on faces (k,) is left.
-        time_is_up : callable
-            Returns True once the deadline has passed, which leaves the node open; called between programs.
+        threshold: scaled λ to reach, at least that of the call before. possible: returns True if any labelling with
+        labels (k,) on faces (k,) is left. time_is_up: returns True once the deadline has passed, which leaves the node
+        open; called between programs.
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None

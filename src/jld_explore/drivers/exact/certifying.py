@@ -37,22 +37,15 @@ from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason
 from jld_explore.verification.labellings import Labellings
 from jld_explore.verification.verify import Checker
 
+# Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
+# covers the accuracy of the solver that computes mechanisms again, and their rounding.
 _SLACK: Final = 2e-7
-"""Relative amount by which the certified bound exceeds the bound of the search.
 
-It is a fifth of `tolerances.PROVEN`. It covers the accuracy of the solver that computes mechanisms again, and their
-rounding.
-"""
+_DIGITS: Final = 44  # binary digits of the velocities of a certificate, below the largest velocity
 
-_DIGITS: Final = 44
-"""Binary digits of the velocities of a certificate, below the largest velocity."""
-
+# Shares of a motion that opens all faces, relative, added to a mechanism in turn. Small shares suffice to keep a
+# mechanism admissible after rounding. Large ones are for solvers that stopped far from the bound.
 _OPENING_SHARES: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
-"""Shares of a motion that opens all faces, relative, added to a mechanism in turn.
-
-Small shares suffice to keep a mechanism admissible after rounding. Large ones are for solvers that stopped far from
-the bound.
-"""
 
 _REMEDY: Final = "a search whose proof has a certificate"
 
@@ -60,21 +53,10 @@ _REMEDY: Final = "a search whose proof has a certificate"
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
     """Raise InputError if the proof of a driver cannot have a certificate.
 
-    Parameters
-    ----------
-    driver : Driver
-        The driver, with its search space.
-    model : SolveOptions
-        Options of the limit analyses.
-    scene : Scene
-        Scene of the space.
-
-    Raises
-    ------
-    InputError
-        If the driver is not `Exact` or aims at a front, or nothing bounds λ of several labellings at once. Also if the
-        search limits assembly sequences, requires a load factor or uses robust values. Also if friction is not
-        associative, or a face has no work balance. The message has one line.
+    driver: the driver, with its search space. model: options of the limit analyses. Raises InputError if the driver is
+    not `Exact` or aims at a front, or nothing bounds λ of several labellings at once. Also if the search limits
+    assembly sequences, requires a load factor or uses robust values. Also if friction is not associative, or a face has
+    no work balance. The message has one line.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
@@ -103,27 +85,11 @@ def certify(
 ) -> None:
     """Write the certificate of the bound that an exact driver has proven.
 
-    Parameters
-    ----------
-    driver : Exact
-        Driver whose search has ended with a bound.
-    scene : Scene
-        Scene of the search space.
-    path : Path
-        File to write.
-    found : tuple of (m,) bool array and float, or None
-        Best labelling (True = dry) and its λ, scene units; None where no labelling was found.
-    bound : float, optional
-        Bound on λ, scene units, where the driver has none of its own since it enumerated the space.
-
-    Raises
-    ------
-    InputError
-        If there is no bound, or if some labelling has no mechanism in whole numbers that proves the bound.
-    ArithmeticError
-        If two satisfiability solvers disagree, or the checker rejects a rule.
-    OSError
-        If the file cannot be written.
+    driver: driver whose search has ended with a bound. path: file to write. found: best labelling (True = dry) and its
+    λ, scene units; None where no labelling was found. bound: bound on λ, scene units, where the driver has none of its
+    own since it enumerated the space. Raises InputError if there is no bound, or if some labelling has no mechanism in
+    whole numbers that proves the bound. Raises ArithmeticError if two satisfiability solvers disagree, or the checker
+    rejects a rule. Raises OSError if the file cannot be written.
     """
     bound = driver.bound if driver.bound is not None else bound
     if bound is None:
@@ -134,19 +100,8 @@ def certify(
 class Certifier:
     """Search for the mechanisms and rules that certify a bound on λ over a space.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the space.
-    space : SearchSpace
-        The search space.
-    bound : float
-        Upper bound on λ in scene units; with load cases on the governing factor.
-
-    Attributes
-    ----------
-    bound : float
-        Bound that the certificate claims: the given one plus `_SLACK`, scene units.
+    bound: upper bound on λ in scene units; with load cases on the governing factor. bound: bound that the certificate
+    claims: the given one plus `_SLACK`, scene units.
     """
 
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
@@ -177,21 +132,10 @@ class Certifier:
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
         """Write the certificate of the bound.
 
-        Parameters
-        ----------
-        path : Path
-            File to write.
-        hints : iterable of Conflict
-            Conflicts that a search found; their proof is not needed.
-        found : tuple of (m,) bool array and float, or None
-            Best labelling (True = dry) and its λ, scene units.
-
-        Raises
-        ------
-        InputError
-            If a labelling exceeds the bound, or no mechanism in whole numbers is found for a labelling.
-        ArithmeticError
-            If two satisfiability solvers disagree, or the checker rejects a rule.
+        path: file to write. hints: conflicts that a search found; their proof is not needed. found: best labelling
+        (True = dry) and its λ, scene units. Raises InputError if a labelling exceeds the bound, or no mechanism in
+        whole numbers is found for a labelling. Raises ArithmeticError if two satisfiability solvers disagree, or the
+        checker rejects a rule.
         """
         root = self._mechanism(*self._always_dry())
         if root is not None:  # one mechanism may bound all labellings

@@ -28,17 +28,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_CORRECTIONS: Final = 3
-"""Number of times that a proof goes on after its check has corrected conflicts."""
+_CORRECTIONS: Final = 3  # number of times that a proof goes on after its check has corrected conflicts
 
 
 class ExactOptions(DriverOptions):
     """Options of the exact driver.
 
-    Attributes
-    ----------
-    aim : {"best", "front"}
-        Prove the largest load factor, or the largest for every value of the count.
+    aim: prove the largest load factor, or the largest for every value of the count.
     """
 
     aim: Aim = Field("best", description="best, or front (the best for every count)")
@@ -50,20 +46,9 @@ class ConflictDriver(Driver):
     A conflict is labels on some faces that no labelling above a λ has together. Enumeration proves the same. It is
     used where the space has no formula or no relaxation.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    counted : Count or None
-        Count that the formula must express besides the limited counts.
-    list_blocks : bool
-        Whether to list the possible blocks where they are few enough.
-    solo_relaxations : int or None
-        See `ConflictSources`.
-    enumerates : bool
-        Whether to enumerate although conflicts apply, because no formula expresses the aim.
+    counted: count that the formula must express besides the limited counts. list_blocks: whether to list the possible
+    blocks where they are few enough. enumerates: whether to enumerate although conflicts apply, because no formula
+    expresses the aim.
     """
 
     name = "exact"
@@ -329,14 +314,8 @@ class ConflictDriver(Driver):
     def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
         """Check a finished proof; see `check_proof`.
 
-        Parameters
-        ----------
-        claims : sequence of Claim
-            Claims of the proof.
-        problem : str
-            Problem that the driver itself found; "" for none.
-        evaluated : tuple of (k, m) bool array and (k,) float array
-            The strongest labellings, and the λ that each is proven to carry, scene units.
+        problem: problem that the driver itself found; "" for none. evaluated: the strongest labellings, and the λ that
+        each is proven to carry, scene units.
         """
         seconds = time.perf_counter() - self._started_at
         scaled = evaluated[0], evaluated[1] / self._scale

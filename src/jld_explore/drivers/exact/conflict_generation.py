@@ -34,20 +34,15 @@ from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 
-_WIDTHS: Final = (1, 2, 3)
-"""Widths of windows in slabs, tried in this order."""
+_WIDTHS: Final = (1, 2, 3)  # widths of windows in slabs, tried in this order
 
-_LEAST_SLABS: Final = 5
-"""Least number of slabs of a structure for which windows are used."""
+_LEAST_SLABS: Final = 5  # least number of slabs of a structure for which windows are used
 
-_LEAST_SHARE: Final = 0.1
-"""Share of labellings refuted in windows of one width below which that width is skipped."""
+_LEAST_SHARE: Final = 0.1  # share of labellings refuted in windows of one width below which that width is skipped
 
-_RETRY_INTERVAL: Final = 20
-"""A skipped width is still tried once in this number of times."""
+_RETRY_INTERVAL: Final = 20  # A skipped width is still tried once in this number of times
 
-_DECAY: Final = 0.9
-"""Weight of the earlier average when the share of refuted labellings is updated."""
+_DECAY: Final = 0.9  # weight of the earlier average when the share of refuted labellings is updated
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
@@ -80,10 +75,7 @@ class WindowStatistics:
 
     Widths that refute few labellings are tried rarely.
 
-    Parameters
-    ----------
-    widths : int
-        Number of widths.
+    widths: number of widths.
     """
 
     def __init__(self, widths: int) -> None:
@@ -104,11 +96,9 @@ class WindowStatistics:
         self._share[width] = _DECAY * self._share[width] + (1.0 - _DECAY) * share
 
 
+# Single faces tried without success before a conflict is accepted. Faces are tried in the order of their cost to the
+# excess, least first.
 _FAILED_TRIES: Final = 2
-"""Single faces tried without success before a conflict is accepted.
-
-Faces are tried in the order of their cost to the excess, least first.
-"""
 
 
 def conflict_of(
@@ -121,25 +111,10 @@ def conflict_of(
 ) -> Conflict | None:
     """Find a small set of labels of a labelling that prevents a λ: a conflict that refutes it.
 
-    Parameters
-    ----------
-    relaxation : PartialLabellingRelaxation
-        Relaxation of the structure.
-    labels : (m,) bool array
-        Labels, True = dry.
-    candidates : (m,) bool array
-        Faces that may take either label.
-    threshold : float
-        Scaled λ that the labelling must not reach.
-    tries : int
-        Number of failed attempts to leave a face out of the conflict, after which minimisation ends.
-    decided : (m,) bool array, optional
-        Candidates whose labels the conflict may use, the others are undecided; by default all.
-
-    Returns
-    -------
-    Conflict or None
-        Conflict whose labels the labelling has; None where the labelling may reach the threshold.
+    labels: (m,) True = dry. candidates: (m,) faces that may take either label. threshold: scaled λ that the labelling
+    must not reach. tries: number of failed attempts to leave a face out of the conflict, after which minimisation ends.
+    decided: (m,) candidates whose labels the conflict may use, the others are undecided; by default all. Result:
+    conflict whose labels the labelling has; None where the labelling may reach the threshold.
     """
     decided = candidates.copy() if decided is None else decided.copy()
 
@@ -192,43 +167,29 @@ def _order(found: DualBound, decided: Bools) -> Ints:
     return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])
 
 
-_BATCH_SIZE: Final = 8
-"""Largest number of labellings drawn per batch."""
+_BATCH_SIZE: Final = 8  # largest number of labellings drawn per batch
 
+# Number of neighbours of each labelling that are minimised too. Neighbours are used once `_BATCH_SIZE` conflicts of the
+# formula are known.
 _NEIGHBOURS: Final = 3
-"""Number of neighbours of each labelling that are minimised too.
 
-Neighbours are used once `_BATCH_SIZE` conflicts of the formula are known.
-"""
-
+# Largest number of neighbours minimised per labelling in a window. Every window that refutes a labelling counts
+# separately.
 _WINDOW_NEIGHBOURS: Final = 1
-"""Largest number of neighbours minimised per labelling in a window.
 
-Every window that refutes a labelling counts separately.
-"""
+_TRIES: Final = 4  # single faces tried without success before a conflict is accepted as minimal
 
-_TRIES: Final = 4
-"""Single faces tried without success before a conflict is accepted as minimal."""
+_INNER_FIRST: Final = True  # try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)
 
-_INNER_FIRST: Final = True
-"""Try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)."""
-
-_DRY_PROBABILITY: Final = 0.3
-"""Probability that a drawn labelling prefers a face dry; long blocks are hard to refute."""
+_DRY_PROBABILITY: Final = 0.3  # probability that a drawn labelling prefers a face dry; long blocks are hard to refute
 
 
 @dataclass
 class ConflictBatch:
     """Result of one step of `ConflictGenerator`.
 
-    Attributes
-    ----------
-    conflicts : list of Conflict
-        Conflicts found.
-    unrefuted : list of (m,) bool array
-        Labellings that no mechanism refutes, True = dry.
-    exhausted : bool
-        Whether no labelling is left, in the cube if one was given.
+    conflicts: conflicts found. unrefuted: labellings that no mechanism refutes, True = dry. exhausted: whether no
+    labelling is left, in the cube if one was given.
     """
 
     conflicts: list[Conflict] = field(default_factory=list)
@@ -242,12 +203,8 @@ class ConflictGenerator:
     A conflict is labels on some faces that no labelling above a λ has together. Call `begin` with a formula, then
     `step` until it is exhausted; the generator adds its conflicts to the formula.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    number : int
-        Number of the generator in this process; each has its own preferred labels.
+    context: space, relaxation and other data that stay fixed during the proof. number: number of the generator in this
+    process; each has its own preferred labels.
     """
 
     def __init__(self, context: ProofContext, number: int = 0) -> None:
@@ -270,12 +227,8 @@ class ConflictGenerator:
     def begin(self, formula: Formula, take_in_others: Callable[[], None] | None = None) -> None:
         """Continue with another formula.
 
-        Parameters
-        ----------
-        formula : Formula
-            Formula of the labellings that are left.
-        take_in_others : callable, optional
-            Adds the conflicts of other threads to the formula; called before each draw.
+        formula: formula of the labellings that are left. take_in_others: adds the conflicts of other threads to the
+        formula; called before each draw.
         """
         self._formula, self._take_in_others = formula, take_in_others or _nothing
         self._conflict_keys = set()
@@ -287,12 +240,8 @@ class ConflictGenerator:
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
         """Draw labellings that the formula leaves, and return conflicts that refute them.
 
-        Parameters
-        ----------
-        threshold : float
-            Scaled λ to refute, at least that of the call before with the same formula.
-        cube : Cube
-            Labels that every drawn labelling has.
+        threshold: scaled λ to refute, at least that of the call before with the same formula. cube: labels that every
+        drawn labelling has.
         """
         batch = ConflictBatch()
         self.formula.raise_threshold(threshold)

@@ -30,8 +30,7 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.space.measures import Range
 
-_WAIT_SECONDS: Final = 0.1
-"""Longest time, s, that the main thread waits for results before the next deadline check."""
+_WAIT_SECONDS: Final = 0.1  # longest time, s, that the main thread waits for results before the next deadline check
 
 
 def delay_point(place: str) -> None:
@@ -42,14 +41,8 @@ def delay_point(place: str) -> None:
 class _Target:
     """Current target of refutation.
 
-    Attributes
-    ----------
-    count : int, Range or None
-        Count as in `Formula.aim`.
-    threshold : float
-        Scaled λ to refute.
-    exhausted : bool
-        Whether no labelling is left above the threshold.
+    count: count as in `Formula.aim`. threshold: scaled λ to refute. exhausted: whether no labelling is left above the
+    threshold.
     """
 
     count: int | Range | None
@@ -95,14 +88,8 @@ class ThreadedGenerator:
 
     Call `begin` for a target, `step` until it returns True, and `close` at the end.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Data that stay fixed during the proof; the batch solver solves its relaxation.
-    threads : int
-        Number of threads.
-    state : ProofState
-        State of the proof; other sources of conflicts may add to the same state.
+    context: data that stay fixed during the proof; the batch solver solves its relaxation. threads: number of threads.
+    state: state of the proof; other sources of conflicts may add to the same state.
     """
 
     def __init__(self, context: ProofContext, threads: int, state: ProofState) -> None:
@@ -198,14 +185,11 @@ SOLO_RELAXATIONS: Final = (8000, 1000)
 They take about as long as starting the processes.
 """
 
+# Largest number of threads that generate conflicts in this process. A third thread draws labellings that are mostly
+# refuted for the same reasons at the same time.
 _THREADS: Final = 2
-"""Largest number of threads that generate conflicts in this process.
 
-A third thread draws labellings that are mostly refuted for the same reasons at the same time.
-"""
-
-_CLOSING_SECONDS: Final = 0.5
-"""Time, s, for which results of the workers are still accepted at the end."""
+_CLOSING_SECONDS: Final = 0.5  # time, s, for which results of the workers are still accepted at the end
 
 
 class ConflictSources:
@@ -214,22 +198,10 @@ class ConflictSources:
     Call `begin` with a formula, `step` until it returns True, and `close` at the end. A formula describes the
     labellings that no conflict refutes yet.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    state : ProofState
-        State of the proof, to which all results are added.
-    solo_relaxations : int or None
-        Relaxations before worker processes start. 0: the workers solve from the first relaxation. None: start them
-        where they are useful.
-
-    Attributes
-    ----------
-    solves : int
-        Number of relaxations solved by the workers.
-    cube_workers : CubeWorkers or None
-        The worker processes, None until they start.
+    context: space, relaxation and other data that stay fixed during the proof. state: state of the proof, to which all
+    results are added. solo_relaxations: relaxations before worker processes start. 0: the workers solve from the first
+    relaxation. None: start them where they are useful. solves: number of relaxations solved by the workers.
+    cube_workers: the worker processes, None until they start.
     """
 
     def __init__(self, context: ProofContext, state: ProofState, solo_relaxations: int | None = None) -> None:
@@ -264,14 +236,8 @@ class ConflictSources:
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Continue with another formula.
 
-        Parameters
-        ----------
-        formula : Formula
-            Formula of the labellings that are left.
-        count : int, Range or None
-            Count as in `Formula.aim`.
-        threshold : float
-            Scaled λ to refute.
+        formula: formula of the labellings that are left. count: count as in `Formula.aim`. threshold: scaled λ to
+        refute.
         """
         self._formula, self._count = formula, count
         self._generator.begin(formula)

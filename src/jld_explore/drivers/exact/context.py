@@ -17,8 +17,8 @@ from jld_core.limit.dual_bounds import DualBound
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.space import Count, SearchSpace
 
+# Largest share of the time left for listing the possible blocks; the formula works without the list
 _LISTING_SHARE: Final = 0.3
-"""Largest share of the time left for listing the possible blocks; the formula works without the list."""
 
 SEED_STEP: Final = 1000
 """Difference of the seeds of two threads or of two workers, so that each prefers other labels."""
@@ -88,20 +88,9 @@ class CheckedProof(Protocol):
 class ProofContext:
     """Space of a proof by conflicts, with its possible blocks, analyses and relaxation.
 
-    Attributes
-    ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks, where they are listed.
-    free : (m,) bool array
-        Faces that may take either label in some labelling.
-    seed : int
-        Seed of the preferred labels.
-    analyses : tuple of LimitAnalysis
-        Analyses of the load cases, in their order.
-    relaxation : Relaxation or CaseRelaxation
-        Relaxation face by face, which refutes labellings and evaluates mechanisms. It counts its solves.
+    blocks: possible blocks, where they are listed. free: (m,) faces that may take either label in some labelling.
+    analyses: analyses of the load cases, in their order. relaxation: relaxation face by face, which refutes labellings
+    and evaluates mechanisms. It counts its solves.
     """
 
     space: SearchSpace
@@ -117,21 +106,9 @@ class ProofContext:
     ) -> ProofContext | None:
         """Make the context of a space.
 
-        Parameters
-        ----------
-        space : SearchSpace
-            The search space.
-        seed : int
-            Seed of the preferred labels.
-        counted : Count, optional
-            Count that the formula must express besides the limited counts.
-        list_blocks : bool
-            Whether to list the possible blocks where they are few enough.
-
-        Returns
-        -------
-        ProofContext or None
-            None where the space has no formula or no relaxation, so that conflicts prove nothing.
+        counted: count that the formula must express besides the limited counts. list_blocks: whether to list the
+        possible blocks where they are few enough. Result: None where the space has no formula or no relaxation, so that
+        conflicts prove nothing.
         """
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
         blocks = _list_blocks(space) if list_blocks else None

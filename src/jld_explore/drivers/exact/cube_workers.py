@@ -33,23 +33,16 @@ TASK_SECONDS: Final = 0.3
 Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
 """
 
-_TASKS_PER_WORKER: Final = 2
-"""Tasks that a worker holds at a time: one in progress and one to continue with at once."""
+_TASKS_PER_WORKER: Final = 2  # tasks that a worker holds at a time: one in progress and one to continue with at once
 
-_CUBES_PER_WORKER: Final = 2
-"""Least number of cubes per worker, counting assigned ones, while any cube can be split."""
+_CUBES_PER_WORKER: Final = 2  # least number of cubes per worker, counting assigned ones, while any cube can be split
 
+# Tasks on one cube after which the cube is split in any case. Parts of the cube may then be closed and saved.
 _TASKS_PER_CUBE: Final = 20
-"""Tasks on one cube after which the cube is split in any case.
 
-Parts of the cube may then be closed and saved.
-"""
+_SCORE_DECAY: Final = 0.999  # decay of the face scores per conflict, so that recent conflicts count most
 
-_SCORE_DECAY: Final = 0.999
-"""Decay of the face scores per conflict, so that recent conflicts count most."""
-
-_WAIT_SECONDS: Final = 0.1
-"""Longest time, s, that this process waits for workers before the next deadline check."""
+_WAIT_SECONDS: Final = 0.1  # longest time, s, that this process waits for workers before the next deadline check
 
 
 @dataclass
@@ -85,21 +78,9 @@ class CubeWorkers:
 
     Call `begin` for a formula, then `step` until it returns True, and `close` at the end.
 
-    Parameters
-    ----------
-    context : ProofContext
-        Space, relaxation and other data that stay fixed during the proof.
-    jobs : int
-        Number of processes; a connected cluster contributes all its workers instead.
-    state : ProofState
-        State of the proof, to which all results are added.
-
-    Attributes
-    ----------
-    solves, closed : int
-        Numbers of relaxations solved and of cubes closed.
-    task_seconds : list of float
-        Processor time of each task, s.
+    context: space, relaxation and other data that stay fixed during the proof. jobs: number of processes; a connected
+    cluster contributes all its workers instead. state: state of the proof, to which all results are added. solves,
+    closed: numbers of relaxations solved and of cubes closed. task_seconds: processor time of each task, s.
     """
 
     def __init__(self, context: ProofContext, jobs: int, state: ProofState) -> None:
@@ -131,14 +112,8 @@ class CubeWorkers:
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Continue with another formula, whose whole space becomes the first cube.
 
-        Parameters
-        ----------
-        formula : Formula
-            Formula of the labellings that are left.
-        count : int, Range or None
-            Count as in `Formula.aim`.
-        threshold : float
-            Scaled λ to refute.
+        formula: formula of the labellings that are left. count: count as in `Formula.aim`. threshold: scaled λ to
+        refute.
         """
         self._formula, self._count, self._threshold = formula, count, threshold
         self._target += 1
@@ -152,12 +127,8 @@ class CubeWorkers:
     def step(self, threshold: float, *, wait_for_results: bool) -> bool:
         """Add results to the state of the proof; return True once every cube is closed.
 
-        Parameters
-        ----------
-        threshold : float
-            Scaled λ to refute, at least that of the call before with the same formula.
-        wait_for_results : bool
-            Whether to wait a short time for results if there are none.
+        threshold: scaled λ to refute, at least that of the call before with the same formula. wait_for_results: whether
+        to wait a short time for results if there are none.
         """
         self._threshold = threshold
         self.exchange()

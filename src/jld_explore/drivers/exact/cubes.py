@@ -13,23 +13,16 @@ from jld_core.arrays import Bits, Floats
 if TYPE_CHECKING:
     from jld_explore.drivers.exact.formula import Formula
 
+# Number of faces compared by unit propagation before a cube is split. The faces most frequent in recent conflicts are
+# compared.
 _LOOKED_AT: Final = 16
-"""Number of faces compared by unit propagation before a cube is split.
-
-The faces most frequent in recent conflicts are compared.
-"""
 
 
 @dataclass(frozen=True)
 class Cube:
     """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry.
 
-    Attributes
-    ----------
-    faces : tuple of int
-        Faces.
-    labels : tuple of bool
-        Their labels, True = dry.
+    labels: their labels, True = dry.
     """
 
     faces: tuple[int, ...] = ()
@@ -55,14 +48,8 @@ def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
     each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
     returned itself.
 
-    Parameters
-    ----------
-    cube : Cube
-        Cube to split.
-    formula : Formula
-        Formula that propagates.
-    weight : (m,) float array
-        Scores of the faces, high for those of recent conflicts.
+    cube: cube to split. formula: formula that propagates. weight: (m,) scores of the faces, high for those of recent
+    conflicts.
     """
     taken = set(cube.faces)
     order = np.argsort(-weight, kind="stable").tolist()

@@ -36,53 +36,25 @@ from jld_explore.space import SearchSpace
 if TYPE_CHECKING:
     import pandas as pd
 
+# Conflicts before the bound is lowered in smaller steps, with and without batch solver. Finding so many conflicts takes
+# a few seconds.
 _CONFLICTS_PER_STEP: Final = (6000, 500)
-"""Conflicts before the bound is lowered in smaller steps, with and without batch solver.
 
-Finding so many conflicts takes a few seconds.
-"""
-
-_STRONGEST_COMPARED: Final = 300
-"""Number of the strongest labellings compared with all conflicts at the end of a proof."""
+_STRONGEST_COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
 
 
 class Exact(ConflictDriver):
     """Driver that proves the largest λ of a search space, or the front of a count.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    aim : {"best", "front"}
-        Prove the largest λ, or the largest λ for every value of the count of the scene.
-    search : int
-        Labellings evaluated before the proof, per face that can change.
-    by_blocks : {"auto", "on", "off"}
-        Whether to search a tree of block choices first; "auto": where it promises more than conflicts of faces.
-    list_blocks : bool
-        Whether to list the possible blocks where they are few enough.
-    step_after : int, optional
-        Conflicts after which the bound is lowered in smaller steps. A proof too long to finish then leaves a narrower
-        gap. Default: as many as take a few seconds.
-    programs : int, optional
-        Number of programs after which the driver stops as if the deadline had passed. Default: no limit.
-    solo_relaxations : int, optional
-        Relaxations after which other processes help where they are allowed; 0: from the start. Default: as many as
-        take about a second.
-
-    Attributes
-    ----------
-    aim : str
-        As the parameter.
-    found : dict
-        Best λ and bound (`Best`) for each count; key None for all labellings.
-
-    Raises
-    ------
-    ParameterError
-        If cells may be left out of the structure.
+    aim: prove the largest λ, or the largest λ for every value of the count of the scene. search: labellings evaluated
+    before the proof, per face that can change. by_blocks: whether to search a tree of block choices first; "auto":
+    where it promises more than conflicts of faces. list_blocks: whether to list the possible blocks where they are few
+    enough. step_after: conflicts after which the bound is lowered in smaller steps. A proof too long to finish then
+    leaves a narrower gap. Default: as many as take a few seconds. programs: number of programs after which the driver
+    stops as if the deadline had passed. Default: no limit. solo_relaxations: relaxations after which other processes
+    help where they are allowed; 0: from the start. Default: as many as take about a second. found: best λ and bound
+    (`Best`) for each count; key None for all labellings. Raises ParameterError if cells may be left out of the
+    structure.
     """
 
     def __init__(

@@ -31,45 +31,22 @@ from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.measures import Range
 
+# Satisfiability solver of the search. It accepts new preferred labels before every call, and releases the interpreter
+# lock while it solves.
 _SOLVER: Final = "minisat22"
-"""Satisfiability solver of the search.
-
-It accepts new preferred labels before every call, and releases the interpreter lock while it solves.
-"""
 
 
+# Conflicts of the satisfiability solver between two checks of the deadline, about 0.2 s
 _CONFLICTS_PER_CHECK: Final = 10_000
-"""Conflicts of the satisfiability solver between two checks of the deadline, about 0.2 s."""
 
 
 class Formula:
     """Boolean formula whose models are the labellings that no clause rules out.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks or None
-        Possible blocks of the space; None where they are not listed.
-    solver : str
-        Name of a satisfiability solver in the package python-sat.
-    partial : bool
-        Omit limits on counts that the formula cannot express, instead of raising ValueError.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        As the parameter.
-    blocks : PossibleBlocks or None
-        As the parameter.
-
-    undecided : int
-        Number of labellings ruled out for lack of a known assembly sequence, although one may exist.
-
-    Raises
-    ------
-    ValueError
-        If a limited count is no sum of ones, or counts blocks that are not listed.
+    blocks: possible blocks of the space; None where they are not listed. solver: name of a satisfiability solver in the
+    package python-sat. partial: omit limits on counts that the formula cannot express, instead of raising ValueError.
+    undecided: number of labellings ruled out for lack of a known assembly sequence, although one may exist. Raises
+    ValueError if a limited count is no sum of ones, or counts blocks that are not listed.
     """
 
     def __init__(
@@ -103,12 +80,8 @@ class Formula:
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
         """Seek labellings above a scaled λ from now on, and forget all calls of `set_aside`.
 
-        Parameters
-        ----------
-        threshold : float
-            Scaled λ that labellings must exceed.
-        count : int, Range or None
-            Value of the count of the front, or bounds on it; None for any value.
+        threshold: scaled λ that labellings must exceed. count: value of the count of the front, or bounds on it; None
+        for any value.
         """
         if self._set_aside is not None:
             self._solver.add_clause([-self._set_aside])
@@ -148,22 +121,9 @@ class Formula:
     ) -> Bits | None:
         """Return a labelling of the space that no clause rules out.
 
-        Parameters
-        ----------
-        faces, labels : (k,) iterables of int and bool
-            Faces and the labels they must have, True = dry.
-        preferred : (m,) bool array, optional
-            Labels that the solver tries first, True = dry.
-
-        Returns
-        -------
-        (m,) bool array or None
-            Labels, True = dry; None if no labelling is left.
-
-        Raises
-        ------
-        DeadlinePassed
-            If an enforced deadline passes first.
+        faces, labels: (k,) faces and the labels they must have, True = dry. preferred: (m,) labels that the solver
+        tries first, True = dry. Returns (m,): labels, True = dry; None if no labelling is left. Raises DeadlinePassed
+        if an enforced deadline passes first.
         """
         assumptions = self._assumed + self._face_literals(faces, labels)
         if preferred is not None:
@@ -202,13 +162,8 @@ class Formula:
     def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
         """Rule out all labellings with labels (k,) on faces (k,), and their images under symmetry.
 
-        Parameters
-        ----------
-        faces, labels : (k,) iterables of int and bool
-            Faces and their labels, True = dry.
-        bound : float
-            Scaled λ that those labellings do not exceed. They stay possible while the formula aims at a lower λ. −inf
-            rules them out always.
+        faces, labels: (k,) faces and their labels, True = dry. bound: scaled λ that those labellings do not exceed.
+        They stay possible while the formula aims at a lower λ. −inf rules them out always.
         """
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._variable[f] > 0)
         self._assumption_literals.forbid_above(pairs, bound)
@@ -216,12 +171,7 @@ class Formula:
     def learn(self, conflicts: Iterable[Conflict], handed_over: Iterable[Bits] = ()) -> None:
         """Rule out conflicts above their bounds, and labellings that need no further treatment.
 
-        Parameters
-        ----------
-        conflicts : iterable of Conflict
-            Conflicts.
-        handed_over : iterable of (m,) bool array
-            Labellings that were handed over or evaluated.
+        handed_over: labellings that were handed over or evaluated.
         """
         for conflict in conflicts:
             self.forbid(conflict.faces, conflict.labels, conflict.bound)
@@ -285,12 +235,7 @@ class Formula:
     def limit_kinds(self, kinds: Sequence[int], bounds: Range) -> None:
         """Limit the number of different kinds among the chosen blocks.
 
-        Parameters
-        ----------
-        kinds : sequence of p int
-            Kind of each possible block.
-        bounds : Range
-            Bounds on the number of kinds.
+        kinds: kind of each possible block. bounds: bounds on the number of kinds.
         """
         of: dict[int, list[int]] = {}
         for chosen, kind in zip(self._chosen, kinds, strict=True):

@@ -24,20 +24,9 @@ class AssumptionLiterals:
     the literal of the lowest level not below that bound. While no such level exists the clause waits. A new level
     takes over the clauses that already hold at it.
 
-    Parameters
-    ----------
-    new : callable
-        Creates a variable of the solver and returns its number.
-    rule_out : callable
-        Adds the clause that forbids some labels unless one of the given literals is true. With no labels the clause
-        consists of the literals alone.
-
-    Attributes
-    ----------
-    threshold : float
-        Scaled λ that labellings must exceed at present.
-    assumed : list of int
-        Literals to assume in every call of the solver.
+    new: creates a variable of the solver and returns its number. rule_out: adds the clause that forbids some labels
+    unless one of the given literals is true. With no labels the clause consists of the literals alone. threshold:
+    scaled λ that labellings must exceed at present. assumed: literals to assume in every call of the solver.
     """
 
     def __init__(self, new: Callable[[], int], rule_out: Callable[[Pairs, tuple[int, ...]], None]) -> None:
@@ -98,21 +87,8 @@ class UnaryCounter:
     Two totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer
     implies only upper bounds.
 
-    Parameters
-    ----------
-    literals : sequence of int
-        Literals to count.
-    constant : int
-        Constant added to the number.
-    top : int
-        Largest variable in use.
-
-    Attributes
-    ----------
-    clauses : list of list of int
-        Clauses that define the digits.
-    top : int
-        Largest variable in use afterwards.
+    literals: literals to count. constant: constant added to the number. top: largest variable in use. clauses: clauses
+    that define the digits. top: largest variable in use afterwards.
     """
 
     def __init__(self, literals: Sequence[int], constant: int, top: int) -> None:

@@ -12,21 +12,8 @@ from jld_explore.evaluation import Evaluation
 class Heuristics:
     """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
 
-    Parameters
-    ----------
-    driver : Driver
-        Driver that runs whenever it is due.
-    due : int
-        Number of its labellings before the proof.
-
-    Attributes
-    ----------
-    driver : Driver
-        As the parameter.
-    due : int
-        Number of its labellings that are due now.
-    limit : int or None
-        Largest number of labellings that are proposed together; None for no limit.
+    driver: driver that runs whenever it is due. due: number of its labellings before the proof. due: number of its
+    labellings that are due now. limit: largest number of labellings that are proposed together; None for no limit.
     """
 
     def __init__(self, driver: Driver, due: int) -> None:

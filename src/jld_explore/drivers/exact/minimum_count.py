@@ -31,23 +31,8 @@ class MinimumCount(ConflictDriver):
 
     Spaces without a formula, for example with a count that is no sum of ones, are enumerated, which proves the same.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    seed : int
-        Seed of the random choices.
-    aim : {"best", "front"}
-        Must be "best".
-    search : int
-        Labellings evaluated before the proof, per face that can change.
-    solo_relaxations : int, optional
-        See `Exact`.
-
-    Raises
-    ------
-    InputError
-        If the space requires no load factor, or `aim` is not "best".
+    aim: must be "best". search: labellings evaluated before the proof, per face that can change. Raises InputError if
+    the space requires no load factor, or `aim` is not "best".
     """
 
     def __init__(

@@ -20,23 +20,16 @@ from jld_explore.space.measures import SizeOf
 MOST: Final = 20_000
 """Number of possible blocks above which they are not listed."""
 
-_ROWS: Final = 512
-"""Number of sets whose sizes are computed at once."""
+_ROWS: Final = 512  # number of sets whose sizes are computed at once
 
-_GROWN: Final = 4
-"""Sets, as a multiple of `MOST`, above which sets of one size are not compared with the limits."""
+_GROWN: Final = 4  # sets, as a multiple of `MOST`, above which sets of one size are not compared with the limits
 
 
 @dataclass(frozen=True)
 class PossibleBlocks:
     """List of p possible blocks.
 
-    Attributes
-    ----------
-    members : tuple of p tuples of int
-        Elements of each block, ascending.
-    inside : tuple of p tuples of int
-        Faces with both sides in the block, ascending.
+    members: elements of each block, ascending. inside: faces with both sides in the block, ascending.
     """
 
     members: tuple[tuple[int, ...], ...]
@@ -48,12 +41,7 @@ class PossibleBlocks:
     def labelling(self, space: SearchSpace, chosen: Ints) -> Bits:
         """Return the labels (m,) of the segmentation into chosen blocks, True = dry.
 
-        Parameters
-        ----------
-        space : SearchSpace
-            The search space.
-        chosen : int array
-            Indices of the blocks.
+        chosen: indices of the blocks.
         """
         labels = np.ones(len(space.fixed), dtype=bool)
         for p in chosen.tolist():
@@ -64,21 +52,8 @@ class PossibleBlocks:
 def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     """List the possible blocks of a space.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-
-    Returns
-    -------
-    PossibleBlocks or None
-        The blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may contain
-        a support.
-
-    Raises
-    ------
-    DeadlinePassed
-        If an enforced deadline passes first.
+    Result: the blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may
+    contain a support. Raises DeadlinePassed if an enforced deadline passes first.
     """
     assembly = space.assembly
     faces, support = assembly.interfaces, assembly.elements.support
@@ -115,17 +90,8 @@ def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
 
     A set is grown by one element at a time, so that a set above a limit is not grown further.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space with f free elements.
-    links : (k, 2) int array
-        Positions, among the free elements, of those that may be joined.
-
-    Returns
-    -------
-    (p, f) bool array or None
-        Sets by size, those of equal size in the order of their members; None above `MOST`.
+    space: search space with f free elements. links: (k, 2) positions, among the free elements, of those that may be
+    joined. Returns (p, f): sets by size, those of equal size in the order of their members; None above `MOST`.
     """
     number = len(space.assembly.elements.free)
     around = [0] * number
@@ -188,23 +154,9 @@ class BlockTables:
 
     Each row is one of the c faces that can separate or join blocks; columns are the p blocks.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    blocks : PossibleBlocks
-        Its p possible blocks.
-
-    Attributes
-    ----------
-    faces : (c,) int array
-        Candidate faces that some block contains.
-    inside : (c, p) bool array
-        Blocks that contain each of these faces.
-    beside : (c, p) bool array
-        Blocks with the element on the first side of each face.
-    separated_by : (c, p) bool array
-        Blocks on whose edge each face lies.
+    blocks: its p possible blocks. faces: (c,) candidate faces that some block contains. inside: (c, p) blocks that
+    contain each of these faces. beside: (c, p) blocks with the element on the first side of each face. separated_by:
+    (c, p) blocks on whose edge each face lies.
     """
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks) -> None:

@@ -25,29 +25,22 @@ from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism,
 from jld_explore.space import SearchSpace
 from jld_explore.space.measures import Range
 
-_SOLVER: Final = "glucose42"
-"""Satisfiability solver of the check, another one than that of the search."""
+_SOLVER: Final = "glucose42"  # satisfiability solver of the check, another one than that of the search
 
+# Relative difference allowed when the bound of a mechanism is evaluated again. It covers rounding and is a thousandth
+# of `tolerances.PROVEN`.
 _BOUND_TOLERANCE: Final = 1e-9
-"""Relative difference allowed when the bound of a mechanism is evaluated again.
 
-It covers rounding and is a thousandth of `tolerances.PROVEN`.
-"""
-
+# Share of the time of the proof allowed for refuting conflicts again. Only conflicts whose mechanism is no longer in
+# memory are refuted again.
 _REFUTATION_SHARE: Final = 0.03
-"""Share of the time of the proof allowed for refuting conflicts again.
 
-Only conflicts whose mechanism is no longer in memory are refuted again.
-"""
+_REFUTATION_SECONDS: Final = 0.2  # time, s, that is allowed for refuting such conflicts again in any case
 
-_REFUTATION_SECONDS: Final = 0.2
-"""Time, s, that is allowed for refuting such conflicts again in any case."""
+_MECHANISMS_PER_CALL: Final = 256  # number of mechanisms evaluated in one call
 
-_MECHANISMS_PER_CALL: Final = 256
-"""Number of mechanisms evaluated in one call."""
-
+# Relative rounding error of a load factor that was scaled and scaled back
 _SCALING_ERROR: Final = 4.0 * float(np.finfo(float).eps)
-"""Relative rounding error of a load factor that was scaled and scaled back."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +49,7 @@ class Claim:
 
     Labellings that were handed over and evaluated are excepted.
 
-    Attributes
-    ----------
-    count : int, Range or None
-        Value of the count of the front, bounds on it, or None for all labellings.
-    threshold : float
-        Scaled λ.
+    count: value of the count of the front, bounds on it, or None for all labellings. threshold: scaled λ.
     """
 
     count: int | Range | None
@@ -72,21 +60,11 @@ class Claim:
 class ProofCheck:
     """Result of checking a proof.
 
-    Attributes
-    ----------
-    problem : str
-        Problem in one line, "" if the proof passed.
-    seconds : float
-        Time of the check, s.
-    conflicts : int
-        Number of conflicts that the claims rest on.
-    weighed : int
-        Number of those whose mechanism was evaluated, or that were refuted, again.
-    corrected : tuple of Conflict
-        Conflicts whose mechanism keeps λ at more than was recorded, with the bound that it does prove.
-    holds : tuple of Claim
-        Claims that the corrected conflicts prove in place of those checked; empty where nothing is corrected, or where
-        they do not prove these either.
+    problem: problem in one line, "" if the proof passed. seconds: time of the check, s. conflicts: number of conflicts
+    that the claims rest on. weighed: number of those whose mechanism was evaluated, or that were refuted, again.
+    corrected: conflicts whose mechanism keeps λ at more than was recorded, with the bound that it does prove. holds:
+    claims that the corrected conflicts prove in place of those checked; empty where nothing is corrected, or where they
+    do not prove these either.
     """
 
     problem: str
@@ -122,26 +100,11 @@ def check_proof(
     order, for a limited time.
     The result names the first problem found; nothing is raised for a proof that fails.
 
-    Parameters
-    ----------
-    context : ProofContext or FieldProofContext
-        Space, possible blocks, free faces and relaxation of the proof.
-    state : ProofState
-        Conflicts, and labellings that no conflict refutes.
-    claims : sequence of Claim
-        Claims to check.
-    evaluated : (k, m) bool array and (k,) float array
-        The strongest evaluated labellings, and the scaled λ that each is proven to carry.
-    problem : str
-        Problem known before the check; "" for none.
-    seconds : float
-        Time that the proof took, s.
-
-    Returns
-    -------
-    ProofCheck
-        Passed only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a claim, except
-        evaluated ones.
+    context: space, possible blocks, free faces and relaxation of the proof. state: conflicts, and labellings that no
+    conflict refutes. claims: claims to check. evaluated: (k, m) the strongest evaluated labellings, and the scaled λ
+    that each is proven to carry. problem: problem known before the check; "" for none. seconds: time that the proof
+    took, s. Result: passed only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a
+    claim, except evaluated ones.
     """
     start = time.perf_counter()
     if problem:
@@ -216,12 +179,7 @@ class _ConflictCheck:
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> None:
         """Refute conflicts without a mechanism again, in random order, until a time.
 
-        Parameters
-        ----------
-        conflicts : sequence of Conflict
-            Conflicts of the proof.
-        end : float
-            Time to stop, on the clock of `time.perf_counter`, s.
+        end: time to stop, on the clock of `time.perf_counter`, s.
         """
         lacking = [one for one in conflicts if one.mechanism is None and one.evidence is Evidence.MECHANISM]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))

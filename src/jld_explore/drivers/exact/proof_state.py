@@ -41,12 +41,7 @@ class Evidence(IntEnum):
 class Mechanism:
     """Mechanism that proves a conflict.
 
-    Attributes
-    ----------
-    case : int
-        Index of the load case.
-    velocity : (q · free,) float array
-        Scaled velocities of the free elements.
+    case: index of the load case. velocity: (q · free,) scaled velocities of the free elements.
     """
 
     case: int
@@ -57,12 +52,7 @@ class Mechanism:
 class BlockEvidence:
     """Mechanism of one block relaxation, as part of the proof of a conflict.
 
-    Attributes
-    ----------
-    mechanism : BlockMechanism
-        The mechanism.
-    blocks : (k,) int array or None
-        Indices of the possible blocks that the relaxation had; None for all of them.
+    blocks: (k,) indices of the possible blocks that the relaxation had; None for all of them.
     """
 
     mechanism: BlockMechanism
@@ -73,25 +63,10 @@ class BlockEvidence:
 class Conflict:
     """Labels on some faces that no labelling above a scaled λ has together.
 
-    Parameters
-    ----------
-    faces : (k,) int array
-        Faces of the conflict.
-    labels : (k,) bool array
-        Labels of those faces, True = dry.
-    bound : float
-        Scaled λ that no labelling with these labels exceeds.
-    evidence : Evidence
-        Kind of proof.
-    mechanism : Mechanism or None
-        The proof, where it is a mechanism that is still in memory.
-    by_blocks : tuple of BlockEvidence
-        The proof, where it comes from block relaxations that are still in memory: each excludes blocks, in this order.
-
-    Attributes
-    ----------
-    faces, labels, bound, evidence, mechanism, by_blocks
-        As the parameters.
+    faces: (k,) faces of the conflict. labels: (k,) labels of those faces, True = dry. bound: scaled λ that no labelling
+    with these labels exceeds. evidence: kind of proof. mechanism: the proof, where it is a mechanism that is still in
+    memory. by_blocks: the proof, where it comes from block relaxations that are still in memory: each excludes blocks,
+    in this order.
     """
 
     faces: Ints
@@ -124,11 +99,9 @@ class Conflict:
         return self.faces.tobytes(), self.labels.tobytes()
 
 
+# Largest memory for mechanisms, bytes. Later conflicts are stored without their mechanism, and are proven again when
+# the proof is checked.
 _MOST_BYTES: Final = 500_000_000
-"""Largest memory for mechanisms, bytes.
-
-Later conflicts are stored without their mechanism, and are proven again when the proof is checked.
-"""
 
 
 class LeastBounds:
@@ -143,12 +116,7 @@ class LeastBounds:
     def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
         """Record a conflict; return True if it refutes more than is known above a threshold.
 
-        Parameters
-        ----------
-        conflict : Conflict
-            The conflict.
-        threshold : float
-            Scaled λ below which a smaller bound does not matter.
+        threshold: scaled λ below which a smaller bound does not matter.
         """
         if self._known.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
             return False
@@ -162,10 +130,7 @@ class Conflicts:
     Threads may add and read conflicts. Only the thread that opened the records may call `save` and `keep`. A single
     conflict is never removed; `clear` removes all of them.
 
-    Parameters
-    ----------
-    faces : int
-        Number m of faces of a labelling.
+    faces: number m of faces of a labelling.
     """
 
     def __init__(self, faces: int) -> None:
@@ -204,12 +169,7 @@ class Conflicts:
     def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
         """Add conflicts that refute more than is known; return how many were added.
 
-        Parameters
-        ----------
-        conflicts : iterable of Conflict
-            The conflicts.
-        threshold : float
-            Scaled λ below which a smaller bound does not matter.
+        threshold: scaled λ below which a smaller bound does not matter.
         """
         with self._lock:
             new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
@@ -234,12 +194,8 @@ class Conflicts:
     def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
         """Replace conflicts by corrected ones, and forget those that follow from others and the bound on record.
 
-        Parameters
-        ----------
-        corrected : iterable of Conflict
-            Conflicts with the bounds that hold; each replaces that of the same faces and labels.
-        reason : str
-            Why the bound on record is withdrawn, one line.
+        corrected: conflicts with the bounds that hold; each replaces that of the same faces and labels. reason: why the
+        bound on record is withdrawn, one line.
         """
         better = {one.key: one for one in corrected}
         known = [better.get(one.key, one) for one in self._known if not one.from_cube]
@@ -263,17 +219,7 @@ class ProofState:
 
     A labelling that no conflict refutes is handed over: it is queued for evaluation, and formulas may exclude it.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space of the proof.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        As the parameter.
-    conflicts : Conflicts
-        All conflicts of the proof.
+    space: search space of the proof. conflicts: all conflicts of the proof.
     """
 
     def __init__(self, space: SearchSpace) -> None:

@@ -10,44 +10,29 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+# Gap, relative to the bound, up to which the whole gap is tried at once. Intermediate steps would need a third more
+# conflicts in total.
 _WHOLE_GAP: Final = 0.2
-"""Gap, relative to the bound, up to which the whole gap is tried at once.
 
-Intermediate steps would need a third more conflicts in total.
-"""
+_FIRST_FRACTION: Final = 0.5  # first step of a wider gap, as a fraction of the gap
 
-_FIRST_FRACTION: Final = 0.5
-"""First step of a wider gap, as a fraction of the gap."""
+_LAST_FRACTION: Final = 0.75  # fraction of the gap from which a step covers the whole gap
 
-_LAST_FRACTION: Final = 0.75
-"""Fraction of the gap from which a step covers the whole gap."""
+_LEAST_STEP: Final = 2e-3  # smallest step, relative to the bound
 
-_LEAST_STEP: Final = 2e-3
-"""Smallest step, relative to the bound."""
+_GROWTH: Final = 1.5  # factor by which the fraction grows after a step that needed few conflicts
+_QUICK_SHARE: Final = 0.25  # share of the allowed conflicts below which a step counts as quick
 
-_GROWTH: Final = 1.5
-"""Factor by which the fraction grows after a step that needed few conflicts."""
-_QUICK_SHARE: Final = 0.25
-"""Share of the allowed conflicts below which a step counts as quick."""
-
+# Factor on the allowed conflicts of the next step after a step that exceeded them. On the 8 × 10 wall in blocks of
+# three 22 thousand conflicts leave nothing above 0.723, and 26 thousand nothing above 0.70.
 _MORE_CONFLICTS: Final = 4
-"""Factor on the allowed conflicts of the next step after a step that exceeded them.
-
-On the 8 × 10 wall in blocks of three 22 thousand conflicts leave nothing above 0.723, and 26 thousand nothing above
-0.70.
-"""
 
 
 @dataclass(frozen=True)
 class ScheduledStep:
     """One λ to refute on the way to the best λ of a target.
 
-    Attributes
-    ----------
-    threshold : float
-        The λ, scene units.
-    conflicts : int
-        Number of conflicts known when the step began.
+    threshold: the λ, scene units. conflicts: number of conflicts known when the step began.
     """
 
     threshold: float
@@ -60,10 +45,7 @@ class TargetSchedule:
     Each step is a fraction of the remaining gap. After a step that takes too long the next one is half that fraction
     and may need more conflicts. Conflicts found on the way also hold for higher targets.
 
-    Parameters
-    ----------
-    conflicts_allowed : int
-        Conflicts that a step may take at first.
+    conflicts_allowed: conflicts that a step may take at first.
     """
 
     def __init__(self, conflicts_allowed: int) -> None:
@@ -73,12 +55,7 @@ class TargetSchedule:
     def next_target(self, bound: float, low: float) -> float:
         """Return the next λ to refute, between `low` and `bound`; `low` covers the whole gap.
 
-        Parameters
-        ----------
-        bound : float
-            Bound on λ of all labellings.
-        low : float
-            λ that labellings must exceed in the end.
+        bound: bound on λ of all labellings. low: λ that labellings must exceed in the end.
         """
         gap = bound - low
         if not math.isfinite(bound) or gap <= 0.0:
@@ -97,12 +74,7 @@ class TargetSchedule:
 
         The next step is then half as wide.
 
-        Parameters
-        ----------
-        conflicts : int
-            Conflicts found in the current step.
-        bound, aimed : float
-            Bound on λ, and λ of the current step.
+        conflicts: conflicts found in the current step. bound, aimed: bound on λ, and λ of the current step.
         """
         if conflicts < self._conflicts_allowed or not bound - aimed > _LEAST_STEP * abs(bound):
             return False
@@ -111,34 +83,22 @@ class TargetSchedule:
         return True
 
 
-_FIRST_INTERVAL: Final = 4000
-"""Relaxations before annealing first runs during a proof; the interval then doubles."""
+_FIRST_INTERVAL: Final = 4000  # relaxations before annealing first runs during a proof; the interval then doubles
 
+# Labellings annealed per relaxation since the last run, with and without batch solver. Annealing then takes some 10 to
+# 15 % of the time.
 _LABELLINGS_PER_RELAXATION: Final = (0.025, 0.15)
-"""Labellings annealed per relaxation since the last run, with and without batch solver.
 
-Annealing then takes some 10 to 15 % of the time.
-"""
-
-_LONG_PROOF: Final = 60_000
-"""Number of relaxations from which a proof counts as long."""
+_LONG_PROOF: Final = 60_000  # number of relaxations from which a proof counts as long
+# Least number of labellings annealed per relaxation in a long proof. There a relaxation takes half as long as the
+# evaluation of a labelling (0.24 and 0.5 ms for the crushable arch), in small walls a seventh.
 _LABELLINGS_IN_LONG_PROOF: Final = 0.06
-"""Least number of labellings annealed per relaxation in a long proof.
-
-There a relaxation takes half as long as the evaluation of a labelling (0.24 and 0.5 ms for the crushable arch), in
-small walls a seventh.
-"""
 
 
 class AnnealingSchedule:
     """Schedule for interleaving annealing with the proof.
 
-    Parameters
-    ----------
-    batched : bool
-        Whether the batch solver solves the relaxations.
-    disabled : bool
-        Whether to do without annealing.
+    batched: whether the batch solver solves the relaxations. disabled: whether to do without annealing.
     """
 
     def __init__(self, *, batched: bool, disabled: bool) -> None:

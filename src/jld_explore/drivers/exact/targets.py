@@ -30,12 +30,7 @@ class Incumbents:
 
     A target is a value of that count, or None for all labellings.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    count : Count or None
-        Count that distinguishes the targets; None for a single target.
+    count: count that distinguishes the targets; None for a single target.
     """
 
     def __init__(self, space: SearchSpace, count: Count | None) -> None:
@@ -108,16 +103,9 @@ class Best:
 
     Labellings that are locked, or fall under their dead load alone, count as without λ and are excluded.
 
-    Attributes
-    ----------
-    count : int or None
-        Value of the count; None for all labellings.
-    load_factor : float
-        Largest λ found, scene units; NaN if there is none.
-    bound : float
-        Proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
-    load_scale : float
-        λ below which differences do not matter, scene units.
+    count: value of the count; None for all labellings. load_factor: largest λ found, scene units; NaN if there is none.
+    bound: proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
+    load_scale: λ below which differences do not matter, scene units.
     """
 
     count: int | None
@@ -141,16 +129,8 @@ def claims_of(
 ) -> tuple[list[Claim], str]:
     """Return the claims of a proof, and the first contradiction to a λ found ("" for none).
 
-    Parameters
-    ----------
-    found : iterable of Best
-        Best λ and bound of each target.
-    incumbents : Incumbents
-        Bounds of the evaluated labellings.
-    scale : float
-        λ in scene units of one scaled λ.
-    load_scale : float
-        λ below which differences do not matter, scene units.
+    found: best λ and bound of each target. incumbents: bounds of the evaluated labellings. scale: λ in scene units of
+    one scaled λ. load_scale: λ below which differences do not matter, scene units.
     """
     claims, problem = [], ""
     for best in found:
@@ -182,14 +162,8 @@ def front(found: Iterable[Best]) -> list[dict[str, Any]]:
 def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict[str, Any]]:
     """Return the rows of the front of an enumerated space: count, load_factor, bound, proven.
 
-    Parameters
-    ----------
-    results : DataFrame
-        Table of all evaluations.
-    count : str
-        Column of the count.
-    complete : bool
-        Whether the table holds every class of the space.
+    results: table of all evaluations. count: column of the count. complete: whether the table holds every class of the
+    space.
     """
     rows: list[dict[str, Any]] = []
     for value, group in results.groupby(count):
@@ -219,26 +193,16 @@ def counts_of(space: SearchSpace, count: Count) -> list[int]:
     return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))
 
 
+# Relative distance above the best λ known at which labellings are sought. It is half of `tolerances.PROVEN`, the
+# relative difference that counts as proven.
 _INCREASE: Final = 0.5 * tolerances.PROVEN
-"""Relative distance above the best λ known at which labellings are sought.
-
-It is half of `tolerances.PROVEN`, the relative difference that counts as proven.
-"""
 
 
 def front_count(space: SearchSpace) -> Count | None:
     """Return the count of an exact front, for a proof by conflicts.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-
-    Returns
-    -------
-    Count or None
-        Count of the front that the scene asks for. None for two counts, or one that is no sum of binary terms: no
-        formula expresses their front, and only enumeration proves it.
+    Result: count of the front that the scene asks for. None for two counts, or one that is no sum of binary terms: no
+    formula expresses their front, and only enumeration proves it.
     """
     asked = space.search.front
     count = count_named(asked.count)
@@ -250,23 +214,9 @@ class Targets:
 
     Call `least` and `lower_bound` while a target is proven, then `settle`, until `left` is empty.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    count : Count or None
-        Count of the front; None to prove the largest λ alone.
-    incumbents : Incumbents
-        Bounds of the evaluated labellings.
-    load_scale : float
-        λ below which differences do not matter, scene units.
-
-    Attributes
-    ----------
-    found : dict
-        Best λ and bound (`Best`) for each count; key None for all labellings.
-    left : list of int or None
-        Targets that are not settled.
+    count: count of the front; None to prove the largest λ alone. incumbents: bounds of the evaluated labellings.
+    load_scale: λ below which differences do not matter, scene units. found: best λ and bound (`Best`) for each count;
+    key None for all labellings. left: targets that are not settled.
     """
 
     def __init__(self, space: SearchSpace, count: Count | None, incumbents: Incumbents, load_scale: float) -> None:
@@ -299,10 +249,7 @@ class Targets:
 
         It lies slightly above the best λ known, and is 0 where none is.
 
-        Parameters
-        ----------
-        target : int or None
-            Value of the count; None for all labellings.
+        target: value of the count; None for all labellings.
         """
         low = self._incumbents.best(target)
         return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0

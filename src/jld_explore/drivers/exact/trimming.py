@@ -12,20 +12,15 @@ from dataclasses import dataclass
 
 from pysat.solvers import Solver
 
-_LOGGING = "cadical195"
-"""Satisfiability solver that logs its proof."""
+_LOGGING = "cadical195"  # satisfiability solver that logs its proof
 
 
 @dataclass(frozen=True)
 class Refutation:
     """Proof that clauses contradict each other.
 
-    Attributes
-    ----------
-    needed : tuple of int
-        Positions of the clauses that are used, ascending.
-    lemmas : tuple of pairs
-        Literals of each lemma, and its reasons: positions of clauses, or number of clauses + position of a lemma.
+    needed: positions of the clauses that are used, ascending. lemmas: literals of each lemma, and its reasons:
+    positions of clauses, or number of clauses + position of a lemma.
     """
 
     needed: tuple[int, ...]
@@ -35,20 +30,8 @@ class Refutation:
 def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
     """Return a refutation of clauses.
 
-    Parameters
-    ----------
-    clauses : sequence of sequences of int
-        Clauses of nonzero literals.
-
-    Returns
-    -------
-    Refutation or None
-        The refutation; None if the clauses have a model.
-
-    Raises
-    ------
-    ArithmeticError
-        If the proof of the solver does not hold.
+    clauses: clauses of nonzero literals. Result: the refutation; None if the clauses have a model. Raises
+    ArithmeticError if the proof of the solver does not hold.
     """
     empty = next((k for k, clause in enumerate(clauses) if not clause), None)
     if empty is not None:

@@ -19,39 +19,19 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, LeastBounds
 from jld_explore.space.measures import Range
 
+# Number of proofs whose state a worker keeps. A worker of a cluster may serve several proofs, one after the other.
 _MOST_PROOFS: Final = 4
-"""Number of proofs whose state a worker keeps.
-
-A worker of a cluster may serve several proofs, one after the other.
-"""
 
 
 @dataclass(frozen=True)
 class Task:
     """Task of a worker: refute labellings of a cube for a limited time.
 
-    Attributes
-    ----------
-    worker : str
-        Name of the worker.
-    number : int
-        Number of tasks that the worker received before.
-    context : bytes or None
-        Packed `ProofContext`, with the first task only.
-    new_conflicts : tuple of Conflict
-        Conflicts since the last task.
-    handed_over : (k, m) bool array
-        Labellings since the last task that no conflict refutes and that are given to evaluation.
-    target : int
-        Number of the target; each has its own aim of the formula.
-    count : int, Range or None
-        Count as in `Formula.aim`.
-    threshold : float
-        Scaled λ to refute, never lower within a step.
-    cube : Cube
-        Labels that all drawn labellings have.
-    seconds : float
-        Time for the task, s.
+    worker: name of the worker. number: number of tasks that the worker received before. context: packed `ProofContext`,
+    with the first task only. new_conflicts: conflicts since the last task. handed_over: (k, m) labellings since the
+    last task that no conflict refutes and that are given to evaluation. target: number of the target; each has its own
+    aim of the formula. count: count as in `Formula.aim`. threshold: scaled λ to refute, never lower within a step.
+    cube: labels that all drawn labellings have. seconds: time for the task, s.
     """
 
     worker: str
@@ -70,20 +50,9 @@ class Task:
 class TaskResult:
     """Result of a task.
 
-    Attributes
-    ----------
-    conflicts : list of Conflict
-        Conflicts found.
-    unrefuted : list of (m,) bool array
-        Labellings that no mechanism refutes.
-    closed : bool
-        Whether no labelling of the cube is left.
-    solves : int
-        Number of relaxations solved.
-    seconds : float
-        Processor time of the worker, s.
-    forgotten : bool
-        Whether the worker lacks the state of earlier tasks and did nothing.
+    conflicts: conflicts found. unrefuted: labellings that no mechanism refutes. closed: whether no labelling of the
+    cube is left. solves: number of relaxations solved. seconds: processor time of the worker, s. forgotten: whether the
+    worker lacks the state of earlier tasks and did nothing.
     """
 
     conflicts: list[Conflict] = field(default_factory=list)

@@ -25,8 +25,7 @@ Parts = list[int]
 Item = TypeVar("Item")
 """Type of the items of a list."""
 
-_BLOCK = 4096
-"""Random numbers generated in one call of numpy."""
+_BLOCK = 4096  # random numbers generated in one call of numpy
 
 
 class BufferedRandom:
@@ -80,16 +79,8 @@ Seams = list[tuple[int, int, int]]
 class Sink:
     """Part of a partition that collects the cells left out of the structure.
 
-    Attributes
-    ----------
-    atom : int
-        Atom that represents the part; it is no cell.
-    may : frozenset of int
-        Atoms that may be left out.
-    volume : list of float
-        Volume of each atom, scene units.
-    most : float
-        Largest total volume left out.
+    atom: atom that represents the part; it is no cell. may: atoms that may be left out. volume: volume of each atom,
+    scene units. most: largest total volume left out.
     """
 
     atom: int
@@ -112,19 +103,10 @@ class PartLimits:
 
     `feasible` checks the limits on counts that are no sums of ones.
 
-    Attributes
-    ----------
-    sizes : dict of str to Range
-        Limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
-        cells are converted to limits on cells.
-    parts : tuple of float
-        Least and largest number of parts.
-    seams : tuple
-        For each limited count of dry faces: its seams, its least and its largest value.
-    exempt : frozenset of int
-        Atoms whose parts are exempt from limits on single parts.
-    sink : Sink or None
-        Part of the cells left out of the structure, None if all cells stay.
+    sizes: limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
+    cells are converted to limits on cells. parts: least and largest number of parts. seams: for each limited count of
+    dry faces: its seams, its least and its largest value. exempt: atoms whose parts are exempt from limits on single
+    parts. sink: part of the cells left out of the structure, None if all cells stay.
     """
 
     sizes: dict[str, Range]
@@ -149,28 +131,12 @@ class PartLimits:
 class AtomGraph:
     """Graph of the atoms of a search space: groups of elements that no labelling separates.
 
-    Attributes
-    ----------
-    of_element : (n,) int array
-        Atom of each element.
-    first : (atoms,) int array
-        One element of each atom.
-    cells : list of int
-        Number of free elements of each atom.
-    sized : Sized
-        All sizes of the atoms.
-    pairs : list of (int, int)
-        Pairs of atoms that may be joined.
-    links : list of list of (int, int)
-        For each atom its neighbours, as (neighbour, index of the pair).
-    walls : list of list of int
-        For each atom the atoms that a face fixed dry separates from it.
-    seams : list of (int, int, int)
-        Pairs of atoms that touch by faces between free elements, as (a, b, number of these faces).
-    lines : list of list of int
-        For each pair the straight lines (spatial: planes) of its candidate faces, by number.
-    face_a, face_b : (m,) int arrays
-        Atoms on both sides of each face.
+    of_element: (n,) atom of each element. first: (atoms,) one element of each atom. cells: number of free elements of
+    each atom. sized: all sizes of the atoms. pairs: pairs of atoms that may be joined. links: for each atom its
+    neighbours, as (neighbour, index of the pair). walls: for each atom the atoms that a face fixed dry separates from
+    it. seams: pairs of atoms that touch by faces between free elements, as (a, b, number of these faces). lines: for
+    each pair the straight lines (spatial: planes) of its candidate faces, by number. face_a, face_b: (m,) atoms on both
+    sides of each face.
     """
 
     of_element: Ints

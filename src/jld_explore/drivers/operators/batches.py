@@ -24,23 +24,17 @@ from jld_explore.space.labelling import blocks_of
 THRESHOLD: Final = 0.5
 """Threshold: a pair with a key above it is separated, a pair with a lower key is joined."""
 
-_ROUNDS: Final = 2
-"""Passes over all pairs that join parts that are too small to others."""
+_ROUNDS: Final = 2  # passes over all pairs that join parts that are too small to others
 
+# Width of the random interval of keys of a child of two parents, for four kinds of pairs. The kinds are those of
+# `_LEAST`.
 _WIDTH: Final = np.array([0.05, 0.05, 0.2, 0.2])
-"""Width of the random interval of keys of a child of two parents, for four kinds of pairs.
-
-The kinds are those of `_LEAST`.
-"""
+# Smallest key of a child of two parents, for four kinds of pairs. The kinds are: inside a block of both parents,
+# between blocks of both, and where the parents differ, inside and between blocks of the parent that the child follows.
 _LEAST: Final = np.array([0.0, 0.95, 0.25, 0.55])
-"""Smallest key of a child of two parents, for four kinds of pairs.
 
-The kinds are: inside a block of both parents, between blocks of both, and where the parents differ, inside and
-between blocks of the parent that the child follows.
-"""
-
+# Smallest keys of pairs that a change keeps: inside a block, and between two blocks
 _LEAST_KEPT: Final = np.array([0.2, 0.7])
-"""Smallest keys of pairs that a change keeps: inside a block, and between two blocks."""
 
 Names = NDArray[Any]
 """Integer array of part names."""
@@ -53,14 +47,7 @@ class Batches:
     lowest first, while limits allow. Labellings are rows (k, m), True = dry; keys are rows (k, pairs). Results hold at
     most one row per requested one. Rows are in the search space, but may be neither canonical nor new.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    graph : AtomGraph
-        Its atoms.
-    limits : PartLimits
-        Its limits.
+    graph: its atoms.
     """
 
     def __init__(self, space: SearchSpace, graph: AtomGraph, limits: PartLimits) -> None:
@@ -236,21 +223,8 @@ class Batches:
 class _Forest:
     """Partitions under construction, one per row, as disjoint sets.
 
-    Parameters
-    ----------
-    count : int
-        Number of rows.
-    cells : (atoms,) int array
-        Cells of each atom.
-    least, most : int and float
-        Least and largest number of cells of a part.
-
-    Attributes
-    ----------
-    name : (rows, atoms) int array
-        Part of each atom.
-    size : (rows · atoms,) int array
-        Cells of each part, at the index of its name.
+    count: number of rows. cells: (atoms,) cells of each atom. least, most: least and largest number of cells of a part.
+    name: (rows, atoms) part of each atom. size: (rows · atoms,) cells of each part, at the index of its name.
     """
 
     def __init__(self, count: int, cells: Ints, least: int, most: float) -> None:

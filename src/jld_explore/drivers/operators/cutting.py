@@ -20,17 +20,8 @@ class Cutter:
 
     A region is a list of atoms (groups of elements that no labelling separates), and so is a part.
 
-    Parameters
-    ----------
-    graph : AtomGraph
-        Atoms of the search space.
-    limits : PartLimits
-        Limits of the search space.
-
-    Attributes
-    ----------
-    exact : bool
-        True if cuts keep all limits on single parts: they are on cells alone, and there are no walls.
+    graph: atoms of the search space. exact: True if cuts keep all limits on single parts: they are on cells alone, and
+    there are no walls.
     """
 
     def __init__(self, graph: AtomGraph, limits: PartLimits) -> None:
@@ -134,20 +125,9 @@ class Cutter:
     ) -> list[list[int]] | None:
         """Cut a region into parts by keys.
 
-        Parameters
-        ----------
-        members : list of int
-            Atoms of the region.
-        keyed : list of tuples
-            (key, index of the pair, a, b) of all pairs inside the region, in ascending order.
-        threshold : float
-            Key above which a pair should be separated.
-
-        Returns
-        -------
-        list of lists of int, or None
-            The parts. None if no cuts of the spanning tree leave allowed parts. With limits other than those on cells
-            parts may be too small, but never too large.
+        members: atoms of the region. keyed: (key, index of the pair, a, b) of all pairs inside the region, in ascending
+        order. threshold: key above which a pair should be separated. Result: the parts. None if no cuts of the spanning
+        tree leave allowed parts. With limits other than those on cells parts may be too small, but never too large.
         """
         if not self.exact:
             return self.grow(members, keyed, threshold)

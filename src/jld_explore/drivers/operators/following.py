@@ -12,25 +12,17 @@ from jld_explore.drivers.operators.interface import Operators
 from jld_explore.drivers.operators.segmentations import Segmentations
 from jld_explore.space import SearchSpace
 
-_LEAST_MOTION: Final = 0.01
-"""Share of the largest jump above which a face counts as moving."""
+_LEAST_MOTION: Final = 0.01  # share of the largest jump above which a face counts as moving
 
-_JOIN_SHARE: Final = 0.55
-"""Share of changes that join blocks across a moving face."""
+_JOIN_SHARE: Final = 0.55  # share of changes that join blocks across a moving face
+# Share of changes that cut a block without moving faces. The remaining changes ignore the mechanism.
 _CUT_SHARE: Final = 0.1
-"""Share of changes that cut a block without moving faces.
 
-The remaining changes ignore the mechanism.
-"""
-
+# Probability that a joined block takes one more atom of the two blocks it replaces. The block grows with this
+# probability per atom as long as limits allow.
 _GROWTH_PROBABILITY: Final = 0.8
-"""Probability that a joined block takes one more atom of the two blocks it replaces.
 
-The block grows with this probability per atom as long as limits allow.
-"""
-
-_JOIN_PROBABILITY: Final = 0.7
-"""Probability that a remaining piece of the two blocks joins a neighbour."""
+_JOIN_PROBABILITY: Final = 0.7  # probability that a remaining piece of the two blocks joins a neighbour
 
 
 class Following:
@@ -38,17 +30,7 @@ class Following:
 
     Call `parts` for labellings, then `changes`, as often as wanted.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-    operators : Operators
-        Operators of the space, used for changes that ignore the mechanism.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        As the parameter.
+    operators: operators of the space, used for changes that ignore the mechanism.
     """
 
     def __init__(self, space: SearchSpace, operators: Operators) -> None:
@@ -58,23 +40,9 @@ class Following:
     def changes(self, labellings: Bits, parts: list[Parts], moving: Floats, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Change each labelling once where a change is found.
 
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        parts : list of Parts
-            Partition of each labelling, from `parts`.
-        moving : (k, m) float array
-            Jumps at the faces relative to the largest one; zero where unknown.
-        rng : BufferedRandom
-            Source of random numbers.
-
-        Returns
-        -------
-        (j, m) bool array
-            Changed labels.
-        (j,) int array
-            The labelling, of the k given ones, that each row changes.
+        labellings: (k, m) True = dry. parts: partition of each labelling, from `parts`. moving: (k, m) jumps at the
+        faces relative to the largest one; zero where unknown. rng: source of random numbers. Result: (j, m) changed
+        labels; (j,) the labelling, of the k given ones, that each row changes.
         """
         segmentations = self._segmentations
         rows: list[Bits] = []

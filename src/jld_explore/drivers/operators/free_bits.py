@@ -25,11 +25,6 @@ class FreeBits:
     """Operators on the labellings of a search space that allows slits.
 
     The methods are those of `Operators`.
-
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
     """
 
     offspring_factor = 2

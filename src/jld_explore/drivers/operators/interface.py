@@ -14,14 +14,8 @@ class Operators(Protocol):
     Labellings are rows (k, m), True = dry. Results (j, m) hold at most one row per requested one: those are left out
     that cannot be made to keep the limits. They may be neither canonical nor new.
 
-    Attributes
-    ----------
-    keys : int
-        Number of keys that `read` takes.
-    offspring_factor : int
-        Number of children to make for each evaluated one.
-    always_feasible : bool
-        Whether every row is feasible without a check.
+    keys: number of keys that `read` takes. offspring_factor: number of children to make for each evaluated one.
+    always_feasible: whether every row is feasible without a check.
     """
 
     keys: int
@@ -45,19 +39,8 @@ class Operators(Protocol):
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Return one child of each couple where one is found.
 
-        Parameters
-        ----------
-        first, second : (k, m) bool arrays
-            Parents of each couple.
-        rng : BufferedRandom
-            Source of random numbers.
-
-        Returns
-        -------
-        (j, m) bool array
-            Children.
-        (j,) int array
-            Couple of each child.
+        first, second: (k, m) parents of each couple. rng: source of random numbers. Result: (j, m) children; (j,)
+        couple of each child.
         """
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:

@@ -9,8 +9,7 @@ from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits, Parts, Seams
 from jld_explore.drivers.operators.cutting import Cutter
 
-_TRIES = 4
-"""Random cuts tried of one region before it is enlarged, and number of enlargements."""
+_TRIES = 4  # random cuts tried of one region before it is enlarged, and number of enlargements
 
 
 class Repair:
@@ -19,14 +18,7 @@ class Repair:
     Call it with a partition, random numbers, and the names of the parts that may break a limit (None: any part). It
     returns the repaired partition, or None if no repair is found.
 
-    Parameters
-    ----------
-    graph : AtomGraph
-        Atoms of the search space.
-    limits : PartLimits
-        Limits to keep.
-    cutter : Cutter
-        Cuts regions into parts.
+    graph: atoms of the search space. limits: limits to keep. cutter: cuts regions into parts.
     """
 
     def __init__(self, graph: AtomGraph, limits: PartLimits, cutter: Cutter) -> None:
@@ -41,14 +33,8 @@ class Repair:
     def __call__(self, part: Parts, rng: BufferedRandom, unchecked: list[int] | None = None) -> Parts | None:
         """Return a partition near the given one that keeps every limit, or None if none is found.
 
-        Parameters
-        ----------
-        part : Parts
-            (atoms,) names; a part that is not connected is split into its components.
-        rng : BufferedRandom
-            Source of random numbers.
-        unchecked : list of int, optional
-            Names of the parts that may be disconnected or break a limit. Default: all parts.
+        part: (atoms,) names; a part that is not connected is split into its components. rng: source of random numbers.
+        unchecked: names of the parts that may be disconnected or break a limit. Default: all parts.
         """
         groups = Groups(self.graph, self.cutter, part, unchecked)
         for _ in range(6 + len(self.graph) // 2):
@@ -176,21 +162,9 @@ class Repair:
 class Groups:
     """Partition under construction: the atoms of each part by its name, an integer.
 
-    Parameters
-    ----------
-    graph : AtomGraph
-        Atoms of the search space.
-    cutter : Cutter
-        Cuts regions and checks limits.
-    part : Parts
-        Initial partition; parts to check that are not connected are split.
-    unchecked : list of int or None
-        Names of the parts to check; None for all parts.
-
-    Attributes
-    ----------
-    part : Parts
-        The part of each atom at present.
+    graph: atoms of the search space. cutter: cuts regions and checks limits. part: initial partition; parts to check
+    that are not connected are split. unchecked: names of the parts to check; None for all parts. part: the part of each
+    atom at present.
     """
 
     def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, unchecked: list[int] | None) -> None:

@@ -25,23 +25,17 @@ from jld_explore.drivers.operators.repair import Repair
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import blocks_of
 
-_TREES_TRIED: Final = 6
-"""Number of spanning trees tried for one set of keys."""
+_TREES_TRIED: Final = 6  # number of spanning trees tried for one set of keys
 
-_OFFSPRING_FACTOR: Final = 4
-"""Children made for each evaluated one, where children are made in batches."""
+_OFFSPRING_FACTOR: Final = 4  # children made for each evaluated one, where children are made in batches
 
-_DRAWN_PER_REQUESTED: Final = 2
-"""Random segmentations made in a batch per requested one, because limits exclude many."""
+_DRAWN_PER_REQUESTED: Final = 2  # random segmentations made in a batch per requested one, because limits exclude many
 
-_FURTHER_BATCHES: Final = 4
-"""Number of further batches made if the first one gives too few segmentations."""
+_FURTHER_BATCHES: Final = 4  # number of further batches made if the first one gives too few segmentations
 
+# Share of a batch that must keep the limits for batches to be used. Otherwise segmentations are made one by one, with
+# repair.
 _LEAST_SHARE: Final = 0.125
-"""Share of a batch that must keep the limits for batches to be used.
-
-Otherwise segmentations are made one by one, with repair.
-"""
 
 
 class Segmentations:
@@ -50,27 +44,8 @@ class Segmentations:
     A segmentation is handled as a partition: the part, a block, of each atom. An atom is a group of elements that no
     labelling separates. Methods that fail return None or leave rows out.
 
-    Parameters
-    ----------
-    space : SearchSpace
-        The search space.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        As the parameter.
-    graph : AtomGraph
-        Atoms of the space.
-    limits : PartLimits
-        Limits of the space.
-    cutter : Cutter
-        Cuts regions into parts.
-    repair : Repair
-        Repairs partitions that break a limit.
-    sound : bool
-        Whether cuts keep all limits, so that no repair is needed.
-    keys, offspring_factor, always_feasible : int, int and bool
-        See `Operators`.
+    graph: atoms of the space. cutter: cuts regions into parts. repair: repairs partitions that break a limit. sound:
+    whether cuts keep all limits, so that no repair is needed.
     """
 
     def __init__(self, space: SearchSpace) -> None:
@@ -162,10 +137,7 @@ class Segmentations:
     def read(self, keys: list[float]) -> Bits:
         """Convert keys to a segmentation (1, m), or (0, m) if none is found.
 
-        Parameters
-        ----------
-        keys : list of float
-            One key per pair of neighbouring atoms; a pair with a key above `THRESHOLD` is separated.
+        keys: one key per pair of neighbouring atoms; a pair with a key above `THRESHOLD` is separated.
         """
         # the seed derives from the keys, so that the same keys give the same repair
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
@@ -325,12 +297,7 @@ class Segmentations:
         faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
         face. The result is the partition of the child, None if none is found.
 
-        Parameters
-        ----------
-        first, second : Parts
-            Partitions of the parents.
-        rng : BufferedRandom
-            Source of random numbers.
+        first, second: partitions of the parents. rng: source of random numbers.
         """
         patch = self._patch(rng) if rng.real() < 0.7 else None
         bias = rng.real()
