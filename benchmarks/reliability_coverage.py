@@ -20,11 +20,11 @@ from scipy.stats import norm
 from benchmarks.common import about, table, write
 from jld_core import parse_scene
 from jld_core.arrays import Floats
-from jld_explore.reliability.analysis import Reliability, ReliabilityOptions, analyse, estimate
-from jld_explore.reliability.bounds import GoverningBounds
-from jld_explore.reliability.form import Limit
-from jld_explore.reliability.structure import random_structure
-from jld_explore.reliability.variables import Variables
+from jld_practice.reliability.analysis import Reliability, ReliabilityOptions, analyse, estimate
+from jld_practice.reliability.bounds import GoverningBounds
+from jld_practice.reliability.form import Limit
+from jld_practice.reliability.structure import random_structure
+from jld_practice.reliability.variables import Variables
 
 SAMPLES: Final = 20_000
 """Samples of every system."""

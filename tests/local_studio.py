@@ -13,11 +13,11 @@ from typing import Any
 import uvicorn
 
 from jld_core import parse_scene
-from jld_explore.studio import server
-from jld_explore.studio.api import Api
-from jld_explore.studio.app import build_app
-from jld_explore.studio.jobs import Jobs
-from jld_explore.studio.session import StudioSession
+from jld_studio import server
+from jld_studio.api import Api
+from jld_studio.app import build_app
+from jld_studio.jobs import Jobs
+from jld_studio.session import StudioSession
 
 TOKEN = "t0ken-of-this-test"
 

@@ -35,9 +35,8 @@ if TYPE_CHECKING:
     from jld_core.assembly import Assembly, blocks_of
     from jld_core.build import build_assembly
     from jld_core.errors import InputError, SolverError
-    from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities
     from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Result, Status
-    from jld_core.models import SolveOptions, solve
+    from jld_core.models import SolveOptions, geometry_sensitivities, solve
     from jld_core.models.solve_many import BatchResult, solve_many
     from jld_core.scene import Scene, load_scene, parse_scene
 
@@ -71,9 +70,8 @@ export_lazily(
         "assembly": ["Assembly", "blocks_of"],
         "build": ["build_assembly"],
         "errors": ["InputError", "SolverError"],
-        "geometry_optimisation.sensitivity": ["geometry_sensitivities"],
         "limit": ["LimitAnalysis", "LimitAnalysisResult", "Model", "Result", "Status"],
-        "models": ["SolveOptions", "solve"],
+        "models": ["SolveOptions", "geometry_sensitivities", "solve"],
         "models.solve_many": ["BatchResult", "solve_many"],
         "scene": ["Scene", "load_scene", "parse_scene"],
     },

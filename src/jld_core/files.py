@@ -67,7 +67,7 @@ def _fresh(path: Path) -> Path:
     """Return the temporary name of a file to write; raise OSError if the path is no file."""
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "it is no file that can be written anew", str(path))
-    return path.with_name(f"{path.name}.{os.getpid()}.new")  # the process id keeps two processes apart
+    return path.with_name(f"{path.stem}.{os.getpid()}.new{path.suffix}")  # the process id keeps two processes apart
 
 
 @contextmanager

@@ -33,7 +33,7 @@ class View(Protocol):
 
 
 # Module that makes interactive pages; it uses this package, and is loaded by name when a page is asked for
-_PAGES: Final = "jld_explore.notebook"
+_PAGES: Final = "jld_studio.notebook"
 
 
 class Showable:

@@ -17,6 +17,8 @@ GROUPS: Final = {
     "jld.criteria": "a yield criterion",
     "jld.commands": "a command",
     "jld.steps": "a step after a search",
+    "jld.formats": "a file format",
+    "jld.parts": "a part of jld",
 }
 """Group of entry points → what an object of it is."""
 
@@ -70,3 +72,10 @@ def refuse_type(group: str, name: str, expected: str) -> InputError:
 def package(point: EntryPoint) -> str:
     """Return the name of the package that an entry point belongs to."""
     return point.dist.name if point.dist is not None else point.module
+
+
+def part(name: str) -> Any:
+    """Import a part of jld that a package beside the core brings; raise InputError where that is not installed."""
+    if name not in entry_points("jld.parts"):
+        raise InputError(f"part {name!r} of jld", "no package that is installed brings it", "pip install jld, whole")
+    return load("jld.parts", name)

@@ -12,7 +12,7 @@ from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Any, Final
+from typing import Any
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
@@ -39,11 +39,9 @@ from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
 from jld_explore.evaluation.record_file import recorded_driver
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.evaluation.void_cells import VoidCellsEvaluator
-from jld_explore.experiments import ExperimentStep
 from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
-from jld_explore.reliability_study import ReliabilityStep
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report.folder import check_certificate_file, write_tables
 from jld_explore.settings import ExploreSettings, Objective
@@ -54,9 +52,6 @@ from jld_explore.study_run import STOPPING, run_study
 from jld_explore.study_state import Interrupted, Progress
 from jld_explore.uncut import add_uncut
 from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
-
-STEPS: Final = (ExperimentStep(), ReliabilityStep())
-"""Steps of jld that follow a search, in order."""
 
 
 def explore(
@@ -244,7 +239,7 @@ def _search(
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
-    steps = steps_of(settings, STEPS, scene, space.assembly)
+    steps = steps_of(settings, scene, space.assembly)
     kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
         refuse_beside_void(settings, chosen)

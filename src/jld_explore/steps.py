@@ -80,18 +80,17 @@ def with_entries(
     return replace(done, results=results, summary=Summary.of({**done.summary.facts, **entries}))
 
 
-def steps_of(settings: ExploreSettings, own: Sequence[Step], scene: Scene, assembly: Assembly) -> list[Step]:
-    """Return the steps that settings ask for: those of jld in order, then those of plug-ins.
+def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly) -> list[Step]:
+    """Return the steps that settings ask for: in the order of their names.
 
     Raises InputError for one that cannot follow a search of the scene.
     """
-    names = tuple(step.name for step in own)
-    added = []
-    for name, kind in plugins.load_all("jld.steps", names).items():
+    steps = []
+    for name, kind in plugins.load_all("jld.steps").items():
         if not (isinstance(kind, type) and issubclass(kind, Step) and getattr(kind, "name", None) == name):
             raise plugins.refuse_type("jld.steps", name, f"a subclass of jld_explore.Step with name = {name!r}")
-        added.append(kind())
-    wanted = [step for step in (*own, *added) if step.wanted(settings)]
+        steps.append(kind())
+    wanted = [step for step in steps if step.wanted(settings)]
     for step in wanted:
         step.refuse(scene, assembly, settings)
     return wanted

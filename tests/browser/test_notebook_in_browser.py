@@ -10,8 +10,8 @@ import pytest
 
 from browser_visits import Open, Visit, looks_like
 from jld_core import build_assembly, load_scene, samples, solve
-from jld_explore.notebook import NotebookPage
 from jld_explore.report.page import asset
+from jld_studio.notebook import NotebookPage
 from paths import SCENES
 
 MODEL = """<script type="module">

@@ -14,10 +14,10 @@ from jld_core.fields.requirements import require_fields
 from jld_core.refinement import refine
 from jld_core.refinement.aligned import TriangleStresses, aligned_cells
 from jld_core.refinement.tessellation import squares
-from jld_explore.design.loads import with_loads
-from jld_explore.design.options import DesignOptions
-from jld_explore.design.outline import read_outline
-from jld_explore.design.thrust import stresses_of_body
+from jld_practice.design.loads import with_loads
+from jld_practice.design.options import DesignOptions
+from jld_practice.design.outline import read_outline
+from jld_practice.design.thrust import stresses_of_body
 
 
 def mesh(columns: int, rows: int) -> tuple[Floats, Floats]:

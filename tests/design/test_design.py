@@ -20,17 +20,17 @@ from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.strengths import Route
 from jld_explore.cli import layout
-from jld_explore.design import checks, run, tessellations
-from jld_explore.design.loads import with_loads
-from jld_explore.design.options import DesignOptions
-from jld_explore.design.outline import read_outline
-from jld_explore.design.page import facts_of, gain_of, verdict, words_of, write_design
-from jld_explore.design.screening import Screening
-from jld_explore.design.tessellations import Tessellation
-from jld_explore.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
+from jld_practice.design import checks, run, tessellations
+from jld_practice.design.loads import with_loads
+from jld_practice.design.options import DesignOptions
+from jld_practice.design.outline import read_outline
+from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
+from jld_practice.design.screening import Screening
+from jld_practice.design.tessellations import Tessellation
+from jld_practice.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
 from solids import solid_of
 
 ROUTE = Route("a test")
@@ -333,7 +333,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)
-    monkeypatch.setattr("jld_explore.design.checks._LEAST_EXPERIMENT", 1e9)
+    monkeypatch.setattr("jld_practice.design.checks._LEAST_EXPERIMENT", 1e9)
 
 
 @pytest.mark.usefixtures("small")

@@ -14,12 +14,12 @@ from jld_core.deadline import Deadline
 from jld_core.fields.governing import governing_bounds
 from jld_core.scene import Scene
 from jld_core.strengths import Route
-from jld_explore.design.crushing import uniaxial_strength, with_crushing, with_materials_of
-from jld_explore.design.moving import Task, move_in_rounds, moved_trial
-from jld_explore.design.options import DesignOptions
-from jld_explore.design.outline import Outline
-from jld_explore.design.tessellations import Tessellation
-from jld_explore.design.trials import NONE, Design, Trial
+from jld_practice.design.crushing import uniaxial_strength, with_crushing, with_materials_of
+from jld_practice.design.moving import Task, move_in_rounds, moved_trial
+from jld_practice.design.options import DesignOptions
+from jld_practice.design.outline import Outline
+from jld_practice.design.tessellations import Tessellation
+from jld_practice.design.trials import NONE, Design, Trial
 
 ROUTE = Route("a test")
 

@@ -14,8 +14,8 @@ from cases import grid_document
 from command import Command
 from jld_core import parse_scene
 from jld_core.errors import ParameterError
-from jld_explore.report.making import Stone
-from jld_explore.report.stock import Placed, least_number, stock_of
+from jld_practice.making import Stone
+from jld_practice.stock import Placed, least_number, stock_of
 
 
 def stone(number: int, *sides: float) -> Stone:

@@ -14,6 +14,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_core.exchange import FORMATS, Layout, export, import_file
 from jld_core.exchange.facts import lost
+from jld_core.exchange.formats import formats
 from jld_core.scene.uncertain import with_means
 
 LIBRARY = {"dxf": "ezdxf", "3dm": "rhino3dm", "ifc": "ifcopenshell", "obj": "meshio", "ply": "meshio", "vtk": "meshio"}
@@ -289,15 +290,13 @@ def schema_paths(model: type[BaseModel], head: str = "") -> Iterator[str]:
 def test_a_key_of_the_schema_is_known_or_named(kind: str) -> None:
     """What a format knows are keys of the schema, and any other key is named: also one that comes later."""
     every = set(schema_paths(Scene))
-    from jld_core.exchange import facts
-
-    assert set(facts._KNOWS) == set(FORMATS)
-    assert set(facts._KNOWS[kind]) <= every
+    keeps = formats()[kind].keeps
+    assert set(keeps) <= every
     for name, document in SCENES.items():
         made = layout(document)
         named = lost(made, kind)
         for key, _ in stated_paths(made.scene.model_dump(mode="json", exclude_defaults=True)):
-            known = any(key == one or key.startswith(f"{one}.") for one in facts._KNOWS[kind])
+            known = any(key == one or key.startswith(f"{one}.") for one in keeps)
             whole = kind in ("dxf", "3dm") and made.assembly.dimension == 2
             assert (
                 known

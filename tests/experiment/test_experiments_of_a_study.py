@@ -11,9 +11,9 @@ import pytest
 from command import call
 from jld_core import parse_scene
 from jld_core.scene import Scene
+from jld_experiment import experiments as module
+from jld_experiment.experiments import FILE, Experiments, with_experiments
 from jld_explore import ExploreSettings, explore
-from jld_explore import experiments as module
-from jld_explore.experiments import FILE, Experiments, with_experiments
 
 Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 DOCUMENT = {

@@ -15,9 +15,9 @@ from cases_spatial import box
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.design import partial_factors
-from jld_explore.design_check.check import design_check
-from jld_explore.reliability.analysis import ReliabilityOptions, analyse
-from jld_explore.reliability.structure import random_structure
+from jld_practice.design_check.check import design_check
+from jld_practice.reliability.analysis import ReliabilityOptions, analyse
+from jld_practice.reliability.structure import random_structure
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from jld_core.errors import InputError
 from jld_core.exchange import Layout
 from jld_core.scene import Scene, parse_scene
 from jld_explore import explore
-from jld_explore.report.making import making_of, stones_of
 from jld_explore.space import search_space
 from jld_explore.space.count_values import counts
 from jld_explore.space.search_space import feasible
+from jld_practice.making import making_of, stones_of
 
 ROWS = ["aaa", "aaa", "###"]
 

@@ -204,7 +204,7 @@ def _thrust() -> None:
 
 
 def _move() -> None:
-    from jld_core.geometry_optimisation.search import GeometrySearch
+    from jld_geometry.search import GeometrySearch
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)

@@ -15,9 +15,9 @@ from command import Command
 from jld_core import InputError, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings
-from jld_explore.moved_search import MovedSearch, explore_and_move
-from jld_explore.moved_tables import write_moved
 from jld_explore.study_state import Interrupted
+from jld_geometry.moved_search import MovedSearch, explore_and_move
+from jld_geometry.moved_tables import write_moved
 
 FRICTION = 0.9
 
@@ -83,7 +83,7 @@ def test_a_signal_leaves_the_best_moved_layout(
     def stop(*_: object) -> None:
         raise Interrupted
 
-    monkeypatch.setattr("jld_explore.moved_search._refined", stop)
+    monkeypatch.setattr("jld_geometry.moved_search._refined", stop)
     file, folder = tmp_path / "wall.json", tmp_path / "out"
     file.write_text(json.dumps(wall()))
     found = jld("explore", file, "--out", folder, "--move", "1", "--seconds", "4", "--jobs", "1")

@@ -19,13 +19,13 @@ from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
 from jld_core.strengths import Route
-from jld_explore.reliability.analysis import ReliabilityOptions, analyse, estimate, structure_of
-from jld_explore.reliability.bounds import GoverningBounds, SampleBounds
-from jld_explore.reliability.exploration import explore_failures
-from jld_explore.reliability.form import Form, Limit, LimitFunction, design_point
-from jld_explore.reliability.monte_carlo import _Drawing, compare, simulate
-from jld_explore.reliability.structure import RandomStructure, random_structure
-from jld_explore.reliability.variables import Variables
+from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, structure_of
+from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
+from jld_practice.reliability.exploration import explore_failures
+from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
+from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
+from jld_practice.reliability.structure import RandomStructure, random_structure
+from jld_practice.reliability.variables import Variables
 
 ROUTE = Route("a test")
 
@@ -496,7 +496,7 @@ def test_a_search_ranks_its_best_layouts_by_reliability(
     without_pictures: None,
     without_field_check: None,
 ) -> None:
-    monkeypatch.setattr("jld_explore.reliability_study.SAMPLES", 500)
+    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 500)
     path, out = tmp_path / "wall.json", tmp_path / "out"
     document = grid_document(["ab", "cd", "##"], tension=4e3, shear=5e3, block_cells=[1, 2])
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}

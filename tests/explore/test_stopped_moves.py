@@ -11,9 +11,9 @@ import pytest
 
 from command import Command
 from jld_core import build_assembly, load_scene, samples, solve
-from jld_core.geometry_optimisation.field_moves import move_by_fields
-from jld_core.geometry_optimisation.optimise import Point, move_joints
 from jld_core.scene import Scene, parse_scene
+from jld_geometry.field_moves import move_by_fields
+from jld_geometry.optimise import Point, move_joints
 
 
 def arch() -> Scene:
@@ -62,7 +62,7 @@ def test_the_command_writes_its_results_when_interrupted(
         assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
         return move_joints(*arguments, progress=stop_after(2), **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("jld_explore.cli.moving.move_joints", mover)
+    monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
     done = jld("move", file, "-o", out)
     assert (done.code, done.err) == (3, f"stopped; the best so far is in {out}\n")
     assert solve(load_scene(out)).load_factor > solve(arch()).load_factor
@@ -95,6 +95,6 @@ def test_a_move_keeps_time_for_its_checks(jld: Command, tmp_path: Path, monkeypa
 
     file = tmp_path / "arch.json"
     file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
-    monkeypatch.setattr("jld_explore.cli.moving.move_joints", mover)
+    monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
     assert jld("move", file, "-o", tmp_path / "moved.json", "--seconds", "100").code == 0
     assert 60.0 < given[0] < 80.0

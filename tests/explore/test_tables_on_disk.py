@@ -16,10 +16,12 @@ import pytest
 
 from cases import grid_document
 from jld_core import parse_scene
-from jld_explore import ExploreSettings, experiments, explore, reliability_study
+from jld_experiment import experiments
+from jld_explore import ExploreSettings, explore
 from jld_explore.report import csv_of, read_folder, result_files, tables
 from jld_explore.report.result_files import write_results
 from jld_explore.space.labelling import to_strings
+from jld_practice import reliability_study
 from paths import ROOT
 
 TEXT = (ROOT / "docs" / "scene.md").read_text("utf-8").split("## Files of a search")[1]

@@ -12,9 +12,9 @@ from cases import grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.models import solve
 from jld_explore import Exploration, ExploreSettings, explore, read_folder, search_space
-from jld_explore.cli.printing import content_of
 from jld_explore.report import words
 from jld_explore.report.languages import stronger_cut
+from jld_practice.printing import content_of
 
 
 def searched(folder: Path, shear: float) -> Exploration:

@@ -19,11 +19,11 @@ from jld_core.fields.adaptive import FieldSetting
 from jld_core.fields.mesh import subdivide
 from jld_core.fields.upper import UpperBound
 from jld_core.fields.weak_equilibrium import WeakEquilibrium
-from jld_core.geometry_optimisation.field_mesh import FieldMesh
-from jld_core.geometry_optimisation.field_moves import move_by_fields
-from jld_core.geometry_optimisation.field_search import FieldSearch
-from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
 from jld_core.scene import Scene
+from jld_geometry.field_mesh import FieldMesh
+from jld_geometry.field_moves import move_by_fields
+from jld_geometry.field_search import FieldSearch
+from jld_geometry.search import GeometrySearch, TrustRegion
 
 FRICTION = 0.9
 
@@ -146,8 +146,8 @@ def test_the_command_moves_by_fields(
 ) -> None:
     """λ of the command is the bound by fields from below, and the scene written carries it."""
     # a few points and brackets as wide as a coarse mesh makes them, however long they take
-    monkeypatch.setattr("jld_explore.cli.moving.move_by_fields", partial(move_by_fields, trust=TrustRegion(points=4)))
-    monkeypatch.setattr("jld_explore.cli.moving._FIELD_GAP", 0.5)
+    monkeypatch.setattr("jld_geometry.moving.move_by_fields", partial(move_by_fields, trust=TrustRegion(points=4)))
+    monkeypatch.setattr("jld_geometry.moving._FIELD_GAP", 0.5)
     file, out = tmp_path / "wall.json", tmp_path / "moved.json"
     file.write_text(json.dumps(wall(cracks={"kind": "fields"})))
     found = jld("move", file, "-o", out, "--json")

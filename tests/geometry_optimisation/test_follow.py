@@ -7,8 +7,8 @@ import pytest
 
 from cases import grid_document
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
-from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_geometry.optimise import MovedJoints, move_joints
+from jld_geometry.search import GeometrySearch
 
 ROWS = ["aab", "aab", "###"]
 """A block of four cells beside one of two, on a ground that stays."""

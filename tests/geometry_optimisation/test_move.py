@@ -13,9 +13,9 @@ from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, samples, solve
-from jld_core.geometry_optimisation.equal_shapes import EqualShapes, equal_corners
-from jld_core.geometry_optimisation.optimise import MovedJoints, move_joints
-from jld_core.geometry_optimisation.search import GeometrySearch
+from jld_geometry.equal_shapes import EqualShapes, equal_corners
+from jld_geometry.optimise import MovedJoints, move_joints
+from jld_geometry.search import GeometrySearch
 
 TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "direction": [-1, 0]}]
 """Paths of the tops of both springings of the flat arch."""
@@ -197,7 +197,7 @@ def test_the_command_writes_scene_table_and_picture(tmp_path: Path, jld: Command
 
 def test_crackable_blocks_are_checked_by_fields(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lower bounds by fields stand beside λ by faces; on the coarsest mesh here, to save time."""
-    monkeypatch.setattr("jld_explore.cli.moving._FIELD_GAP", 10.0)
+    monkeypatch.setattr("jld_geometry.moving._FIELD_GAP", 10.0)
     paths = [{"at": [s * 1.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
     document = flat_arch(15.0, 1.2, 0.2, along=paths, ties="mirror-x", vertices="along", box=0.05)
     document["materials"]["inner"] = {"tensile_strength": 3e5, "shear_strength": 5e5}

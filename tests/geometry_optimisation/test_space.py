@@ -13,10 +13,10 @@ from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import build_assembly, geometry_sensitivities, parse_scene, samples, solve
-from jld_core.geometry_optimisation.optimise import move_joints
-from jld_core.geometry_optimisation.search import GeometrySearch, TrustRegion
-from jld_core.geometry_optimisation.spatial_mesh import spatial_mesh
-from jld_core.geometry_optimisation.spatial_program import spatial_residual_rates
+from jld_geometry.optimise import move_joints
+from jld_geometry.search import GeometrySearch, TrustRegion
+from jld_geometry.spatial_mesh import spatial_mesh
+from jld_geometry.spatial_program import spatial_residual_rates
 
 
 def extruded(document: Document, depth: float = 1.0, **move: Any) -> Document:
@@ -164,7 +164,7 @@ def test_the_command_writes_scene_table_and_picture(
     file, out = tmp_path / "vault.json", tmp_path / "moved.json"
     file.write_text(json.dumps(strip(box=0.03)))
     # two points, however long they take
-    monkeypatch.setattr("jld_explore.cli.moving.move_joints", partial(move_joints, trust=TrustRegion(points=2)))
+    monkeypatch.setattr("jld_geometry.moving.move_joints", partial(move_joints, trust=TrustRegion(points=2)))
     facts = json.loads(jld("move", file, "-o", out, "--json").out)
     assert facts["load_factor"] > facts["start"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["moved.csv", "moved.json", "moved.png", "vault.json"]

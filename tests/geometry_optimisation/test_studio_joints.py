@@ -10,7 +10,7 @@ import pytest
 from structures import HEIGHT, flat_arch, flat_arch_load
 
 from jld_core import InputError, parse_scene, solve
-from jld_explore.studio.session import StudioSession
+from jld_studio.session import StudioSession
 
 TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "direction": [-1, 0]}]
 """Paths of the tops of both springings of the flat arch."""

@@ -20,8 +20,8 @@ from scenes_of_pages import scene_of_cases, small_scene, spatial_scene
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_explore.studio.collapse_loads import collapse_loads, texts_of_bounds
-from jld_explore.studio.supports import with_support
+from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
+from jld_studio.supports import with_support
 from local_studio import Local
 
 BLOCKS = re.findall(r"```json\n(.*?)```", (ROOT / "docs/reference/http.md").read_text("utf-8"), re.S)

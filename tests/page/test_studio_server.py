@@ -29,9 +29,9 @@ from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_explore.studio import field_brackets, guard, server  # noqa: E402
-from jld_explore.studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
-from jld_explore.studio.session import StudioSession  # noqa: E402
+from jld_studio import field_brackets, guard, server  # noqa: E402
+from jld_studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
+from jld_studio.session import StudioSession  # noqa: E402
 from local_studio import TOKEN, Local  # noqa: E402
 
 
@@ -360,7 +360,7 @@ def test_a_worker_that_prints_much_ends(tmp_path: Path, monkeypatch: pytest.Monk
         f"#!{sys.executable}\n{code}\nprint('{{\"done\": 7}}'); sys.stderr.write('the last\\n')\nsys.exit(1)"
     )
     worker.chmod(0o755)
-    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    monkeypatch.setattr("jld_studio.jobs.sys.executable", str(worker))
     jobs = Jobs(tmp_path / "studio")
     job = jobs.start("explore", small_scene(), {"seconds": 1.0})
     until = time.monotonic() + 30.0
@@ -374,7 +374,7 @@ def test_closing_the_studio_reads_the_output_of_its_searches(tmp_path: Path, mon
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\n(sleep 0.3; echo '{\"done\": 7}') &\necho '{\"done\": 0}'\nexec sleep 60")
     worker.chmod(0o755)
-    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    monkeypatch.setattr("jld_studio.jobs.sys.executable", str(worker))
     jobs = Jobs(tmp_path / "studio")
     job = jobs.start("explore", small_scene(), {"seconds": 1.0})
     until = time.monotonic() + 30.0
@@ -391,7 +391,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
     """A program that cannot be run, and a full disk: nothing half-written stays, and no place is taken for ever."""
     jobs = Jobs(tmp_path / "studio")
     with monkeypatch.context() as patch:
-        patch.setattr("jld_explore.studio.jobs.sys.executable", str(tmp_path / "missing"))
+        patch.setattr("jld_studio.jobs.sys.executable", str(tmp_path / "missing"))
         for _ in range(MOST + 1):
             with pytest.raises(FileNotFoundError):
                 jobs.start("explore", small_scene(), {"seconds": 1.0})
@@ -400,7 +400,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
         path.write_text(text[:3])
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("jld_explore.studio.jobs.write_text", full)
+    monkeypatch.setattr("jld_studio.jobs.write_text", full)
     with pytest.raises(OSError, match="No space left"):
         jobs.start("explore", small_scene(), {"seconds": 1.0})
     assert jobs.listed() == []
@@ -411,7 +411,7 @@ def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypa
     worker = tmp_path / "worker"
     worker.write_text("#!/bin/sh\nread line\nexit 0")
     worker.chmod(0o755)
-    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    monkeypatch.setattr("jld_studio.jobs.sys.executable", str(worker))
     written = []
 
     def full(path: Path, text: str) -> None:
@@ -419,7 +419,7 @@ def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypa
         if len(written) > 2:  # the scene and the settings at the start still fit
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("jld_explore.studio.jobs.write_text", full)
+    monkeypatch.setattr("jld_studio.jobs.write_text", full)
     job = Jobs(tmp_path / "studio").start("explore", small_scene(), {"seconds": 1.0})
     until = time.monotonic() + 30.0
     while "No space left" not in job.error and time.monotonic() < until:

@@ -14,6 +14,15 @@ from jld_core.errors import ParameterError
 LayingStart = Literal["ground", "left", "right", "springings"]
 """Where laying starts: at the ground, from a side, or from all supports alike."""
 
+LAID: Final[dict[str, tuple[str, LayingStart]]] = {
+    "translation": ("translation", "ground"),
+    "standing": ("standing", "ground"),
+    "left-to-right": ("translation", "left"),
+    "right-to-left": ("translation", "right"),
+    "springings": ("translation", "springings"),
+}
+"""Wishes for laying: the limit `search.assemble` of each, and where laying starts."""
+
 _EQUAL: Final = 6  # decimals, relative to the size of the structure, to which two places are the same
 
 Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]

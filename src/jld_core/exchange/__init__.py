@@ -2,6 +2,7 @@
 
 - `FORMATS`: export formats and their file endings
 - `Block`: one block of a layout: elements, mass, bounding box, shape
+- `Format`: how a file format is read and written, and what its files keep
 - `ImportOptions`: options for reading a file
 - `Imported`: scene document with a report of its import
 - `Layout`: assembly under one labelling, as blocks
@@ -13,14 +14,16 @@
 
 from __future__ import annotations
 
+from jld_core.exchange.formats import FORMATS, Format
 from jld_core.exchange.layout import Block, Layout
 from jld_core.exchange.options import Imported, ImportOptions, Report
 from jld_core.exchange.readers import import_file
-from jld_core.exchange.writers import FORMATS, blocks_csv, export
+from jld_core.exchange.writers import blocks_csv, export
 
 __all__ = [
     "FORMATS",
     "Block",
+    "Format",
     "ImportOptions",
     "Imported",
     "Layout",

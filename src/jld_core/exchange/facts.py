@@ -10,6 +10,7 @@ import numpy as np
 from jld_core.build.assemble import build_geometry
 from jld_core.build.pressure import Boundary
 from jld_core.errors import InputError
+from jld_core.exchange.formats import formats
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 from jld_core.scene import Scene
@@ -215,46 +216,16 @@ def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]
 
 # --- what is not kept ---------------------------------------------------------------------------------
 
-_OUTLINES: Final = ("grid", "elements.id", "elements.polygon", "elements.vertices", "elements.faces", "tolerance")
-_WEIGHTS: Final = ("elements.density", "elements.weight", "elements.volume", "elements.centroid", "materials.density")
-_FORCES: Final = tuple(
-    f"loads.{where}{kind}.{key}"
-    for where in ("", "cases.")
-    for kind in ("live", "dead")
-    for key in ("element", "force", "at", "moment", "body")
-)
-_OF_BLOCKS: Final = (
-    *_OUTLINES,
-    *_WEIGHTS,
-    *_FORCES,
-    *("name", "units", "source", "notes", "elements.support", "elements.block", "thickness"),
-    *("materials.gravity", "materials.dry", "materials.inner", "loads.cases.name", "loads.cases.required"),
-    "loads.pushes",
-)
-# Scene keys that a file keeps that does not store the whole scene, by key or by the keys above it; others are lost
-_KNOWS: Final[dict[str, tuple[str, ...]]] = {
-    "compas": _OF_BLOCKS,
-    "3dm": _OF_BLOCKS,
-    "svg": (*_OUTLINES, "elements.support"),
-    **dict.fromkeys(("dxf", "obj", "ply", "stl"), _OUTLINES),
-    **dict.fromkeys(("step", "gltf", "ifc", "vtk"), (*_OUTLINES, "thickness", "name")),
-    "3dec": (*_OUTLINES, *_WEIGHTS, "thickness", "name", "elements.support", "materials.gravity"),
-    "compas_dem": (*_OUTLINES, *_WEIGHTS, *_FORCES, "thickness", "elements.support", "loads.cases.name"),
-}
-
-_LABELS: Final = ("dxf", "svg", "3dm")  # formats that show which faces inside the blocks are inner
-
 
 def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
     """Return what a scene states and a file of a format does not keep, as keys of the scene.
 
     kind: key of `FORMATS`. cells: every element is written, not every block.
     """
-    spatial = layout.assembly.dimension == 3
-    whole = cells and kind in ("3dm", "compas") if spatial else kind in ("dxf", "3dm")
-    if whole:
+    form, state = formats()[kind], (layout.assembly.dimension, cells)
+    if state in form.whole:
         return []
-    known = _KNOWS[kind] + (("interfaces",) if kind == "compas" and cells else ())
+    known = form.keeps + (form.keeps_of_cells if cells else ())
     document = document_of(layout)
     document.pop("labels", None)  # the labels of the layout are those that count
     inner = int(np.count_nonzero(~layout.labels[: layout.assembly.faces]))
@@ -267,7 +238,7 @@ def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
             heads = [".".join(parts[: k + 1]) for k in range(len(parts))]
             # the highest key of which nothing is kept stands for all below it
             gone[next(head for head in heads if not any(f"{one}.".startswith(f"{head}.") for one in kept))] = None
-    if inner and (kind not in _LABELS or spatial) and not (kind == "compas" and cells):
+    if inner and state not in form.labels:
         gone[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
     return list(gone)
 

@@ -16,7 +16,7 @@ import numpy as np
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing
 from jld_core.exchange.libraries import text_of
-from jld_core.exchange.options import Notes
+from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.paths import Path
 
 _COLUMNS: Final = ("id", "x", "y", "layer", "support")  # allowed columns
@@ -40,7 +40,7 @@ def _rows(text: str, mark: str) -> Iterator[list[str]]:
         yield row
 
 
-def read_csv(path: File, notes: Notes) -> Drawing:
+def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     """Read the polygons of a CSV file, one corner per line, as closed paths of a drawing.
 
     Columns are id, x, y and optionally layer and support, separated by commas, semicolons or tabs. Lines of one id form

@@ -19,12 +19,12 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST
 from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import Notes
+from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.solids import Part, Solids, split
 from jld_core.geometry import Faces
 
 
-def read_mesh(path: File, notes: Notes) -> Solids:
+def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     """Read the solids of an OBJ, PLY or STL file: one per group or closed part.
 
     notes: receives the number of groups. Raises InputError where the file is broken, holds no faces or too many, or

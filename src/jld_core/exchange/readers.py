@@ -10,20 +10,10 @@ from typing import Final, cast
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn import Drawing
+from jld_core.exchange.formats import readers
 from jld_core.exchange.libraries import in_own_process, library, readable
 from jld_core.exchange.options import Imported, ImportOptions, Notes
-from jld_core.exchange.read_compas import read_compas
-from jld_core.exchange.read_csv import read_csv
-from jld_core.exchange.read_dxf import read_dxf
-from jld_core.exchange.read_ifc import read_ifc
-from jld_core.exchange.read_mesh import read_mesh
-from jld_core.exchange.read_rhino import read_rhino
-from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
-from jld_core.scene.reading import DRAWINGS
-
-KINDS: Final = (*DRAWINGS, "json")
-"""File endings that can be read; json is that of COMPAS."""
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
@@ -32,7 +22,7 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
     Parameters
     ----------
     path : str or Path
-        File to read; its ending is one of `KINDS`.
+        File to read; its ending is one of `formats.readers`.
     options : ImportOptions, optional
         How the file is read.
 
@@ -54,18 +44,17 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         return planar_scene(found, options, notes)
 
 
-# Readers that call libraries of compiled code, which a damaged file may send into a loop
-_COMPILED: Final = {"3dm": read_rhino, "ifc": read_ifc}
-
 _SECONDS: Final = 60.0  # time in which a file of such a reader must be read, s, beside that for its size
 
 _SECONDS_PER_MEGABYTE: Final = 5.0  # further time for each megabyte of such a file, s
 
 
 def _read_compiled(path: Path, options: ImportOptions) -> tuple[Drawing | Solids, Notes]:
-    """Read a file by a reader of `_COMPILED`, for `in_own_process`."""
+    """Read a file by a reader that calls compiled code, for `in_own_process`."""
     notes = Notes()
-    return _COMPILED[path.suffix.lower().lstrip(".")](path, options, notes), notes
+    read = readers()[path.suffix.lower().lstrip(".")].read
+    assert read is not None
+    return read(path, options, notes), notes
 
 
 @contextmanager
@@ -86,20 +75,17 @@ def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | 
     notes: receives what was found and skipped. Raises InputError for an unknown kind and what its reader refuses.
     """
     ending = path.suffix.lower().lstrip(".")
-    if ending not in KINDS:
-        known = ", ".join(f".{kind}" for kind in KINDS)
+    kinds = readers()
+    if ending not in kinds:
+        known = ", ".join(f".{kind}" for kind in kinds)
         raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", f"one of {known}")
     readable(path)
-    if ending == "json":
-        return read_compas(path, notes)
-    if ending in ("obj", "ply", "stl"):
-        return read_mesh(path, notes)
-    if ending in _COMPILED:
-        library({"3dm": "rhino3dm", "ifc": "ifcopenshell"}[ending], path)
+    reader = kinds[ending]
+    if reader.library:  # a damaged file may send compiled code into a loop
+        library(reader.library, path)
         clock = _SECONDS + _SECONDS_PER_MEGABYTE * path.stat().st_size / 2**20
         found, told = in_own_process(_read_compiled, path.resolve(), options, seconds=clock)
         vars(notes).update(vars(told))
         return cast(Drawing | Solids, found)
-    if ending == "dxf":
-        return read_dxf(path, options, notes)
-    return read_svg(path, options, notes) if ending == "svg" else read_csv(path, notes)
+    assert reader.read is not None
+    return reader.read(path, options, notes)

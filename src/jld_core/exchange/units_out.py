@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 from jld_core.errors import ParameterError
 from jld_core.exchange.layout import Layout
 from jld_core.scene.units import METRES
-
-WITH_UNIT: Final = ("dxf", "svg", "obj", "stl", "ply", "step", "ifc", "3dm")
-"""Formats whose lengths may be in another unit than those of the scene."""
 
 
 def layout_in_unit(layout: Layout, unit: str) -> Layout:

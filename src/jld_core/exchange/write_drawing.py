@@ -32,7 +32,7 @@ _LAYERS: Final = {
 _CHUNK: Final = 200  # largest number of characters per custom property
 
 
-def write_dxf(layout: Layout, path: Path) -> None:
+def write_dxf(layout: Layout, path: Path, *, cells: bool = False) -> None:
     """Write a DXF file of a layout: planar outlines and faces, or in space a mesh per block.
 
     A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads. Raises InputError
@@ -134,7 +134,7 @@ def _escaped(text: str) -> str:
     return escape(printable(text), quote=True)
 
 
-def svg_text(layout: Layout) -> str:
+def svg_text(layout: Layout, *, cells: bool = False) -> str:
     """Return the text of an SVG drawing of a planar layout, with one group per layer.
 
     Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y

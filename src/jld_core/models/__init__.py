@@ -2,6 +2,7 @@
 
 - `Model`: how a structure is modelled and solved, as on the command line
 - `SolveOptions`: name of `Model` before version 0.4
+- `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `cost_estimate`: estimate time and memory to evaluate one labelling
 - `limit_analysis`: build the analysis that `solve_labelling` needs, for one labelling or many
 - `require_memory`: raise InputError if one labelling needs more memory than there is
@@ -29,13 +30,14 @@ if TYPE_CHECKING:
     from jld_core.models.costs import cost_estimate, require_memory
     from jld_core.models.crack_models import rigid, under
     from jld_core.models.labelling import limit_analysis, require_model, solve_labelling
-    from jld_core.models.sensitivity import sensitivities
+    from jld_core.models.sensitivity import geometry_sensitivities, sensitivities
     from jld_core.models.solve import solve, solve_by_elements, solve_cracked, solve_rigid
 
 __all__ = [
     "Model",
     "SolveOptions",
     "cost_estimate",
+    "geometry_sensitivities",
     "limit_analysis",
     "require_memory",
     "require_model",
@@ -57,7 +59,7 @@ export_lazily(
         "costs": ["cost_estimate", "require_memory"],
         "crack_models": ["rigid", "under"],
         "labelling": ["Model", "SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
-        "sensitivity": ["sensitivities"],
+        "sensitivity": ["geometry_sensitivities", "sensitivities"],
         "solve": ["solve", "solve_by_elements", "solve_cracked", "solve_rigid"],
     },
 )

@@ -21,12 +21,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import tolerances
+from jld_core import plugins, tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
@@ -292,3 +292,59 @@ class SolvedProgram:
         )
         answer = HighsSolver(tolerance=_SLACK).solve(stated)
         return float(stated.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
+
+
+@dataclass(frozen=True)
+class GeometrySensitivities:
+    """Derivatives of λ by the positions of the v vertices of a structure.
+
+    Elements and interfaces that share a vertex move together with it. Loads with a stated place stay there.
+
+    vertices: (v, d) positions, scene units. derivative: (v, d) ∂λ/∂(position), 1/length; NaN where λ has a kink. left,
+    right: (v, d) rates for a decrease and for an increase of each coordinate; NaN where unknown.
+    """
+
+    vertices: Floats
+    derivative: Floats
+    left: Floats
+    right: Floats
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields as lists, None for a rate that is not finite."""
+        return {
+            name: [[float(x) if math.isfinite(x) else None for x in row] for row in getattr(self, name)]
+            for name in ("vertices", "derivative", "left", "right")
+        }
+
+
+def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
+    """Compute the derivatives of λ by the positions of all vertices.
+
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result under associative friction and convex contact, without effective areas; in space also with dry faces
+        alone and without compressive strength. With load cases the rates are those of the governing factor.
+    one_sided : bool
+        Look for kinks in the plane. False: the derivative is that of the forces and the mechanism of the result, and
+        rates to either side are unknown.
+
+    Returns
+    -------
+    GeometrySensitivities or None
+        Rates in scene units. None where the status is not collapse, for other models, or under pressure on faces.
+
+    Notes
+    -----
+    docs/method.md (11.1) to (11.5). In the plane, λ has one-sided rates where forces or mechanism are not unique. In
+    space the derivative is that of the forces and the mechanism of the result, and kinks are not looked for. A vertex
+    of a face with more than three corners cannot move alone in space: only sums over motions that keep faces plane
+    have a meaning.
+
+    Examples
+    --------
+    >>> rates = geometry_sensitivities(solve("scenes/flat_beam_arch.json"))
+    >>> rates.derivative[0]
+    """
+    found: GeometrySensitivities | None = plugins.part("geometry_sensitivities")(result, one_sided=one_sided)
+    return found

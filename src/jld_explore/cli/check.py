@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.build.settlements import settlements_of
@@ -77,8 +78,6 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
         require_cracks(assembly)
         rigid(assembly, assembly.labels)
         if parsed.move is not None:
-            from jld_explore.cli.moving import require_movable  # few scenes have joints that move
-
-            require_movable(parsed, assembly)
+            plugins.part("require_movable")(parsed, assembly)
     warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))

@@ -20,20 +20,13 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
-    "check-design": ("check_design", "check_design"),
-    "design": ("designing", "design"),
-    "experiment": ("experiment", "experiment"),
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),
     "import": ("exchange", "import_command"),
-    "move": ("moving", "move"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
-    "reliability": ("reliability", "reliability"),
-    "report": ("printing", "report"),
     "settlement": ("settlement", "settlement"),
     "solve": ("solve", "solve"),
-    "studio": ("studio", "studio"),
     "thrust": ("thrust", "thrust"),
     "verify": ("verifying", "verify_command"),
 }
@@ -67,7 +60,7 @@ class _Group(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
-        return [*overview.COMMANDS, *plugins.entry_points("jld.commands")]
+        return list(overview.COMMANDS | dict.fromkeys(plugins.entry_points("jld.commands"), ""))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import a command; return None if there is none of that name."""

@@ -11,7 +11,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.exchange.facts import lost
-from jld_core.exchange.writers import ANALYSED
+from jld_core.exchange.formats import formats
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
 from jld_core.refinement import refine
@@ -99,7 +99,8 @@ def export_command(
     for file in (out, table):
         refuse_itself(source, file)
     scene, assembly, labels, model = layout_of(source, rank)
-    layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, model) if kind in ANALYSED else None)
+    solved = kind in FORMATS and formats()[kind].analysed
+    layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, model) if solved else None)
     with error_context(source, str(out)):
         export(layout, kind, out, cells=cells, unit=unit)
     write_text(table, blocks_csv(layout))

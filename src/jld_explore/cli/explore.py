@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from jld_core import plugins
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.scene import Scene, load_scene
@@ -140,23 +141,21 @@ def _move(
     parsed: Scene, source: Path, out: Path, layouts: int, settings: ExploreSettings, as_json: bool, started: float
 ) -> None:
     """Search labels and geometry together, write all files and print what was found."""
-    from jld_explore.moved_search import MovedSearch, explore_and_move  # slow to import and needed here only
-    from jld_explore.moved_tables import words_of_move, write_moved
-
+    search = plugins.part("moved_search")
     with error_context(source, str(out)):
         try:
-            done = explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
+            done = search.explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
         except Interrupted as stop:
-            if isinstance(stop.done, MovedSearch):
-                write_moved(stop.done, out, pictures=settings.pictures)
+            if isinstance(stop.done, search.MovedSearch):
+                search.write_moved(stop.done, out, pictures=settings.pictures)
                 stop.words = f"stopped; the best so far is in {out}"
             raise
-        facts = write_moved(done, out, pictures=settings.pictures)
+        facts = search.write_moved(done, out, pictures=settings.pictures)
     if as_json:
         say(json.dumps({**done.first.summary.to_json(), "moved": facts}, indent=1))
         return
     _say_found(done.first, as_json)
-    say(words_of_move(facts))
+    say(search.words_of_move(facts))
 
 
 def _check_jobs(jobs: int | None) -> None:

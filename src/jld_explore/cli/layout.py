@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.start import LayingStart
+from jld_core.assembly_sequence.start import LAID, LayingStart
 from jld_core.build import build_assembly
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
@@ -36,8 +36,6 @@ def start_of_design(source: Path) -> LayingStart:
     if best_of_design(source) == source:
         return "ground"
     facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
-    from jld_explore.design.options import LAID
-
     return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 

@@ -62,7 +62,7 @@ def text() -> str:
     parts = [_HEAD]
     tables = {
         "Options": _OPTIONS,
-        "Commands": COMMANDS | _added("jld.commands"),
+        "Commands": _added("jld.commands") | COMMANDS,
         "Drivers of jld explore (--driver)": DRIVERS | _added("jld.drivers"),
         "Objectives of plug-ins (--objective)": _added("jld.objectives"),
         "Counts of plug-ins (search.front, search.limits)": _added("jld.counts"),

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import sensitivities
 
@@ -23,10 +24,9 @@ def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisR
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
     if not vertices:
         return replace(result, facts={**result.facts, "sensitivities": rates})
-    from jld_core.geometry_optimisation.sensitivity import geometry_sensitivities  # slow to import
 
     few = len(result.assembly.interfaces) <= _FACES
-    moves = geometry_sensitivities(result, one_sided=few)
+    moves = plugins.part("geometry_sensitivities")(result, one_sided=few)
     by_vertex = None if moves is None else moves.to_json()
     return replace(result, facts={**result.facts, "sensitivities": rates, "geometry_sensitivities": by_vertex})
 

@@ -1,0 +1,94 @@
+"""File formats of other programs: Rhino, COMPAS, IFC, STEP, glTF, VTK, 3DEC (group ``jld.formats``)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from jld_core.exchange.formats import (
+    FORCES,
+    OF_BLOCKS,
+    OUTLINES,
+    PLANAR,
+    WEIGHTS,
+    Format,
+    by,
+    of_text,
+)
+
+_NAMED: Final = (*OUTLINES, "thickness", "name")
+
+_WEIGHED: Final = (*OUTLINES, *WEIGHTS, "thickness", "elements.support")
+
+COMPAS: Final = Format(
+    "compas",
+    ".json",
+    by("jld_formats.read_compas", "read_compas"),
+    ("json",),
+    write=of_text("jld_formats.write_compas", "compas_text"),
+    cells=(2, 3),
+    members=False,
+    keeps=OF_BLOCKS,
+    keeps_of_cells=("interfaces",),
+    whole=frozenset({(3, True)}),
+    labels=frozenset({(2, True), (3, True)}),
+)
+COMPAS_DEM: Final = Format(
+    "compas_dem",
+    ".json",
+    write=of_text("jld_formats.write_dem", "dem_text"),
+    cells=(2, 3),
+    analysed=True,
+    members=False,
+    keeps=(*_WEIGHED, *FORCES, "loads.cases.name"),
+)
+GLTF: Final = Format(
+    "gltf",
+    ".glb",
+    write=of_text("jld_formats.write_gltf", "gltf_bytes"),
+    cells=(2, 3),
+    unit="metres",
+    analysed=True,
+    keeps=_NAMED,
+)
+IFC: Final = Format(
+    "ifc",
+    ".ifc",
+    by("jld_formats.read_ifc", "read_ifc"),
+    ("ifc",),
+    "ifcopenshell",
+    by("jld_formats.write_ifc", "write_ifc"),
+    cells=(2, 3),
+    unit="any",
+    analysed=True,
+    keeps=_NAMED,
+)
+RHINO: Final = Format(
+    "3dm",
+    ".3dm",
+    by("jld_formats.read_rhino", "read_rhino"),
+    ("3dm",),
+    "rhino3dm",
+    by("jld_formats.write_rhino", "write_rhino"),
+    cells=(3,),
+    unit="any",
+    analysed=True,
+    keeps=OF_BLOCKS,
+    whole=PLANAR | {(3, True)},
+    labels=PLANAR,
+)
+STEP: Final = Format(
+    "step",
+    ".step",
+    write=of_text("jld_formats.write_step", "step_text"),
+    cells=(2, 3),
+    unit="any",
+    keeps=_NAMED,
+)
+THREE_DEC: Final = Format(
+    "3dec",
+    ".dat",
+    write=of_text("jld_formats.write_3dec", "command_text"),
+    members=False,
+    keeps=(*_WEIGHED, "name", "materials.gravity"),
+)
+VTK: Final = Format("vtk", ".vtu", write=by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED)

@@ -1,0 +1,244 @@
+"""Reader of IFC: faceted B-reps, face sets and extruded areas with straight edges.
+
+Uses ifcopenshell.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawn import MOST
+from jld_core.exchange.holes import without_holes
+from jld_core.exchange.libraries import library, parsing, readable
+from jld_core.exchange.options import ImportOptions, Notes, several
+from jld_core.exchange.solids import Part, Solids
+from jld_core.geometry import Faces
+from jld_core.geometry.unions import Region, extrude, region_of
+from jld_core.scene.units import METRES
+from jld_formats.ifc_density import Densities
+
+_BODY: Final = ("Body", "Facetation")  # identifiers of the representations that are read
+
+
+def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
+    """Read the solids of the products of an IFC file, in metres.
+
+    options: layers. The name of a layer of a product, its object type, its class or its name says what it is, the first
+    one with a role. notes: receives what was found and skipped. Raises InputError where the file is no IFC,
+    ifcopenshell is missing, or a product has a shape that is no polyhedron.
+    """
+    ifc = library("ifcopenshell", path)
+    readable(path)
+    with parsing("IFC", "an IFC file"):
+        model = ifc.open(str(path))
+        products = [p for p in model.by_type("IfcProduct") if getattr(p, "Representation", None) is not None]
+        if len(products) > MOST:
+            raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
+        scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
+        placed = import_module("ifcopenshell.util.placement").get_local_placement
+        densities = Densities(model)
+        parts: list[Part] = []
+        empty = 0
+        for product in products:
+            if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
+                empty += 1
+                continue
+            title = f"{product.is_a()} {product.Name or product.GlobalId!r}"
+            matrix = np.array(placed(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
+            solids = [(scale * _moved(points, matrix), faces) for points, faces in _bodies(product, title)]
+            if not solids:
+                empty += 1
+            elif getattr(product, "HasOpenings", None):
+                solids = [_opened(product, title)]
+            group = _group(product, options)
+            density = densities.of(product, title)
+            keys = {} if density is None else {"density": density}
+            for number, (points, faces) in enumerate(solids, 1):
+                name = str(product.Name or product.GlobalId)
+                own = name if len(solids) == 1 else f"{name}.{number}"
+                parts.append(Part(own, group, points, faces, keys=keys))
+    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
+    notes.skip("products", empty, "spaces, openings, or no body")
+    unit = next((name for name, size in METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
+    if unit != "m":
+        notes.found.append(f"lengths in {unit}, made m")
+    return Solids(parts, name=path.stem, unit="m")
+
+
+def _group(product: Any, options: ImportOptions) -> str:
+    """Return the first of layer, object type, class and name with a role, else the class.
+
+    product: IFC product. options: state which names have a role.
+    """
+    layers = [
+        str(layer.Name)
+        for shape in product.Representation.Representations
+        for layer in getattr(shape, "LayerAssignments", ())
+    ]
+    names = [*layers, str(getattr(product, "ObjectType", None) or ""), str(product.is_a()), str(product.Name or "")]
+    return next((name for name in names if name and options.role(name)), str(product.is_a()))
+
+
+def _moved(points: Floats, matrix: Floats) -> Floats:
+    """Return points (k, 3) transformed by a (4, 4) matrix."""
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def _bodies(product: Any, title: str) -> list[tuple[Floats, Faces]]:
+    """Read the solids of a product, without its openings, in its own axes and the file's unit."""
+    shapes = [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
+    return [solid for shape in shapes for item in shape.Items for solid in _solids(item, title)]
+
+
+def _opened(product: Any, title: str) -> tuple[Floats, Faces]:
+    """Return a product with its openings cut out by ifcopenshell, in m.
+
+    Raises InputError where an opening is no polyhedron, or takes the whole product away.
+    """
+    for relation in product.HasOpenings:
+        opening = relation.RelatedOpeningElement
+        if opening.Representation is not None:
+            _bodies(opening, f"an opening of {title}")  # curved ones would be read as facets
+    geometry = import_module("ifcopenshell.geom")
+    settings = geometry.settings()
+    settings.set("use-world-coords", True)
+    found = geometry.create_shape(settings, product).geometry
+    points = np.array(found.verts, dtype=float).reshape(-1, 3)
+    if not len(points):
+        raise InputError(title, "its openings leave nothing of it", "openings smaller than the product")
+    return points, tuple((int(a), int(b), int(c)) for a, b, c in np.array(found.faces).reshape(-1, 3))
+
+
+def _refused(item: Any, title: str) -> InputError:
+    """Return the error for a shape that is not read."""
+    return InputError(
+        title, f"its shape is {item.is_a()}", "faceted B-reps, face sets, or extruded areas of straight edges"
+    )
+
+
+def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
+    """Read the solids of a representation item as vertices (k, 3) and faces.
+
+    Raises InputError for an item of another kind; title: words for the product in messages.
+    """
+    if item.is_a("IfcMappedItem"):
+        operator = item.MappingTarget
+        matrix = np.array(import_module("ifcopenshell.util.placement").get_cartesiantransformationoperator3d(operator))
+        origin = _frame(item.MappingSource.MappingOrigin)
+        inner = [solid for part in item.MappingSource.MappedRepresentation.Items for solid in _solids(part, title)]
+        return [(_moved(points, matrix @ origin), faces) for points, faces in inner]
+    if item.is_a("IfcFacetedBrep"):
+        return [_of_faces(item.Outer.CfsFaces, title)]
+    if item.is_a("IfcPolygonalFaceSet") or item.is_a("IfcTriangulatedFaceSet"):
+        return [_of_face_set(item, title)]
+    if item.is_a("IfcExtrudedAreaSolid"):
+        return [_extruded(item, title)]
+    raise _refused(item, title)
+
+
+def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
+    """Convert the faces of a closed shell to vertices (k, 3) and loops of vertex indices.
+
+    A face with holes becomes triangles. title: words for the product.
+    """
+    number: dict[tuple[float, ...], int] = {}
+    bounds: list[list[tuple[int, ...]]] = []
+    for face in faces:
+        loops = []
+        for bound in face.Bounds:
+            corners = [tuple(float(x) for x in point.Coordinates) for point in bound.Bound.Polygon]
+            loop = tuple(number.setdefault(corner, len(number)) for corner in corners)
+            loops.append(loop if bound.Orientation else loop[::-1])
+        bounds.append(loops)
+    points = np.array(list(number)).reshape(-1, 3)
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
+
+
+def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
+    """Convert a tessellated shape to vertices (k, 3) and loops of vertex indices.
+
+    A face with holes becomes triangles. title: words for the product.
+    """
+    points = np.array(item.Coordinates.CoordList, dtype=float)
+    if item.is_a("IfcTriangulatedFaceSet"):
+        return points, tuple(tuple(int(k) - 1 for k in loop) for loop in item.CoordIndex)
+    named = [(face.CoordIndex, *(getattr(face, "InnerCoordIndices", None) or ())) for face in item.Faces]
+    bounds = [[tuple(int(k) - 1 for k in loop) for loop in loops] for loops in named]
+    for loop in (loop for loops in bounds for loop in loops):
+        if min(loop) < 0 or max(loop) >= len(points):
+            raise InputError(title, f"a face names vertex {max(loop) + 1}", f"1 to {len(points)}")
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
+
+
+def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
+    """Return vertices and faces of an extruded area."""
+    region = _profile(item.SweptArea, title)
+    along = np.array([float(x) for x in item.ExtrudedDirection.DirectionRatios])
+    along *= float(item.Depth) / float(np.linalg.norm(along))
+    surface = extrude(region, 1.0)
+    # the prism lies in x–z with unit depth along y: its section becomes x–y, its depth the direction
+    points = np.column_stack([surface.points[:, 0], surface.points[:, 2], np.zeros(len(surface.points))])
+    points = points + surface.points[:, 1:2] * along
+    frame = np.eye(4) if item.Position is None else _frame(item.Position)
+    return _moved(points, frame), surface.faces
+
+
+def _frame(placement: Any) -> Floats:
+    """Return the (4, 4) matrix of an axis placement."""
+    return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
+
+
+def _profile(profile: Any, title: str) -> Region:
+    """Return the area of a profile with straight edges.
+
+    Raises InputError for another profile, or an outline that crosses itself or its holes; title: words for the product.
+    """
+    rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
+    area = shapely.Polygon(rings[0], rings[1:])
+    if not area.is_valid or area.area == 0.0:
+        raise InputError(title, "the outline of its profile crosses itself or a hole", "holes inside, apart")
+    return region_of(area)
+
+
+def _rectangles(profile: Any, title: str) -> list[Floats]:
+    """Return the corners (4, 2) of a rectangular profile, and of its hole if hollow."""
+    fillets = [getattr(profile, name, None) for name in ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")]
+    if any(fillets):
+        raise _refused(profile, title)
+    halves = [(0.5 * float(profile.XDim), 0.5 * float(profile.YDim))]
+    if profile.is_a("IfcRectangleHollowProfileDef"):
+        wall = float(profile.WallThickness)
+        halves.append((halves[0][0] - wall, halves[0][1] - wall))
+        if min(halves[1]) <= 0.0:
+            raise InputError(title, f"its walls are {wall:g} thick", f"less than {min(halves[0]):g}")
+    frame = np.eye(4) if profile.Position is None else _frame(profile.Position)
+    rings = [np.array([(-x, -y), (x, -y), (x, y), (-x, y)]) for x, y in halves]
+    return [np.asarray(ring @ frame[:2, :2].T + frame[:2, 3]) for ring in rings]
+
+
+def _curves(profile: Any, title: str) -> list[Floats]:
+    """Return the corners (k, 2) of the outline of a profile, and of each of its holes."""
+    if not profile.is_a("IfcArbitraryClosedProfileDef"):
+        raise _refused(profile, title)
+    return [_corners(curve, title) for curve in (profile.OuterCurve, *(getattr(profile, "InnerCurves", None) or ()))]
+
+
+def _corners(curve: Any, title: str) -> Floats:
+    """Return the corners (k, 2) of a closed curve with straight edges."""
+    if curve.is_a("IfcPolyline"):
+        corners = np.array([[float(x) for x in point.Coordinates[:2]] for point in curve.Points])
+    elif curve.is_a("IfcIndexedPolyCurve") and not any(s.is_a("IfcArcIndex") for s in curve.Segments or ()):
+        corners = np.array(curve.Points.CoordList, dtype=float)[:, :2]
+    else:
+        raise _refused(curve, title)
+    corners = corners[:-1] if np.allclose(corners[0], corners[-1]) else corners
+    if len(corners) < 3:
+        raise InputError(title, f"a curve of its profile has {len(corners)} corners", "at least 3")
+    return corners

@@ -1,0 +1,256 @@
+"""Reader of Rhino 3DM: solids, or closed curves in one plane, with their user text.
+
+Uses rhino3dm. Layers and names are read as well.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path as File
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawn import MOST, Drawing, Mark, SolidMark
+from jld_core.exchange.facts import STORED
+from jld_core.exchange.libraries import library, parsing, readable
+from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
+from jld_core.exchange.paths import Path
+from jld_core.exchange.solids import Part, Solids
+from jld_formats.rhino_solids import polyhedron
+
+FACTS: Final = "jld"
+"""Key of the document's user text in files written by jld: scene keys that the model does not show."""
+
+UNITS: Final = {
+    "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km", "Inches": "in",
+    "Feet": "ft", "Yards": "yd",
+}  # fmt: skip
+"""Length units by their names in Rhino."""
+
+_DEPTH: Final = 16  # largest depth of nested block instances
+
+_LABELS: Final = ("dry", "inner")  # roles of layers whose closed curves label the contacts of solids
+
+_FORCE: Final = ("force", "load")  # keys of user text that state the force of a point or of an arrow
+
+_FLAT: Final = 1e-6  # largest height of curves over their common plane, relative to their size
+
+
+def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
+    """Read a Rhino file as solids, or as a drawing where it holds curves alone.
+
+    Both are in the unit of the file. options: layers and accuracy of curves. notes: receives what was found and
+    skipped. Raises InputError where the file is no 3DM, rhino3dm is missing, an object has a curved face, or curves
+    lie in no common plane x–y or x–z.
+    """
+    rhino = library("rhino3dm", path)
+    readable(path)
+    with parsing("3DM", "a Rhino file"):
+        model = rhino.File3dm.Read(str(path))
+        if model is None:
+            raise InputError("", "it is no 3DM that can be read", "a Rhino file")
+        return _Reader(rhino, model, options, notes).content(path.stem)
+
+
+class _Reader:
+    """State of one pass over a model."""
+
+    def __init__(self, rhino: Any, model: Any, options: ImportOptions, notes: Notes) -> None:
+        self._rhino, self._model, self._options, self._notes = rhino, model, options, notes
+        self._layers = {layer.Index: layer for layer in model.Layers}
+        self._by_id = {str(item.Attributes.Id): item for item in model.Objects}
+        self._parts: list[Part] = []
+        self._curves: list[tuple[Floats, bool, str, str]] = []
+        self._marks: list[SolidMark] = []
+        self._unread: Counter[tuple[str, str]] = Counter()
+        self._hidden: Counter[str] = Counter()
+        self._count = 0
+
+    def content(self, title: str) -> Drawing | Solids:
+        """Read all objects."""
+        for item in self._model.Objects:
+            if not item.Attributes.IsInstanceDefinitionObject:
+                self._read(item, None, [])
+        for (kind, layer), count in sorted(self._unread.items()):
+            self._notes.skip(f"{kind} objects on layer {layer}", count, "no solid, curve, point or text")
+        for layer, count in sorted(self._hidden.items()):
+            self._notes.skip(f"objects on layer {layer}", count, "they or their layer are hidden")
+        facts = self._facts()
+        unit = UNITS.get(str(self._model.Settings.ModelUnitSystem).rpartition(".")[2])
+        name = str(facts.pop("name", "") or title)
+        layers = {part.group for part in self._parts} | {layer for _, _, layer, _ in self._curves}
+        self._notes.found.append(f"layers {listed(sorted(layers | {mark.layer for mark in self._marks}), 12)}")
+        if not self._parts:
+            return self._drawing(unit, facts, name)
+        keys = facts.pop("elements", {})
+        parts = [
+            Part(p.name, p.group, p.vertices, p.faces, p.support, {**p.keys, **keys.get(p.name, {})})
+            for p in self._parts
+        ]
+        arrows = [
+            SolidMark(points[-1], layer, text or None, points[0])
+            for points, closed, layer, text in self._curves
+            if not closed and self._options.role(layer) in ("load", "dead")
+        ]
+        role = {layer: self._options.role(layer) for _, _, layer, _ in self._curves}
+        rings = [(role[layer], points[:-1]) for points, closed, layer, _ in self._curves if closed]
+        drawn = [(str(word), points) for word, points in rings if word in _LABELS]
+        rest = [la for _, closed, la, _ in self._curves if role[la] not in (_LABELS if closed else ("load", "dead"))]
+        for layer, count in sorted(Counter(rest).items()):
+            self._notes.skip(f"curves on layer {layer}", count, "the file holds solids, which are read")
+        return Solids(parts, facts=facts, name=name, unit=unit, marks=[*self._marks, *arrows], drawn=drawn)
+
+    def _facts(self) -> dict[str, Any]:
+        """Return the scene keys stored in the document's user text."""
+        strings = self._model.Strings
+        stored = dict(strings[k] for k in range(len(strings)))
+        if FACTS not in stored:
+            return {}
+        found = json.loads(stored[FACTS])
+        if not isinstance(found, dict):
+            raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
+        return {key: value for key, value in found.items() if key in STORED}
+
+    def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
+        """Return the name of an object's layer, and True if the layer is shown.
+
+        In a path of layers the last one with a role counts, else the last. parent: layer of the instance that holds the
+        object. It replaces layers without a role, and None stands for no instance.
+        """
+        layer = self._layers.get(index)
+        if layer is None:
+            return parent or "", True
+        names = [name for name in str(layer.FullPath).split("::") if name] or [str(layer.Name)]
+        known = [name for name in reversed(names) if self._options.role(name)]
+        own = known[0] if known else names[-1]
+        return (parent if parent is not None and not known else own), bool(layer.Visible)
+
+    def _read(self, item: Any, parent: str | None, moves: list[Any]) -> None:
+        """Read one object: a solid, a mark, a curve or the objects of an instance.
+
+        Hidden objects and other kinds are counted. parent: layer of the instance that holds it. moves: transformations
+        of the instances around it, innermost first.
+        """
+        attributes, geometry = item.Attributes, item.Geometry
+        layer, shown = self._layer(attributes.LayerIndex, parent)
+        if not shown or not attributes.Visible:
+            self._hidden[layer] += 1
+            return
+        self._count += 1
+        if self._count > MOST:
+            raise InputError("", "it holds too many objects", f"at most {MOST}")
+        kind = type(geometry).__name__
+        if kind == "InstanceReference":
+            self._instance(geometry, layer, moves)
+            return
+        for move in moves:
+            geometry = geometry.Duplicate()
+            geometry.Transform(move)
+        texts = {str(key).casefold(): str(value) for key, value in attributes.GetUserStrings()}
+        name = str(attributes.Name or "")
+        if self._options.role(layer) == "skip":
+            return
+        if kind in ("Mesh", "Brep", "Extrusion"):
+            title = f"object {name!r}" if name else f"an object on layer {layer!r}"
+            vertices, faces = polyhedron(geometry, title)
+            self._parts.append(Part(name, layer, vertices, faces, keys=_element_keys(texts, title)))
+        elif kind == "Point" or kind == "TextDot":
+            at = geometry.Location if kind == "Point" else geometry.Point
+            text = geometry.Text if kind == "TextDot" else _force(texts) or name
+            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, text or None))
+        elif isinstance(geometry, self._rhino.AnnotationBase) and hasattr(geometry, "PlainText"):
+            at = geometry.Plane.Origin
+            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, str(geometry.PlainText)))
+        elif isinstance(geometry, self._rhino.Curve):
+            loaded = self._options.role(layer) in ("load", "dead")
+            self._curves.append(
+                (self._points(geometry), bool(geometry.IsClosed), layer, _force(texts) or name if loaded else name)
+            )
+        else:
+            self._unread[kind, layer] += 1
+
+    def _instance(self, reference: Any, layer: str, moves: list[Any]) -> None:
+        """Read the objects of a block instance."""
+        if len(moves) >= _DEPTH:
+            raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels, none inside itself")
+        definition = self._model.InstanceDefinitions.FindId(reference.ParentIdefId)
+        for identity in definition.GetObjectIds() if definition is not None else ():
+            if str(identity) in self._by_id:
+                self._read(self._by_id[str(identity)], layer, [reference.Xform, *moves])
+
+    def _points(self, curve: Any) -> Floats:
+        """Return the corners (k, 3) of a curve, with chords within the facet tolerance."""
+        if isinstance(curve, self._rhino.PolylineCurve):
+            found = [curve.Point(k) for k in range(curve.PointCount)]
+            return np.array([(p.X, p.Y, p.Z) for p in found])
+        if isinstance(curve, self._rhino.PolyCurve):
+            pieces = [self._points(curve.SegmentCurve(k)) for k in range(curve.SegmentCount)]
+            return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+        low, high = curve.Domain.T0, curve.Domain.T1
+        number = 1 if curve.IsLinear(1e-9) else 8
+        while True:
+            at = np.linspace(low, high, 2 * number + 1)
+            points = np.array([(p.X, p.Y, p.Z) for p in (curve.PointAt(float(t)) for t in at)])
+            size = float(np.ptp(points, axis=0).max())
+            facet = FACET * size if self._options.facet is None else self._options.facet
+            middle = 0.5 * (points[:-1:2] + points[2::2])
+            if number >= 2048 or np.linalg.norm(points[1::2] - middle, axis=1).max() <= facet:
+                return np.asarray(points[::2])
+            number *= 2
+
+    def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> Drawing:
+        """Project curves, points and texts onto their plane x–y or x–z, as a drawing.
+
+        Raises InputError if there is nothing, a coordinate is not finite, or they lie in no such plane.
+        """
+        every = [points for points, _, _, _ in self._curves] + [mark.at[None] for mark in self._marks]
+        if not every:
+            raise InputError("", "it holds no solid and no curve", "closed curves, meshes or polysurfaces")
+        spread = np.ptp(np.concatenate(every), axis=0)
+        if not np.isfinite(spread).all():
+            raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
+        up = 1 if spread[2] <= _FLAT * spread.max() else 2
+        if up == 2 and spread[1] > _FLAT * spread.max():
+            raise InputError("", "it holds no solid, and its curves lie in no plane x–y or x–z", "one such plane")
+        self._notes.found.append(f"curves in the plane x–{'xyz'[up]}")
+        paths = []
+        for points, closed, layer, title in self._curves:
+            flat = np.column_stack([points[:, [0, up]], np.zeros(len(points))])
+            if closed and len(flat) > 1 and np.allclose(flat[0], flat[-1], rtol=0.0, atol=1e-9 * spread.max()):
+                flat = flat[:-1]
+            if len(flat) > (2 if closed else 1):
+                loaded = self._options.role(layer) in ("load", "dead")
+                paths.append(Path(flat, closed, layer, title if closed and not loaded else None))
+                if loaded and title:
+                    middle = 0.5 * (flat[0, :2] + flat[-1, :2])
+                    self._marks.append(SolidMark(np.insert(middle, 3 - up, 0.0), layer, title))
+        marks = [Mark((float(m.at[0]), float(m.at[up])), m.layer, m.text) for m in self._marks]
+        return Drawing(paths, marks, unit, facts, name)
+
+
+def _force(texts: dict[str, str]) -> str:
+    """Return the force stated by user text, as text for `parse_force`; "" without one."""
+    stated = [texts[key] for key in _FORCE if key in texts]
+    parts = [f"{key} = {texts[key]}" for key in ("fx", "fy", "fz") if key in texts]
+    return stated[0] if stated else "; ".join(parts)
+
+
+def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
+    """Return density and block of an element from the user text of its object.
+
+    The block is left out where the text lists exactly one element. title: words for the object. Raises InputError for a
+    density that is no number.
+    """
+    found: dict[str, Any] = {}
+    if texts.get("block") and len(texts.get("elements", "").split()) != 1:
+        found["block"] = texts["block"]
+    if "density" in texts:
+        try:
+            found["density"] = float(texts["density"])
+        except ValueError:
+            raise InputError(title, f"its density {texts['density']!r} is no number", "kg/m³") from None
+    return found

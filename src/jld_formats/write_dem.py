@@ -1,0 +1,343 @@
+"""Writer of compas_dem JSON: an analysis with model, problems, forces and mechanism."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.facts import facts_of
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.write_mesh import solids_of
+from jld_core.geometry import area_vector
+from jld_core.limit import displacement
+from jld_core.strengths import Route
+from jld_core.views.quantities import mechanism_scale
+from jld_formats.write_compas import mesh_data, named_faces, point_in_space
+
+_ROUTE: Final = Route("files of COMPAS")
+
+# Namespace of the name-based guids of written objects
+_SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
+
+
+def dem_text(layout: Layout, *, cells: bool) -> str:
+    """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`.
+
+    Without an analysis of the layout there are no results.
+
+    cells: write every element, not every block. The text is an object with the keys "analysis" and "results", which
+    `compas.json_load` returns as a dict. Loads of a case are a group of boundary conditions; load factor and bracket
+    are in the metadata of the results. Raises InputError for a scene whose joints differ in friction or cohesion.
+    """
+    file = _Dem(layout, cells)
+    document: dict[str, Any] = {"analysis": file.analysis()}
+    if layout.result is not None:
+        document["results"] = file.results()
+    return json.dumps(document, indent=1) + "\n"
+
+
+class _Dem:
+    """Objects of one file."""
+
+    def __init__(self, layout: Layout, cells: bool) -> None:
+        self._layout, self._cells = layout, cells
+        self._solids = list(solids_of(layout, cells=cells))
+        self._number = {name: k for k, (name, _, _) in enumerate(self._solids)}
+        self._name = layout.assembly.name
+        self._faces = list(named_faces(layout, cells))
+
+    def _object(self, kind: str, name: str, data: dict[str, Any]) -> dict[str, Any]:
+        """Return an object in its COMPAS envelope, with a guid derived from its kind and name."""
+        return {"dtype": kind, "data": data, "guid": self._guid(kind, name), "name": name}
+
+    def _guid(self, kind: str, name: str) -> str:
+        """Return the guid of an object; the same layout always gives the same file."""
+        return str(uuid.uuid5(_SPACE, f"{self._name} {kind} {name}"))
+
+    def analysis(self) -> dict[str, Any]:
+        """Return the analysis: the model, and a problem for the loads."""
+        data = {"name": self._name, "model": self._model(), "problems": [self._problem()]}
+        return self._object("compas_dem.models/Analysis", self._name, data)
+
+    def _model(self) -> dict[str, Any]:
+        """Return the block model: blocks with materials, and contacts on the graph's edges."""
+        elements, materials, nodes = {}, {}, {}
+        for k, ((name, support, surface), density) in enumerate(zip(self._solids, self._densities(), strict=True)):
+            stuff = self._guid("compas_dem.material/GenericMaterial", f"{density:.12g}")
+            materials[stuff] = self._object(
+                "compas_dem.material/GenericMaterial",
+                f"{density:.12g}",
+                {"name": "GenericMaterial", "density": density, "fck": None, "ft": None, "Ecm": None, "poisson": 0.2},
+            )
+            data: dict[str, Any] = {
+                "transformation": None,
+                "features": [],
+                "name": name,
+                "material": stuff,
+                "geometry": {"dtype": "compas.datastructures/Mesh", "data": mesh_data(surface)},
+                "is_support": support,
+            }
+            block = self._object("compas_dem.elements/Block", name, data)
+            elements[block["guid"]] = block
+            nodes[str(k)] = {"element": block["guid"]}
+        edges: dict[str, dict[str, Any]] = {key: {} for key in nodes}
+        for a, b, points, face in self._faces:
+            entry = edges[str(self._number[a])].setdefault(str(self._number[b]), {"contacts": []})
+            entry["contacts"].append(self._contact(points, face))
+        graph = {
+            "attributes": {},
+            "default_node_attributes": {"x": 0.0, "y": 0.0, "z": 0.0, "element": None},
+            "default_edge_attributes": {"modifiers": None, "contacts": None},
+            "node": nodes,
+            "edge": edges,
+            "max_node": len(nodes) - 1,
+        }
+        children = [{"name": "ElementNode", "element": guid} for guid in elements]
+        whole: dict[str, Any] = {
+            "transformation": None,
+            "elements": elements,
+            "materials": materials,
+            "tree": {"attributes": {}, "root": {"name": "root", "children": children}},
+            "graph": graph,
+        }
+        return self._object("compas_dem.models/BlockModel", self._name, whole)
+
+    def _densities(self) -> list[float]:
+        """Return the density of each solid; one without mass gets that of the scene, or 1."""
+        layout = self._layout
+        elements = layout.assembly.elements
+        usual = layout.scene.materials.density
+        fallback = float(usual) if isinstance(usual, int | float) and usual > 0 else 1.0
+        if self._cells:
+            mass, volume = elements.mass, elements.volume
+            pairs = [(float(m), float(v)) for m, v in zip(mass, volume, strict=True)]
+        else:
+            surfaces = [len(parts) for parts in layout.surfaces]
+            pairs = [(b.mass, b.volume) for b, n in zip(layout.blocks, surfaces, strict=True) for _ in range(n)]
+        found = [m / v if m > 0.0 and v > 0.0 else fallback for m, v in pairs]
+        return [float(f"{value:.12g}") for value in found]
+
+    def _frame(self, points: Floats, face: int) -> Floats:
+        """Return the axes e1, e2 and n of an interface in space, as the rows of an array (3, 3)."""
+        faces = self._layout.assembly.interfaces
+        if self._layout.assembly.dimension == 3:
+            return np.array([faces.e1[face], faces.e2[face], faces.normal[face]])
+        (tx, tz), (nx, nz) = faces.e1[face], faces.normal[face]
+        return np.array([[tx, 0.0, tz], [0.0, -1.0, 0.0], [nx, 0.0, nz]])
+
+    def _contact(self, points: Floats, face: int) -> dict[str, Any]:
+        """Return a contact with its forces at the corners, where there is an analysis."""
+        axes = self._frame(points, face)
+        centre = point_in_space(self._layout, self._layout.assembly.interfaces.origin[face])
+        frame = {"point": centre.tolist(), "xaxis": axes[0].tolist(), "yaxis": axes[1].tolist()}
+        data = {
+            "name": "FrictionContact",
+            "points": [{"dtype": "compas.geometry/Point", "data": point} for point in points.tolist()],
+            "frame": {"dtype": "compas.geometry/Frame", "data": frame},
+            "size": float(np.linalg.norm(area_vector(points))),
+            "mesh": None,
+            "holes": None,
+            "forces": self._corner_forces(points, face, axes, centre),
+        }
+        return {"dtype": "compas_dem.interactions/FrictionContact", "data": data}
+
+    def _resultants(self, face: int) -> Floats:
+        """Return the resultants N, V1, V2, M1, M2, MT (6,) of an interface.
+
+        Planar ones have V2 = M1 = MT = 0. Raises ValueError without an analysis with forces.
+        """
+        result = self._layout.result
+        if result is None or result.forces is None:
+            raise ValueError("the layout has no analysis with forces")
+        if self._layout.assembly.dimension == 3:
+            return np.asarray(result.forces[face])
+        normal, shear, moment = result.forces[face]
+        return np.array([normal, shear, 0.0, 0.0, moment, 0.0])
+
+    def _corner_forces(self, points: Floats, face: int, axes: Floats, centre: Floats) -> list[dict[str, float]]:
+        """Return forces at an interface's corners, linear in place, with its resultants.
+
+        points: (k, 3) corners. axes: (3, 3) e1, e2 and n. centre: (3,) origin. Empty without an analysis with forces.
+
+        Normal forces satisfy Σ f = N, Σ f x1 = −M2 and Σ f x2 = M1; shear forces Σ c = V, Σ (x1 c2 − x2 c1) = MT.
+        """
+        result = self._layout.result
+        if result is None or result.forces is None:
+            return []
+        normal, v1, v2, m1, m2, torsion = self._resultants(face).tolist()
+        x1, x2 = ((points - centre) @ axes[:2].T).T
+        one, none = np.ones(len(points)), np.zeros(len(points))
+        pressure = np.linalg.pinv(np.array([one, x1, x2])) @ np.array([normal, -m2, m1])
+        rows = np.block([[one, none], [none, one], [-x2, x1]])
+        shear = np.linalg.pinv(rows) @ np.array([v1, v2, torsion])
+        count = len(points)
+        return [
+            {
+                "c_np": max(float(pressure[k]), 0.0),
+                "c_nn": max(-float(pressure[k]), 0.0),
+                "c_u": float(shear[k]),
+                "c_v": float(shear[count + k]),
+            }
+            for k in range(count)
+        ]
+
+    def _problem(self) -> dict[str, Any]:
+        """Return the problem: boundary conditions of each load case, and the contact model."""
+        facts = facts_of(self._layout, cells=self._cells)["loads"]
+        cases = facts.get("cases") or [{"name": "Live", "live": facts.get("live", []), "dead": []}]
+        groups = [self._group(str(case["name"]), case.get("live", [])) for case in cases]
+        if facts.get("dead"):
+            groups.insert(0, self._group("Dead", facts["dead"]))
+        law = self._object("compas_dem.interactions/MohrCoulomb", "MohrCoulomb", self._law())
+        contact = {"name": "ContactProperties", "contact_model": law, "joint_model": None}
+        data = {
+            "name": self._name,
+            "model_id": self._guid("compas_dem.models/BlockModel", self._name),
+            "boundary_conditions": groups,
+            "contact_properties": self._object(
+                "compas_dem.interactions/ContactProperties", "ContactProperties", contact
+            ),
+            "solver": None,
+        }
+        return self._object("compas_dem.problem/Problem", self._name, data)
+
+    def _gravity(self) -> float:
+        """Return the acceleration of gravity; raise InputError where it does not act along −z."""
+        given = self._layout.scene.materials.gravity
+        if isinstance(given, int | float):
+            return float(given)
+        vector = [float(value) for value in given]
+        if any(vector[:-1]) or vector[-1] > 0.0:
+            raise InputError(
+                "materials.gravity", f"it acts along {given}", "gravity downwards: compas_dem knows no other"
+            )
+        return -vector[-1]
+
+    def _group(self, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
+        """Convert load entries to a group of boundary conditions of COMPAS.
+
+        Raises InputError for a pressure, and for gravity that does not act along −z.
+        """
+        gravity = self._gravity()
+        points, bodies = [], []
+        for number, entry in enumerate(entries):
+            if "body" in entry:
+                data: dict[str, Any] = {"acceleration": [gravity * v for v in entry["body"]], "loading_type": "ramp"}
+                bodies.append(self._object("compas_dem.problem/BodyForce", f"{name} {number}", data))
+                continue
+            if "face" in entry:
+                raise InputError(f"loads of {name!r}", "a pressure has no place in this file", "forces")
+            block = self._number[entry["element"]]
+            moment, force, at = entry.get("moment"), entry.get("force") or [0.0, 0.0, 0.0], entry.get("at")
+            loads = [(force, None, at)] if any(force) else []
+            if moment is not None and np.any(moment):
+                loads.append(([0.0, 0.0, 0.0], moment, None))
+            for part, (vector, turning, place) in enumerate(loads):
+                data = {
+                    "block_index": block,
+                    "force": vector,
+                    "moment": turning,
+                    "point": place,
+                    "loading_type": "ramp",
+                }
+                points.append(self._object("compas_dem.problem/PointLoad", f"{name} {number} {part}", data))
+        data = {"name": name, "g": gravity, "body_forces": bodies, "point_loads": points, "surface_loads": []}
+        return self._object("compas_dem.problem/BoundaryConditionGroup", name, {**data, "displacements": []})
+
+    def _law(self) -> dict[str, Any]:
+        """Return the Mohr–Coulomb law of the dry joints; raise InputError where joints differ."""
+        strengths = self._layout.assembly.strengths(_ROUTE)
+        dry = self._layout.labels
+        if not dry.any():
+            return {"name": "MohrCoulomb", "phi": 0.0, "mu": 0.0, "c": None, "t_c": None}
+        friction, cohesion = strengths.friction[dry], strengths.cohesion[dry]
+        for what, values in (("friction", friction), ("cohesion", cohesion)):
+            if np.ptp(values) > 1e-9 * float(np.abs(values).max()):
+                raise InputError(f"materials ({what})", "joints differ in it", "one contact model for all joints")
+        mu, c = float(friction[0]), float(cohesion[0])
+        return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
+
+    def results(self) -> dict[str, Any]:
+        """Return moved blocks, forces by pair of blocks, and load factor as COMPAS results.
+
+        Raises ValueError without an analysis. A pair with several contacts states their resultant, and the first of
+        them.
+        """
+        result = self._layout.result
+        if result is None:
+            raise ValueError("the layout has no analysis")
+        nodes = {str(k): {"transformation": self._moved(k)} for k in range(len(self._solids))}
+        edges: dict[str, dict[str, Any]] = {}
+        for a, b, points, face in self._faces:
+            if result.forces is None:
+                break
+            axes = self._frame(points, face)
+            normal, v1, v2, *_ = self._resultants(face).tolist()
+            force = np.array([v1, v2, normal]) @ axes
+            known = edges.setdefault(f"{self._number[a]},{self._number[b]}", {"resultant_global": [0.0, 0.0, 0.0]})
+            known["resultant_global"] = (np.array(known["resultant_global"]) + force).tolist()
+            known["force_magnitude"] = float(np.linalg.norm(known["resultant_global"]))
+            known["face_contact"] = True
+            # a pair with several contacts keeps the first one here; the model holds all of them
+            known.setdefault("contact_points", points.tolist())
+            known.setdefault("contact_data", self._contact(points, face))
+        low, high = result.bracket
+        metadata = {
+            "program": "jld",
+            "status": str(result.status),
+            "load_factor": _number(result.load_factor),
+            "bracket": [_number(low), _number(high)],
+            "mechanism_scale": self._scale(),
+        }
+        data = {
+            "model_id": self._guid("compas_dem.models/BlockModel", self._name),
+            "problem_id": self._guid("compas_dem.problem/Problem", self._name),
+            "displacement_scale": 1.0,
+            "node_data": nodes,
+            "edge_data": edges,
+            "metadata": metadata,
+        }
+        return self._object("compas_dem.problem/Results", self._name, data)
+
+    def _scale(self) -> float:
+        """Return the factor from velocities of the mechanism to displacements."""
+        result = self._layout.result
+        if result is None or result.mechanism is None:
+            return 0.0
+        return float(mechanism_scale(self._layout.assembly, result.mechanism))
+
+    def _moved(self, number: int) -> dict[str, Any]:
+        """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation.
+
+        number: index of the solid. A block that cracks moves as its element of largest volume. Without a mechanism it
+        is the identity.
+        """
+        from scipy.spatial.transform import Rotation
+
+        layout, result = self._layout, self._layout.result
+        matrix = np.eye(4)
+        if result is not None and result.mechanism is not None:
+            elements = layout.assembly.elements
+            owner = [k for k, parts in enumerate(layout.surfaces) for _ in parts] if not self._cells else []
+            members = np.array([number]) if self._cells else layout.members[owner[number]]
+            element = int(members[np.argmax(elements.volume[members])])
+            centre = elements.centroid[element]
+            velocity = displacement(layout.assembly, result.mechanism, element, centre[None])[0]
+            spin = result.mechanism[element][layout.assembly.dimension :]
+            if layout.assembly.dimension == 2:
+                centre, velocity = (np.array([v[0], 0.0, v[1]]) for v in (centre, velocity))
+                spin = np.array([0.0, -float(spin[0]), 0.0])
+            scale = self._scale()
+            turn = Rotation.from_rotvec(scale * spin).as_matrix()
+            matrix[:3, :3], matrix[:3, 3] = turn, centre + scale * velocity - turn @ centre
+        return {"dtype": "compas.geometry/Transformation", "data": {"matrix": matrix.tolist()}}
+
+
+def _number(value: float) -> float | None:
+    """Return a finite number, or None."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,1 @@
+"""Practice: outline to stones, printed report, stock, design check, reliability."""

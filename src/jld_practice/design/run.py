@@ -1,0 +1,354 @@
+"""A design from an outline: one clock for tessellations, searches, moved joints, checks and the page."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import joblib
+
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline
+from jld_core.errors import InputError
+from jld_core.files import require_folder
+from jld_core.limit import Status
+from jld_core.models import solve_rigid
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+from jld_explore.explore import explore
+from jld_explore.report import Exploration
+from jld_explore.settings import ExploreSettings
+from jld_explore.space import from_string, search_space
+from jld_explore.space.search_space import feasible
+from jld_explore.study_state import Interrupted
+from jld_explore.writing_time import busy_factor
+from jld_practice.design.checks import check_winner
+from jld_practice.design.moving import LAYOUTS, best_labels, move_in_rounds
+from jld_practice.design.options import DesignOptions
+from jld_practice.design.outline import read_outline
+from jld_practice.design.page import write_design
+from jld_practice.design.screening import screen, searched_scene
+from jld_practice.design.tessellations import Tessellation, tessellations
+from jld_practice.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled
+
+_WRITING: Final = (0.05, 2.0)  # share of the time limit, and seconds, that are kept back for page and pictures
+
+_OVER: Final = (0.05, 2.0)  # share of the time limit, and seconds, by the larger of which a design may end late
+
+_PICTURE: Final = 1.5  # processor time of the picture, s; it is left out where that would end late
+
+# Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds
+_CUTTING: Final = 0.3
+
+_SCREENING, _LONGEST_SCREENING = 0.01, 1.0
+"""Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
+
+# Message of a design that is stopped before it knows a layout
+_NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
+
+_SEARCHES: Final = 0.15  # share of the time for the coarse searches of all tessellations
+
+_LEAST, _SHORT = 5.0, 0.6
+"""Least time of the search of one tessellation, s, in at most this share of a short time limit."""
+
+_USUAL: Final = 0.05  # share of the time that is left after the searches for bounds by fields of the usual layout
+
+_LEAST_BOUNDS: Final = 0.3  # shortest time in which bounds by fields are begun, s
+
+_CHECKS: Final = 0.12  # share of the time for the checks of the winner
+
+_FIELDS: Final = 0.25  # share of the time of a coarse search for the bounds by fields of its best layout
+
+_TABLES: Final = 0.85  # share of the time of a search in space for the search itself; its tables take the rest
+
+_MOVED: Final = 12.0  # shortest time in which joints are moved, s
+
+# Share of the time limit for bounds of the most promising layouts: one more mesh often doubles the lower bound
+_REFINING: Final = 0.15
+
+_USUAL_BONDS: Final = ("bond", "walls")  # names of the tessellations whose stated layout is the usual one
+
+_WAVES: Final = 2  # number of times that bounds of the most promising layouts are refined
+
+_REFINED: Final = 0.9  # share of the time of a wave that is planned: workers begin and the last mesh is finished
+
+Say = Callable[[str], None]
+"""Function that is called with messages."""
+
+
+@one_thread()
+def design_outline(
+    file: Path, folder: Path, options: DesignOptions, announce: Say | None = None, *, started: float | None = None
+) -> Design:
+    """Design the blocks of an outline, and write page, picture, table and scene of the best layout.
+
+    file: scene, drawing or solid. folder: new or empty. announce: called with messages. started: start of the time
+    limit as `time.perf_counter` counts, s; None for now. Raises InputError for an outline or options that cannot be
+    met, and Interrupted after a signal, when the folder holds what was found until then.
+    """
+    deadline = Deadline(options.seconds, started)
+    say = announce or (lambda _: None)
+    require_folder(folder)
+    there = folder.exists()
+    if there and any(folder.iterdir()):
+        raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
+    try:
+        work = Design(options, read_outline(file, options), folder)
+    except Interrupted as stop:
+        stop.words = _NOTHING
+        raise
+    # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
+    busy = busy_factor(deadline.elapsed(), time.process_time())
+    until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
+    try:
+        _cut(work, deadline, say)
+        folder.mkdir(parents=True, exist_ok=True)
+        _search_all(work, until, say)
+        work.seconds = deadline.elapsed()
+        write_design(work, pictures=False)
+        _bound_usual(work, until)
+        _move_best(work, until, say)
+        _refine_promising(work, until, say)
+        if work.winner is not None:
+            work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
+    except Interrupted as stop:
+        if not work.trials and not folder.exists():
+            stop.words = _NOTHING
+            raise
+        work.stop = "interrupted"
+        work.seconds = deadline.elapsed()
+        folder.mkdir(parents=True, exist_ok=True)
+        write_design(work)
+        stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
+        raise
+    work.seconds = deadline.elapsed()
+    if work.winner is None:
+        shutil.rmtree(folder)
+        if there:
+            folder.mkdir()
+        reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
+        wish = "weaker limits, a longer time, or a smaller load"
+        raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
+    # a picture takes seconds on a busy machine
+    write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
+    return work
+
+
+def _cut(work: Design, deadline: Deadline, say: Say) -> None:
+    """Cut the outline in every way; solve the usual layout and a few others of each tessellation as soon as it is cut.
+
+    So a layout is known early, and a search knows which tessellations promise most. say: told of each tessellation once
+    one fits. Errors are those of `tessellations`.
+    """
+    untold: list[str] = []
+    seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
+
+    def made(one: Tessellation) -> None:
+        """Note a tessellation, and solve layouts of it."""
+        work.tessellations.append(one)
+        untold.append(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
+        if one.scene is None:
+            return
+        while untold:
+            say(untold.pop(0))
+        if work.usual is None and one.name in _USUAL_BONDS:
+            _solve_usual(work)
+        _screen(work, one, one.scene, seconds, deadline)
+
+    tessellations(work.outline.scene, work.options, deadline.within(_CUTTING * work.options.seconds), made)
+    for words in untold:
+        say(words)
+
+
+def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: float, deadline: Deadline) -> None:
+    """Solve layouts of a tessellation for some seconds; the strongest of all so far becomes a trial."""
+    name = tessellation.name
+    try:
+        found = screen(scene, work.options.seed, seconds, deadline)
+    except InputError as error:
+        work.searched[name] = f"{error.where}: {error.problem}".lstrip(": ")
+        return
+    work.screened[name] = found
+    work.searched[name] = f"{found.count} layouts, not proven" + (": none of them stands" * (found.labels is None))
+    if found.labels is not None and found.load_factor > max((one.most for one in work.allowed), default=-math.inf):
+        _add(work, tessellation, labelled(scene, found.assembly, found.labels), NONE)
+
+
+def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
+    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one.
+
+    fields: bounds by fields on its λ; None computes them in `seconds`.
+    """
+    assembly = build_assembly(scene)
+    found = solve_rigid(assembly)
+    if fields is None:
+        fields = field_bounds(assembly, assembly.labels, seconds)
+    name, words = tessellation.name, work.searched[tessellation.name]
+    trial = Trial(name, "searched", scene, found.load_factor, faces_of(found.bracket), fields, words)
+    others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
+    if not any(one.order() < trial.order() for one in others):
+        work.trials = [*(one for one in work.trials if one not in others), trial]
+
+
+def _solve_usual(work: Design) -> None:
+    """Solve the stated layout of the usual bond by faces, and add it to the trials.
+
+    Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
+    """
+    first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
+    if first is None or first.scene is None:
+        return
+    assembly = build_assembly(first.scene)
+    found = solve_rigid(assembly)
+    try:
+        allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
+    except InputError:  # limits that nothing satisfies: the search says so
+        allowed = False
+    faces = (-math.inf, -math.inf) if found.status is Status.UNSTABLE else faces_of(found.bracket)
+    work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
+
+
+def _bound_usual(work: Design, until: Deadline) -> None:
+    """Bound λ of the usual layout by fields, in a small share of the time until a deadline.
+
+    Nothing changes without a usual layout or enough time.
+    """
+    usual = work.usual
+    if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
+        assembly = build_assembly(usual.scene)
+        fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining(), lower_first=False)
+        work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
+
+
+def _search_all(work: Design, until: Deadline, say: Say) -> None:
+    """Search the labels of every tessellation in equal times; bound their best by fields.
+
+    until: deadline of the design, of which the searches take a share. Tessellations without time or with limits that
+    cannot be met are noted in `work.searched`.
+    """
+    fitting = [one for one in work.tessellations if one.scene is not None and one.name in work.screened]
+    left = until.remaining()
+    total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    if not _moves(work):  # searches get that time as well
+        refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
+        total = (1.0 - _CHECKS - refining) * left
+    # in a short time the most promising tessellations are searched, instead of all with a few layouts each
+    fitting = sorted(fitting, key=lambda one: -work.screened[one.name].load_factor)
+    least = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
+    fitting = fitting[: max(1, round(total / min(least, _LEAST)))]
+    whole = until.within(total)
+    for number, one in enumerate(fitting):
+        each = whole.within(whole.remaining() / (len(fitting) - number))
+        if each.remaining() < 1.0:
+            continue
+        try:
+            _search(work, one, each)
+        except InputError as error:
+            work.searched[one.name] = f"{error.where}: {error.problem}".lstrip(": ")
+        except Interrupted as stop:
+            if isinstance(stop.done, Exploration):
+                _keep(work, one, stop.done, 0.0)
+            raise
+        best = [trial for trial in work.trials if trial.tessellation == one.name and trial.kind == "searched"]
+        say(f"{one.name:<12} " + (_said(best[-1]) if best else work.searched[one.name]))
+
+
+def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
+    """Search the labels of one tessellation until a deadline, and add its best layout."""
+    if tessellation.scene is None:
+        raise ValueError("a tessellation without a scene is not searched")
+    options = work.options
+    planar = tessellation.scene.dimension == 2
+    # the bounds by fields take the rest; in space the tables of the search do
+    seconds = ((1.0 - _FIELDS) if planar else _TABLES) * until.remaining()
+    settings = ExploreSettings(seconds=seconds, jobs=options.jobs, seed=options.seed, pictures=False, check_fields=0)
+    scene = searched_scene(tessellation.scene)
+    done = explore(scene, work.folder / "searches" / tessellation.name, settings)
+    _keep(work, tessellation, done, until.remaining())
+
+
+def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: float) -> None:
+    """Add the first stable layout of a search to the trials, with bounds by fields.
+
+    done: the search, best first. seconds: time for these bounds, s; 0 omits them. If no layout collapses or is locked,
+    only `work.searched` is written.
+    """
+    facts = done.summary.facts
+    number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
+    work.searched[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
+    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    if not len(table):
+        work.searched[tessellation.name] += ": none of them stands"
+        return
+    labels = from_string(str(table.iloc[0]["labelling"]))
+    work.layouts[tessellation.name] = best_labels(done, LAYOUTS)
+    # the search has faces crush, the scene of the tessellation may not
+    stated = tessellation.scene if tessellation.scene is not None else done.scene
+    scene = labelled(stated, done.assembly, labels)
+    _add(work, tessellation, scene, None if seconds > 0.0 else NONE, seconds)
+
+
+def _said(trial: Trial) -> str:
+    """Describe λ of a trial by faces and by fields, for the terminal."""
+    low, high = trial.fields
+    known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
+    known = "it falls under its own weight" if high < 0.0 else known
+    by_fields = "" if trial.fields == NONE else f", by fields {known}"
+    return f"{trial.by_faces}{by_fields}; {trial.words}"
+
+
+def _move_best(work: Design, until: Deadline, say: Say) -> None:
+    """Move joints of the best layouts, and search their labels again, in a share of the time.
+
+    until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
+    """
+    if not _moves(work):
+        return
+    deadline = until.earlier((_CHECKS + _REFINING) * work.options.seconds)
+    if deadline.remaining() > _MOVED:
+        say(f"joints       move, {deadline.remaining():.0f} s")
+        move_in_rounds(work, deadline, say)
+
+
+def _moves(work: Design) -> bool:
+    """Return True if joints may move: in the plane, without a limit on shapes or laying."""
+    return work.outline.scene.dimension == 2 and work.options.shapes is None and work.options.laid is None
+
+
+def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
+    """Refine the bounds by fields of layouts that may exceed the winner, in worker processes.
+
+    until: deadline of the design; time for the checks is kept free. As many layouts as there are processes are refined
+    at once, in `_WAVES` waves. Only planar layouts are refined.
+    """
+    jobs = work.options.jobs
+    deadline = until.earlier(_CHECKS * work.options.seconds)
+    for wave in range(_WAVES):
+        least = work.winner.proven if work.winner is not None else -math.inf
+        open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+        # the winner, and what may carry most
+        promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
+        seconds = deadline.remaining() / (_WAVES - wave)
+        if seconds < 1.0 or not promising:
+            return
+        workers = joblib.Parallel(n_jobs=jobs)
+        found = workers(joblib.delayed(refined_bounds)(one.scene, _REFINED * seconds) for one in promising)
+        for one, (low, high) in zip(promising, found, strict=True):
+            better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+            work.trials = [better if trial is one else trial for trial in work.trials]
+            say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+
+
+@one_thread()
+def refined_bounds(scene: Scene, seconds: float) -> Bounds:
+    """Return the bounds by fields of the labels that a scene states.
+
+    seconds: time limit, s.
+    """
+    assembly = build_assembly(scene)
+    return field_bounds(assembly, assembly.labels, seconds)

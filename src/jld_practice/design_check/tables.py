@@ -1,0 +1,403 @@
+"""Tables and sentences of a design check, for the terminal, the page and JSON."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from jld_core._version import __version__
+from jld_core.assembly import blocks_of
+from jld_core.build.materials import friction
+from jld_core.build.plausibility import weight_facts
+from jld_core.limit import Status, number
+from jld_core.limit.member_results import effects
+from jld_core.limit.reserve import Reserve
+from jld_core.scene.cracks import cracks_to_json
+from jld_core.scene.design_values import at_design_values
+from jld_core.scene.uncertain import uncertain_values
+from jld_core.tolerances import GAP
+from jld_explore.report.languages import words_in
+from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
+from jld_practice.design_check.languages import WORDS
+
+
+@dataclass(frozen=True)
+class Table:
+    """Table of a page: title, head and rows of texts; `more` counts rows that are left out.
+
+    widths: shares of the page's width.
+    """
+
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+    widths: list[float]
+    more: int = 0
+
+
+@dataclass(frozen=True)
+class Content:
+    """Content of the page of a design check in one language."""
+
+    title: str
+    result: list[str]
+    tables: list[Table]
+    notes: list[str]
+    words: Mapping[str, str] = field(default_factory=dict)
+
+
+def content_of(check: DesignCheck, language: str = "en") -> Content:
+    """Return the content of the page of a design check; language: "en", "de" or "it"."""
+    words = words_in(language, WORDS)
+    tables = [_factors(check, words), _materials(check, words), _cases(check, words)]
+    if check.reactions:
+        tables.append(_reactions(check, words))
+    if check.reserve is not None:
+        tables += [one for one in (_joints(check, words), _blocks(check, words), _members(check, words)) if one.rows]
+    return Content(
+        f"{words['title']}: {check.scene.name}", _result(check, words), tables, notes_of(check, words), words
+    )
+
+
+def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
+    """Return the sentences on the outcome."""
+    worst = check.governing
+    low, high = worst.range
+    if worst.verified is None:
+        first = words["undecided"].format(low=_shown(low), high=_shown(high))
+    elif worst.verified:
+        first = words["verified"].format(use=_shown(worst.utilisation))
+    else:
+        use = _shown(low) if high - low <= 1e-3 * high else f"{_shown(low)} … {_shown(high)}"
+        first = words["fallen"] if math.isinf(low) else words["refuted"].format(use=use)
+    case = worst.name or words["only"]
+    governing = words["worst"].format(case=case, combination=_combination(check, worst, words))
+    return [first, governing, *_by_model(check, words)]
+
+
+def _by_model(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
+    """Return the sentence that sets λ by the faces drawn beside λ wherever blocks crack."""
+    if kind_of(check) == "fields":
+        return [words["by_anywhere"].format(value=_values(check.as_drawn, words))]
+    found = [words[f"by_{kind_of(check)}"].format(value=_values(check.as_drawn, words))]
+    anywhere = check.if_anywhere
+    if anywhere is not None:
+        more = "" if anywhere is not check.governing else f" {words['governs']}"
+        found.append(words["by_anywhere"].format(value=_values(anywhere, words)) + more)
+    else:
+        reason = {"rigid": words["rigid"], "equilibrium": words["equilibrium"]}.get(check.not_anywhere)
+        found.append(reason or words["not_anywhere"].format(reason=check.not_anywhere))
+    return [" ".join(found)]
+
+
+def kind_of(check: DesignCheck) -> str:
+    """Return the kind of the crack model of the scene: faces, cells or fields."""
+    return check.scene.cracks if isinstance(check.scene.cracks, str) else check.scene.cracks.kind
+
+
+def _values(one: CaseCheck, words: Mapping[str, str]) -> str:
+    """Return λ and utilisation of a case in words: one number each where proven closely, else both bounds."""
+    low, high = one.range
+    if one.bounds.status is Status.LOCKED:
+        return words["any_load"]
+    if one.stands is False or one.bounds.status is Status.UNSTABLE:
+        return words["falls"]
+    if high - low <= 1e-3 * high < math.inf:
+        return f"λ = {_shown(one.bounds.load_factor)}, {words['use']} = {_shown(one.utilisation)}"
+    ends = (_shown(end) if math.isfinite(end) else "?" for end in (one.bounds.low, one.bounds.high))
+    load = words["between"].format(low=next(ends), high=next(ends))
+    use = words["between"].format(low=_shown(low), high=_shown(high))
+    return f"λ {load}, {words['use']} {use}"
+
+
+def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -> str:
+    """Describe the factors of permanent loads that differ or act alone."""
+    chosen = one.combination.factors(check.factors)
+    if check.factors.by_parts:
+        (low, high), heavier = check.factors.self_weight, one.combination.heavier
+        names = textwrap.shorten(", ".join(heavier), 60, placeholder=" …") or "–"
+        told = words["of_parts"].format(low=f"{low:g}", high=f"{high:g}", names=names)
+        return told + (f", {words['prestress']} γP = {chosen['prestressing']:g}" if check.assembly.members else "")
+    varied = {
+        name for other in check.tried[0] for name, value in vars(other.combination).items() if value != "unfavourable"
+    }
+    parts = []
+    for name, word, sign in (
+        ("self_weight", "weight", "γG"),
+        ("dead", "stated", "γG"),
+        ("prestressing", "prestress", "γP"),
+    ):
+        if name in varied:
+            parts.append(f"{words[word]} {sign} = {chosen[name]:g}")
+    return ", ".join(parts) or f"γG = {chosen['self_weight']:g}"
+
+
+def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of partial factors with their sources."""
+    rows = []
+    for one in fields(check.factors)[1:-1]:
+        value = getattr(check.factors, one.name)
+        told = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
+        source = check.factors.clauses[one.name]
+        rows.append([words[one.name], told, words.get(source, source)])
+    title = words["factors"].format(name=check.factors.name)
+    return Table(title, [words["factor"], words["value"], words["source"]], rows, [0.27, 0.25, 0.48])
+
+
+def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of the values that the scene states for all joints and blocks."""
+    low, _ = check.factors.prestressing
+    scenes = (check.scene, at_design_values(check.scene, check.factors, low))
+    parts: list[tuple[str, str, list[float]]] = []
+    for key in ("dry", "inner"):
+        both = [getattr(scene.materials, key) for scene in scenes]
+        if both[0] is None:
+            continue
+        if any(friction(one) for one in both):
+            parts.append((key, "tan_phi", [friction(one) or 0.0 for one in both]))
+        for name in ("cohesion", "tensile_strength", "shear_strength", "compressive_strength"):
+            values = [getattr(one, name, None) for one in both]
+            if values[0]:
+                parts.append((key, name, [float(value or 0.0) for value in values]))
+    cells = [f"{words[key]}: {words[name]} {first:.4g} / {second:.4g}" for key, name, (first, second) in parts]
+    rows = [[*cells[k : k + 2], ""][:2] for k in range(0, len(cells), 2)]
+    facts = weight_facts(check.scene, check.assembly)
+    told = [f"{words[f'whole_{name}']}: {facts[name]}" for name in ("thickness", "density", "weight") if name in facts]
+    rows += [[*told[k : k + 2], ""][:2] for k in range(0, len(told), 2)]
+    length, force = check.assembly.units
+    return Table(words["materials"].format(force=force, length=length), ["", ""], rows, [0.5, 0.5])
+
+
+def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of load cases, the most utilised first where there are many."""
+    verdicts = {True: words["yes"], False: words["no"], None: words["open"]}
+    every = (*check.cases, *check.anywhere)
+    order = sorted(range(len(every)), key=lambda k: (-every[k].range[1], k))
+    kept = sorted(order[:LISTED])
+    rows = []
+    for k in kept:
+        one = every[k]
+        load = "∞" if str(one.bounds.status) == "locked" else _shown(one.bounds.load_factor)
+        name = textwrap.shorten(one.name or words["only"], 30, placeholder=" …")
+        name += f", {words['fields']}" if k >= len(check.cases) else ""
+        combination = _combination(check, one, words)
+        rows.append([name, f"{one.required:g}", combination, load, _shown(one.utilisation), verdicts[one.verified]])
+    head = [words["case"], words["required"], words["combination"], "λ", words["use"], words["verdict"]]
+    return Table(words["cases"], head, rows, [0.22, 0.09, 0.36, 0.09, 0.11, 0.13], len(order) - len(kept))
+
+
+def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of reactions: one row for each support, one column for each component."""
+    by_place: dict[str, dict[str, str]] = {}
+    largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
+    for one in check.reactions:
+        ends = [_end(end, largest) for end in one.interval]
+        place = one.resultant.place.removeprefix("support ")
+        told = ends[0] if ends[0] == ends[1] != "–" else " … ".join(ends)
+        by_place.setdefault(place, {})[one.resultant.component] = told
+    components = list(next(iter(by_place.values())))
+    rows = [[textwrap.shorten(place, 14, placeholder=" …"), *found.values()] for place, found in by_place.items()]
+    length, force = check.assembly.units
+    title = words["reactions"].format(force=force, length=length)
+    width = 0.86 / len(components)
+    kept = rows[:LISTED]
+    head = [words["support"], *components]
+    return Table(title, head, kept, [0.14, *[width] * len(components)], len(rows) - len(kept))
+
+
+def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of the dry joints nearest to their limit."""
+    length, force = check.assembly.units
+    found = joints_of(check)
+    share = "–" if check.reserve is None else f"{100.0 * check.reserve.bracket[1]:.1f} %"
+    rows = [
+        [
+            "–".join(one["elements"]),
+            f"{one['N']:.4g}",
+            "–" if one["eccentricity"] is None else f"{one['eccentricity']:.4g}",
+            _percent(one["bending_share"]),
+            _percent(one["slip_reserve"]),
+            _percent(one["share"]),
+        ]
+        for one in found[:LISTED]
+    ]
+    head = [
+        words["joint"],
+        f"N [{force}]",
+        f"{words['eccentricity']} [{length}]",
+        words["of_limit"],
+        words["slip"],
+        words["share"],
+    ]
+    widths = [0.28, 0.14, 0.18, 0.14, 0.14, 0.12]
+    return Table(words["joints"].format(share=share), head, rows, widths, max(0, len(found) - LISTED))
+
+
+def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of the blocks nearest to cracking."""
+    found = blocks_near_cracking(check)
+    rows = [[one["block"], "–".join(one["face"]), _percent(one["share"])] for one in found[:LISTED]]
+    head = [words["block"], words["face"], words["share"]]
+    return Table(words["blocks"], head, rows, [0.3, 0.5, 0.2], max(0, len(found) - LISTED))
+
+
+def _members(check: DesignCheck, words: Mapping[str, str]) -> Table:
+    """Return the table of the forces of members."""
+    found = members_of(check)
+    rows = [[one["name"], f"{one['force']:.4g}", _percent(one["share"])] for one in found[:LISTED]]
+    head = [words["member"], f"{words['force']} [{check.assembly.units[1]}]", words["share"]]
+    return Table(words["bars"], head, rows, [0.5, 0.25, 0.25], max(0, len(found) - LISTED))
+
+
+def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
+    """Return sentences on what a check assumes and does not cover."""
+    kind = kind_of(check)
+    parts = words["each_part" if check.factors.by_parts else "parts"]
+    cracks = words[kind] + (f" {words['and']} {words['fields']}" if check.anywhere else "")
+    found = [words["model"].format(cracks=cracks), words["psi"], parts, words["nothing_else"]]
+    design = check.scene.design
+    if check.factors.name == "EN 1996-1-1" and check.factors.clauses["strength"].startswith("EN"):
+        stated = design is not None and design.model_fields_set & {"units", "mortar", "execution"}
+        told = words["largest"]
+        if design is not None and stated:
+            told = words["masonry"].format(units=design.units, mortar=words[design.mortar], execution=design.execution)
+        found.insert(0, told)
+    if any(True for _ in uncertain_values(check.scene)):
+        found.append(words["uncertain"])
+    if check.scene.materials.faces or check.scene.interfaces:
+        found.append(words["of_faces"])
+    if check.scene.members:
+        found.append(words["with_members"])
+    if kind == "fields":
+        found.append(words["by_fields"])
+    elif check.reserve is None:
+        found.append(words["no_state"])
+    return found
+
+
+def joints_of(check: DesignCheck) -> list[dict[str, Any]]:
+    """Return the dry faces as plain values, those that use most of their capacity first."""
+    reserve, worst = check.reserve, check.as_drawn.structure
+    if reserve is None:
+        return []
+    faces = np.flatnonzero(check.labels & ~worst.of_members)
+    order = sorted(faces.tolist(), key=lambda k: (-round(float(reserve.share[k]), 6), k))
+    return [_joint(check, reserve, k) for k in order]
+
+
+def _joint(check: DesignCheck, reserve: Reserve, face: int) -> dict[str, Any]:
+    """Return one joint as plain values; the eccentricity is None where nothing presses it."""
+    structure = check.as_drawn.structure
+    ids, joints = structure.elements.ids, structure.interfaces
+    normal, forces = float(reserve.forces[face, 0]), reserve.forces[face]
+    moment = abs(float(forces[2])) if structure.dimension == 2 else float(np.hypot(forces[3], forces[4]))
+    idle = not normal > 1e-9 * float(np.abs(reserve.forces[:, 0]).max(initial=0.0))
+    return {
+        "face": face,
+        "elements": [ids[joints.a[face]], ids[joints.b[face]]],
+        "N": normal,
+        "eccentricity": None if idle else moment / normal,
+        "bending_share": float(reserve.bending[face]),
+        "slip_reserve": 1.0 - float(reserve.slip[face]),
+        "share": float(reserve.share[face]),
+    }
+
+
+def blocks_near_cracking(check: DesignCheck) -> list[dict[str, Any]]:
+    """Return each block that may crack, with its most utilised inner face, nearest first."""
+    reserve, structure = check.reserve, check.as_drawn.structure
+    if reserve is None:
+        return []
+    block, joints, ids = blocks_of(structure, check.labels), structure.interfaces, structure.elements.ids
+    worst: dict[int, int] = {}
+    for face in np.flatnonzero(~check.labels & ~structure.of_members).tolist():
+        owner = int(block[joints.a[face]])
+        if owner not in worst or reserve.share[face] > reserve.share[worst[owner]] + 1e-6:
+            worst[owner] = face
+    found = []
+    for owner, face in sorted(worst.items(), key=lambda pair: (-round(float(reserve.share[pair[1]]), 6), pair[0])):
+        held = np.flatnonzero(block == owner)
+        name = structure.elements.blocks[held[0]] or ids[held[0]]
+        pair = [ids[joints.a[face]], ids[joints.b[face]]]
+        found.append({"block": name, "face": pair, "share": float(reserve.share[face])})
+    return found
+
+
+def members_of(check: DesignCheck) -> list[dict[str, Any]]:
+    """Return forces of members, and the share used of the capacity beyond the prestress."""
+    reserve, structure = check.reserve, check.as_drawn.structure
+    if reserve is None or not structure.members:
+        return []
+    force = effects(structure, reserve.forces)
+    share = [0.0 if face < 0 else float(reserve.share[face]) for face in structure.members.face.tolist()]
+    return [
+        {"name": name, "force": float(one), "share": used}
+        for name, one, used in zip(structure.members.names, force, share, strict=True)
+    ]
+
+
+def to_json(check: DesignCheck) -> dict[str, Any]:
+    """Return the object that `jld check-design --json` prints."""
+    worst = check.governing
+    length, force = check.assembly.units
+    return {
+        "name": check.scene.name,
+        "version": __version__,
+        "units": {"length": length, "force": force},
+        **check.factors.to_json(),
+        "verified": check.verified,
+        "utilisation": number(worst.utilisation),
+        "governing": worst.name or None,
+        "combination": vars(worst.combination),
+        "by_drawn": {"cracks": cracks_to_json(check.scene.cracks), **check.as_drawn.to_json()},
+        "anywhere": None if check.if_anywhere is None else check.if_anywhere.to_json(),
+        "not_anywhere": check.not_anywhere or None,
+        "cases": [
+            {"case": one.name or None, **one.to_json(), "combinations": [other.to_json() for other in tried]}
+            for one, tried in zip(check.cases, check.tried, strict=True)
+        ],
+        "reactions": [one.to_json() for one in check.reactions],
+        "share_of_capacity": None if check.reserve is None else list(check.reserve.bracket),
+        "joints": joints_of(check),
+        "blocks": blocks_near_cracking(check),
+        "members": members_of(check),
+        "not_covered": notes_of(check, words_in("en", WORDS)),
+        "warnings": list(check.assembly.warnings),
+    }
+
+
+def in_words(check: DesignCheck) -> str:
+    """Describe a design check in lines of text."""
+    content = content_of(check)
+    lines = [content.title, *content.result]
+    for table in content.tables:
+        widths = [max(len(row[k]) for row in [table.head, *table.rows]) for k in range(len(table.head))]
+        lines += ["", table.title]
+        for row in ([table.head] if any(table.head) else []) + table.rows:
+            lines.append("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+        if table.more:
+            lines.append("  " + content.words["more"].format(count=table.more))
+    return "\n".join([*lines, "", content.words["notes"], *(f"  {note}" for note in content.notes)])
+
+
+def _shown(value: float) -> str:
+    """Return a number in four digits; ∞ for infinity, a dash for NaN."""
+    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.4g}"
+
+
+def _end(value: float | None, largest: float) -> str:
+    """Return an end of a range in four digits, a dash where there is none.
+
+    largest: size of reactions, beside which rounding shows as zero.
+    """
+    return "–" if value is None else f"{0.0 if abs(value) <= GAP * largest else value:.4g}"
+
+
+def _percent(share: float) -> str:
+    """Return a share in per cent."""
+    return f"{100.0 * share:.1f} %"

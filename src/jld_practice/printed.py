@@ -1,0 +1,364 @@
+"""Printed report of one layout: picture, loads, stones, moulds, laying, assumptions and what is proven."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from jld_core._version import __version__
+from jld_core.arrays import Floats
+from jld_core.assembly_sequence import Laying
+from jld_core.build.plausibility import weight_facts
+from jld_core.exchange import Layout
+from jld_core.files import whole_file
+from jld_core.scene import Scene
+from jld_core.scene.uncertain import with_means
+from jld_core.scene.units import GRAVITY, METRES, NEWTONS
+from jld_core.views.figures import draw_assembly
+from jld_core.views.look import INK, SOFT, TINTS
+from jld_core.views.writing import as_written, write_numbers
+from jld_explore.report.languages import digits, localise, phrase_in, words_in
+from jld_practice.making import Making, Stone, factor_to, making_of, stones_of
+from jld_practice.printed_loads import finite, force_words, load_rows
+from jld_practice.printed_moulds import draw_mould
+
+_PAPER: Final = (8.27, 11.69)  # size of a page, DIN A4, inches
+
+_ROWS: Final = 52  # largest number of rows of a table on one page
+
+_LOADS: Final = 14  # largest number of rows of the table of loads
+
+_MOULDS: Final = 28  # largest number of moulds that are drawn, on one page
+
+# Beginnings of assumptions on materials, whose values the report states anyway
+_MATERIALS: Final = ("density", "friction", "low friction", "tensile", "shear strength", "inner strengths")
+
+_STRAIGHT: Final = 0.9998  # cosine of the angle, 1 degree, up to which a stone comes along an axis
+
+_MARGIN: Final = 0.09  # margin of a page, relative to its width
+
+
+@dataclass(frozen=True)
+class Printed:
+    """Content of a printed report.
+
+    fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none. status:
+    status of its limit analysis. strongest: True if the layout is proven the strongest of its cells. laying: order of
+    laying, None if it was not asked for. assumed: assumptions beside the model, one sentence each. uncut: upper bound
+    on λ by faces without cuts if it is below that of the layout, else None. uncut_by_fields: lower bound on λ by fields
+    without cuts, None if unknown.
+    """
+
+    layout: Layout
+    fields: tuple[float, float]
+    faces: tuple[float, float]
+    status: str
+    strongest: bool = False
+    laying: Laying | None = None
+    assumed: tuple[str, ...] = ()
+    uncut: float | None = None
+    uncut_by_fields: float | None = None
+
+    @property
+    def load_factor(self) -> float:
+        """Return the load factor that is proven from below: by fields if known, 0 for a fall, else by faces."""
+        if self.fields[1] < 0.0:
+            return 0.0
+        return self.fields[0] if math.isfinite(self.fields[0]) else min(self.faces[0], self.fields[1])
+
+
+@dataclass
+class _Book:
+    """State of a report while its pages are made."""
+
+    content: Printed
+    language: str
+    unit: str
+    stones: list[Stone]
+    making: Making
+    words: dict[str, str]
+    pages: list[Figure] = field(default_factory=list)
+
+    @property
+    def scene(self) -> Scene:
+        """Return the scene of the layout."""
+        return self.content.layout.scene
+
+    @property
+    def length(self) -> float:
+        """Return the factor from the scene's lengths to the unit of the report."""
+        return factor_to(self.unit, self.scene.units.length)
+
+    def new(self, title: str) -> Figure:
+        """Begin a page with a title."""
+        figure = Figure(figsize=_PAPER)
+        figure.text(_MARGIN, 0.955, title, fontsize=15, color=INK, va="top")
+        self.pages.append(figure)
+        return figure
+
+    def text(self, figure: Figure, top: float, lines: list[str], size: float = 9.0) -> float:
+        """Write lines, wrapped to the page, from the height `top` on; return the height below."""
+        width = int(150 * 7.0 / size * (1.0 - 2.0 * _MARGIN))
+        for line in lines:
+            for part in textwrap.wrap(line, width) or [""]:
+                figure.text(_MARGIN, top, part, fontsize=size, color=INK, va="top")
+                top -= 1.45 * size / 72.0 / _PAPER[1]
+        return top
+
+    def table(self, figure: Figure, top: float, head: list[str], rows: list[list[str]], widths: list[float]) -> float:
+        """Write a table from the height `top` on, return the height below; widths: page shares."""
+        step = 1.5 * 8.0 / 72.0 / _PAPER[1]
+        left = _MARGIN + (1.0 - 2.0 * _MARGIN) * np.concatenate([[0.0], np.cumsum(widths)[:-1]])
+        for number, row in enumerate([head, *rows]):
+            for x, cell in zip(left, row, strict=True):
+                figure.text(float(x), top, cell, fontsize=8.0, color=SOFT if number == 0 else INK, va="top")
+            top -= step
+        return top
+
+
+def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
+    """Write the printed report of a layout as PDF; return its number of pages.
+
+    The file is written completely or not at all. language: one of `LANGUAGES`. unit: of lengths. Equal reports have
+    equal bytes.
+    """
+    figures = pages_of(content, language=language, unit=unit)
+    facts = {"CreationDate": None, "Title": content.layout.scene.name}
+    with mpl.rc_context({"pdf.fonttype": 42}), whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
+        for figure in figures:
+            with as_written(figure):
+                book.savefig(figure)
+    return len(figures)
+
+
+def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> list[Figure]:
+    """Return the pages of a printed report: overview, stones, moulds, laying, assumptions."""
+    stones = stones_of(content.layout)
+    book = _Book(content, language, unit, stones, making_of(stones), words_in(language))
+    _overview(book)
+    _stones(book)
+    if content.layout.assembly.dimension == 2:
+        _moulds(book)
+    _laying(book)
+    names = {stone.name for stone in stones}
+    for number, figure in enumerate(book.pages, 1):
+        localise(figure, language, names)
+        foot = f"{book.scene.name} · jld {__version__} · {book.words['page']} {number}/{len(book.pages)}"
+        figure.text(_MARGIN, 0.03, foot, fontsize=7.5, color=SOFT)
+    return book.pages
+
+
+def _overview(book: _Book) -> None:
+    """Make the page with the picture, the loads and the proven results."""
+    content, words = book.content, book.words
+    layout = content.layout
+    figure = book.new(f"{words['title']}: {textwrap.shorten(book.scene.name, 50, placeholder=' …')}")
+    ax = figure.add_axes((_MARGIN, 0.52, 1.0 - 2.0 * _MARGIN, 0.38))
+    draw_assembly(ax, layout.assembly, layout.labels)
+    ax.set_title("")
+    blocks = [block for block in layout.blocks if block.cells]
+    size = 7.0 if len(blocks) <= 60 else 4.5
+    write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
+    top = book.text(figure, 0.43, [words["loads"]], 12.0)
+    rows = load_rows(layout, content.load_factor, words, book.stones, book.language)
+    head = [words["case"], words["load"], words["times"]]
+    top = book.table(figure, top, head, rows[:_LOADS], [0.2, 0.58, 0.22])
+    if len(rows) > _LOADS:
+        top = book.text(figure, top, [words["more"].format(count=len(rows) - _LOADS)], 8.0)
+    top = book.text(figure, top - 0.015, [words["proven"]], 12.0)
+    book.text(figure, top, _proven(book))
+
+
+def _proven(book: _Book) -> list[str]:
+    """Return sentences on proven and on unproven results."""
+    content, words = book.content, book.words
+    found = []
+    if content.fields[1] < 0.0:
+        found.append(words["falls_by_fields"])
+    elif math.isfinite(content.fields[0]):
+        low, high = content.fields
+        found.append(words["by_fields"].format(low=f"{low:.4g}", high=finite(high, lambda x: f"{x:.4g}")))
+    elif math.isfinite(content.fields[1]):
+        found.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
+    if math.isfinite(content.faces[0]) and content.status != "locked":
+        least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
+        found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
+    elif content.status == "locked":
+        found.append(words["locked"])
+    elif not found:
+        found.append(words["nothing"].format(status=content.status))
+    found.append(words["strongest"] if content.strongest else words["not_strongest"])
+    if content.uncut is not None:
+        found.append(words["stronger_cut"].format(high=f"{content.uncut:.4g}"))
+    if content.uncut_by_fields is not None and content.uncut_by_fields > content.fields[1]:
+        found.append(words["weaker_cut"].format(low=f"{content.uncut_by_fields:.4g}"))
+    return found
+
+
+def _stones(book: _Book) -> None:
+    """Make the page with the table of stones."""
+    words = book.words
+    figure = book.new(words["stones"])
+    head = [words[key] for key in ("stone", "block", "mould", "mass", "size", "cuts", "set_ups", "waste")]
+    head[4] += f" [{book.unit}]"
+    rows = []
+    for stone in book.stones[:_ROWS]:
+        size = " × ".join(digits(book.length * side) for side in stone.size)
+        waste = f"{100.0 * max(0.0, 1.0 - stone.volume / stone.stock):.0f} %"
+        mass = f"{digits(stone.mass)} kg" if book.scene.units.force in NEWTONS else digits(stone.mass)
+        name = textwrap.shorten(stone.name, 14, placeholder="…")
+        rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
+    top = book.table(figure, 0.91, head, rows, [0.07, 0.15, 0.09, 0.13, 0.23, 0.1, 0.13, 0.1])
+    if len(book.stones) > _ROWS:
+        top = book.text(figure, top, [words["more"].format(count=len(book.stones) - _ROWS)])
+    top = book.text(figure, top - 0.01, [words["making"]], 12.0)
+    book.text(figure, top, [_making_words(book)])
+
+
+def _making_words(book: _Book) -> str:
+    """Return the paragraph on numbers, cuts, masses, stock and waste of all stones."""
+    sums, words = book.making, book.words
+    metres = factor_to("m", book.scene.units.length)
+    said = words["making_words"].format(
+        stones=sums.stones,
+        moulds=sums.moulds,
+        cuts=sums.cuts,
+        set_ups=sums.set_ups,
+        sawn=f"{digits(metres**2 * sums.sawn)} m²",
+        mass=f"{digits(sums.mass)} kg",
+        heaviest=f"{digits(sums.heaviest)} kg",
+        stock=f"{digits(metres**3 * sums.stock)} m³",
+        waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
+    )
+    return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
+
+
+def _moulds(book: _Book) -> None:
+    """Make the page with a drawing of every mould, with the lengths of its edges."""
+    figure = book.new(book.words["moulds"].format(unit=book.unit))
+    shapes = sorted({stone.shape for stone in book.stones})
+    across = 4
+    down = math.ceil(min(len(shapes), _MOULDS) / across)
+    height = min(0.15, 0.84 / max(down, 1))
+    for place, shape in enumerate(shapes[:_MOULDS]):
+        alike = [stone for stone in book.stones if stone.shape == shape]
+        x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
+        y = 0.9 - (place // across + 1) * height
+        ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
+        draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
+        numbers = ", ".join(str(stone.number) for stone in alike)
+        count = book.words["pieces"].format(count=len(alike))
+        title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
+        ax.set_title(title, fontsize=7.5, color=INK, loc="left")
+    if len(shapes) > _MOULDS:
+        book.text(figure, 0.06, [book.words["more"].format(count=len(shapes) - _MOULDS)])
+
+
+def _laying(book: _Book) -> None:
+    """Make the page with the order of laying, the assumptions and the warnings."""
+    words, laying = book.words, book.content.laying
+    figure = book.new(words["laying"] if laying is not None else words["assumptions"])
+    top = 0.91
+    if laying is not None:
+        top = _laying_table(book, figure, top)
+        top = book.text(figure, top - 0.012, [words["assumptions"]], 12.0)
+    top = book.text(figure, top, [f"– {line}" for line in _assumptions(book)], 8.0)
+    if warnings := [*book.content.layout.assembly.warnings, *book.content.layout.assembly.notes]:
+        top = book.text(figure, top - 0.012, [words["warnings"]], 12.0)
+        book.text(figure, top, [f"– {line}" for line in warnings[:6]], 8.0)
+
+
+def _laying_table(book: _Book, figure: Figure, top: float) -> float:
+    """Write the table of the order of laying, in two columns where it is long."""
+    words, laying = book.words, book.content.laying
+    if laying is None:
+        return top
+    if not laying.possible:
+        names = ", ".join(_numbers(book, laying, laying.locked))
+        return book.text(figure, top, [words["no_order"].format(names=names)])
+    rows = []
+    for number, step in enumerate(laying.steps, 1):
+        stones = " + ".join(_numbers(book, laying, step.blocks))
+        way = _way(book, 0.0 - np.asarray(step.direction))
+        props = float(step.stage.props.sum())
+        held = words["stands"] if step.stage.stands else words["undecided"] if step.stage.stands is None else ""
+        rows.append([str(number), stones, way, held or f"{words['prop']} {force_words(book.content.layout, props)}"])
+    shown = rows[: 2 * (_ROWS - 12)]
+    half = math.ceil(len(shown) / 2)
+    head = [words[key] for key in ("step", "stone", "way", "stands")]
+    both = [[*left, *right] for left, right in zip(shown[:half], [*shown[half:], *[[""] * 4] * half], strict=False)]
+    top = book.table(figure, top, [*head, *head], both, [0.07, 0.09, 0.17, 0.17] * 2)
+    if len(rows) > len(shown):
+        top = book.text(figure, top, [words["more"].format(count=len(rows) - len(shown))])
+    return top
+
+
+def _way(book: _Book, motion: Floats) -> str:
+    """Say from where a stone comes, or along which vector where that is no axis of the picture.
+
+    motion: (d,) unit vector of its movement.
+    """
+    words, axes = book.words, np.eye(len(motion))
+    ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
+    if len(motion) == 2:
+        ways += [(words["from_left"], axes[0]), (words["from_right"], -axes[0])]
+    else:
+        signed = [(sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
+        ways += [
+            (words["along"].format(axis=f"{'+' if sign > 0.0 else '−'}{'xy'[k]}"), sign * axes[k]) for sign, k in signed
+        ]
+    vector = "(" + ", ".join(f"{x:.2f}" for x in motion) + ")"
+    return next((name for name, axis in ways if float(motion @ axis) > _STRAIGHT), vector)
+
+
+def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
+    """Return the numbers of the stones that are the given blocks of an order of laying."""
+    layout = book.content.layout
+    names = {stone.name: str(stone.number) for stone in book.stones}
+    own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]
+    return [names.get(name, name) for name in own]
+
+
+def _assumptions(book: _Book) -> list[str]:
+    """Return sentences on the values and the model on which the load factor is based."""
+    words, scene = book.words, book.scene
+    materials = with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
+    dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
+    own, found = scene.units, []
+    force, metre = NEWTONS.get(own.force, 0.0), METRES.get(own.length, 1.0)
+    if dry:
+        angle = dry.get("friction_angle")
+        value = f"{_plain(angle, words)}°" if angle is not None else _plain(dry.get("friction_coefficient"), words)
+        found.append(words["friction"].format(value=value))
+    if inner:
+        factor, unit = (force / metre**2 / 1e6, "N/mm²") if force else (1.0, f"{own.force}/{own.length}²")
+        tension, shear = (
+            f"{_plain(inner.get(key), words, factor)} {unit}" for key in ("tensile_strength", "shear_strength")
+        )
+        found.append(words["strength"].format(tension=tension, shear=shear))
+    if materials.get("density") is not None:
+        # a scene may have any units of mass: its gravity makes a weight of it
+        gravity = book.content.layout.assembly.elements.gravity
+        factor, unit = (gravity / GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
+        found.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
+    facts = weight_facts(scene, book.content.layout.assembly)
+    found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
+    # what the file of materials says already stands above
+    others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
+    return [*found, words["rigid"], *(phrase_in(book.language, one) for one in others)]
+
+
+def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:
+    """Write a value of a material times a factor, with its low value where it has one."""
+    if isinstance(value, dict):
+        return words["low"].format(value=f"{factor * value['nominal']:.4g}", low=f"{factor * value['low']:.4g}")
+    return f"{factor * value:.4g}" if isinstance(value, float | int) else "–"

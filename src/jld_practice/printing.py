@@ -1,0 +1,238 @@
+"""Provide `jld report`: printed pages of one layout, and an archive of its project."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+import typer
+
+from jld_core.assembly_sequence import Laying, assembly_order
+from jld_core.assembly_sequence.start import LayingStart
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.exchange import Layout
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.requirements import require_fields
+from jld_core.files import require_writable, whole_file, write_text
+from jld_core.limit import LimitAnalysisResult
+from jld_core.models import solve_by_elements, solve_rigid
+from jld_core.scene import load_scene
+from jld_core.scene.units import METRES
+from jld_explore.cli.layout import best_of_design, start_of_design
+from jld_explore.cli.options import Rank, refuse_itself
+from jld_explore.cli.streams import say
+from jld_explore.report import csv_of, read_folder
+from jld_practice.making import factor_to, stones_of, stones_table
+from jld_practice.printed import Printed, write_printed
+from jld_practice.stock import Stock, stock_of, stock_table, words_of_stock
+
+_LAYING: Final = 30.0  # longest time for an order of laying, s; without one the report says so
+
+_NOTHING: Final = (-math.inf, math.inf)  # bounds where nothing is proven
+
+_DATE: Final = (1980, 1, 1, 0, 0, 0)  # date of the files in an archive, so that equal projects give equal archives
+
+ReportSource = Annotated[
+    Path, typer.Argument(help="A scene, or a folder of jld explore or jld design.", show_default=False)
+]
+
+
+def report(
+    source: ReportSource,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Write report.pdf: one to four pages to print.")] = False,
+    pack: Annotated[bool, typer.Option("--zip", help="Write all files of the project into one archive.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="PDF file; default report.pdf in the folder, or beside the scene."),
+    ] = None,
+    rank: Rank = None,
+    language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
+    unit: Annotated[str, typer.Option(help=f"Unit of lengths: {', '.join(METRES)}.")] = "mm",
+    stock: Annotated[
+        str | None, typer.Option(help="Place stones in stock cuboids with these sides, in --unit: A,B,C.")
+    ] = None,
+    kerf: Annotated[float, typer.Option(help="Width of a saw cut between stones of one cuboid, in --unit.")] = 0.0,
+) -> None:
+    """Print a layout: picture, loads, numbered stones, moulds, laying, assumptions and what is proven.
+
+    Beside the PDF the cutting list is written as CSV. With --zip also pack everything of the project into an archive.
+    """
+    if not pdf and not pack:
+        raise ParameterError("pdf", "nothing is to be written", "`pdf`, `zip` or both")
+    if unit not in METRES:
+        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
+    sides = _sides(stock, pdf, kerf)
+    if not source.exists():
+        raise InputError(str(source), "it does not exist", "a scene, or a folder of jld explore or jld design")
+    target = out or (source / "report.pdf" if source.is_dir() else source.with_suffix(".pdf"))
+    if target.suffix.lower() != ".pdf" or target.is_dir() or not target.absolute().parent.is_dir():
+        raise ParameterError(
+            "out", f"{target} cannot be written", "a file that ends in .pdf, in a folder that is there"
+        )
+    refuse_itself(source, target)
+    require_writable(target)
+    if pdf:
+        content = content_of(source, rank)
+        placed = _placed(content.layout, sides, kerf, unit)
+        count = write_printed(content, target, language=language, unit=unit)
+        say(f"{target}: {count} page{'s' * (count != 1)}")
+        table = target.with_suffix(".stones.csv")
+        write_text(table, csv_of(stones_table(content.layout, unit)))
+        say(f"{table}: the cutting list")
+        if placed is not None:
+            place = target.with_suffix(".stock.csv")
+            write_text(place, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
+            say(f"{place}: {words_of_stock(placed)}")
+    if pack:
+        archive = target.with_suffix(".zip")
+        say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
+
+
+_FIELDS: Final = 30.0  # longest time for bounds by fields of a layout that has none, s
+
+# Triangles of all load cases together up to which these bounds are refined: equal layouts have equal reports
+_TRIANGLES: Final = 500
+
+
+def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
+    """Return the sides of stock cuboids that a user states, None for none.
+
+    pdf: True if the cutting list is written. Raises ParameterError for a text that is not three numbers, and for
+    options that say nothing without each other.
+    """
+    if stock is None:
+        if kerf:
+            raise ParameterError("kerf", "it is given without `stock`", "both")
+        return None
+    if not pdf:
+        raise ParameterError("stock", "stones are placed beside the cutting list", "`pdf` as well")
+    try:
+        a, b, c = (float(part) for part in stock.split(","))
+    except ValueError:
+        raise ParameterError("stock", f"{stock!r} is wrong", "three sides, as 1200,800,300") from None
+    return a, b, c
+
+
+def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
+    """Place the stones of a layout in stock cuboids; None without sides, which are in `unit`."""
+    if sides is None:
+        return None
+    factor = 1.0 / factor_to(unit, layout.scene.units.length)
+    a, b, c = (factor * side for side in sides)
+    return stock_of(stones_of(layout), (a, b, c), factor * kerf, (1.0 / factor, f" {unit}"))
+
+
+def content_of(source: Path, rank: int | None) -> Printed:
+    """Return the content of the report of a scene or a results folder."""
+    design = best_of_design(source)
+    if design != source:
+        if rank is not None:
+            raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
+        facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+        scene = load_scene(design)
+        assembly = build_assembly(scene)
+        fields = tuple(facts.get("fields") or (None, None))
+        assumed = tuple(str(one) for one in facts.get("assumed", []))
+        layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
+        start = start_of_design(source)
+        return _printed(layout, solve_rigid(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
+    if source.is_dir():
+        done = read_folder(source)
+        row = done.row(rank)
+        fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
+        strongest = (
+            bool(done.summary.proven) and done.summary.stands_at_zero is not False and (rank is None or int(rank) == 1)
+        )
+        with error_context(source):
+            printed = _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
+        facts = done.summary.facts
+        whole = (facts.get("fields") or {}).get("uncut") or (None,)
+        return replace(
+            printed,
+            uncut=facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None,
+            uncut_by_fields=whole[0],
+        )
+    if rank is not None:
+        raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+    scene = load_scene(source)
+    with error_context(source):
+        assembly = build_assembly(scene)
+        found = solve_by_elements(assembly, assembly.labels, what="a printed report")
+        return _printed(Layout(scene, assembly, assembly.labels), found, _NOTHING)
+
+
+def _printed(
+    layout: Layout,
+    result: LimitAnalysisResult,
+    fields: tuple[float, float],
+    *,
+    strongest: bool = False,
+    assumed: tuple[str, ...] = (),
+    uncut: float | None = None,
+    start: LayingStart = "ground",
+) -> Printed:
+    """Return the content of a report, with an order of laying where one is found in time.
+
+    start: where laying starts.
+    """
+    low, high = result.bracket
+    faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
+    if fields == _NOTHING and layout.scene.cracks == "faces":  # what is drawn is not all that cracks
+        with suppress(DeadlinePassed, InputError), Deadline(_FIELDS).enforced():
+            fields = _by_fields(layout)
+    laying: Laying | None = None
+    if layout.scene.cracks != "faces":
+        assumed = (*assumed, "order of laying: not printed, since the report judges stages by cracks along faces")
+        return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)
+    try:
+        with Deadline(_LAYING).enforced():
+            sideways = layout.scene.search.assemble_out_of_plane
+            laying = assembly_order(layout.assembly, layout.labels, sideways=sideways, start=start)
+    except DeadlinePassed:
+        assumed = (*assumed, "order of laying: not found within 30 s; jld assembly searches on")
+    return Printed(layout, fields, faces, str(result.status), strongest, laying, assumed, uncut)
+
+
+def _by_fields(layout: Layout) -> tuple[float, float]:
+    """Return bounds by fields on the governing factor of a layout; raise InputError where fields do not apply."""
+    require_fields(layout.assembly)
+    required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
+    most = _TRIANGLES // len(cases)
+    found = [bounds_by_fields(one, layout.labels, most_triangles=most) for one in cases]
+    ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
+    return min(low for low, _ in ends), min(high for _, high in ends)
+
+
+def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:
+    """Return bounds with infinite ends in place of None."""
+    low, high = values
+    return (
+        float(low) if low is not None and math.isfinite(low) else -math.inf,
+        float(high) if high is not None and math.isfinite(high) else math.inf,
+    )
+
+
+def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
+    """Write all files of a project into an archive, and return their number."""
+    if source.is_dir():
+        files = sorted(path for path in source.rglob("*") if path.is_file() and path != archive)
+        named = {path.relative_to(source).as_posix(): path for path in files}
+    else:
+        named = {source.name: source}
+    if pdf is not None:
+        written = (pdf, pdf.with_suffix(".stones.csv"), pdf.with_suffix(".stock.csv"))
+        named |= {path.name: path for path in written if path.exists()}
+    with whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, path in named.items():
+            if path == fresh:
+                continue
+            packed.writestr(zipfile.ZipInfo(name, _DATE), path.read_bytes(), zipfile.ZIP_DEFLATED)
+    return len(named)

@@ -1,0 +1,153 @@
+"""Reliability of one layout: first-order method and simulation side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError, ParameterError
+from jld_core.scene import Scene
+from jld_practice.reliability.bounds import SampleBounds
+from jld_practice.reliability.exploration import explore_failures
+from jld_practice.reliability.form import Form, LimitFunction, design_point
+from jld_practice.reliability.monte_carlo import CONFIDENCE, MonteCarlo, is_rare, simulate
+from jld_practice.reliability.structure import RandomStructure, random_structure
+from jld_practice.reliability.variables import Variables
+
+SAMPLES: Final = 100_000
+"""Default number of samples."""
+
+# Relative difference by which a failing sample must be nearer to the means than the design point to replace it
+_NEARER: Final = 1e-3
+
+
+@dataclass(frozen=True)
+class ReliabilityOptions:
+    """Options of a reliability analysis.
+
+    required: governing load factor below which the structure fails. jobs: threads; they change no result.
+    """
+
+    required: float = 1.0
+    samples: int = SAMPLES
+    seed: int = 0
+    jobs: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.required < float("inf"):
+            raise ParameterError("required", f"{self.required:g} is no load factor to be carried", "a number above 0")
+        if self.samples < 1:
+            raise ParameterError("samples", f"{self.samples} is no number of samples", "a whole number from 1")
+        if self.seed < 0:
+            raise ParameterError("seed", f"{self.seed} is negative", "a whole number from 0")
+        if self.jobs < 1:
+            raise ParameterError("jobs", f"{self.jobs} is no number of threads", "a whole number from 1")
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """Reliability of one layout by both methods.
+
+    variables: random variables of the structure. form: result of the first-order method. simulation: result of the
+    simulation. points: design points of several mechanisms, nearest first, around which rare failures are sampled.
+    options: options of both.
+    """
+
+    variables: Variables
+    form: Form
+    simulation: MonteCarlo
+    points: tuple[Form, ...]
+    options: ReliabilityOptions
+
+    @property
+    def design_values(self) -> Floats | None:
+        """Return the values (v,) of the variables at the design point; None where there is none."""
+        return self.variables.values(self.form.point) if self.form.found else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all results as plain numbers, None for what does not exist."""
+        form, simulation, names = self.form, self.simulation, self.variables.names
+        alpha = form.direction.tolist() if form.found else [None] * len(names)
+        values = self.design_values
+        return {
+            "beta_form": form.beta if form.found else None,
+            "beta_monte_carlo": simulation.beta,
+            "failures": simulation.failures,
+            "samples": simulation.samples,
+            "required": self.options.required,
+            "seed": self.options.seed,
+            "probability_form": form.probability if form.found else None,
+            "probability": simulation.probability,
+            "probability_interval": list(simulation.interval),
+            "beta_interval": list(simulation.beta_interval),
+            "confidence": CONFIDENCE,
+            "importance_sampling": simulation.importance,
+            "unseen": simulation.unseen,
+            "mechanisms": [{"beta": one.beta, "probability": one.probability} for one in self.points],
+            "resolved": simulation.resolved,
+            "undecided": simulation.undecided,
+            "form": {"iterations": form.steps, "kink": form.kink, "problem": form.problem or None},
+            "design_point": None if values is None else dict(zip(names, values.tolist(), strict=True)),
+            "importance": dict(zip(names, alpha, strict=True)),
+            "variables": [
+                {"name": name, "kind": "lognormal" if log else "normal", "mean": mean, "standard_deviation": deviation}
+                for name, log, mean, deviation in zip(
+                    names,
+                    self.variables.lognormal.tolist(),
+                    self.variables.mean.tolist(),
+                    self.variables.deviation.tolist(),
+                    strict=True,
+                )
+            ],
+        }
+
+
+def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStructure:
+    """Return the random structure of a scene whose layout is to be analysed.
+
+    assembly, labels: of the layout, as a results folder or a scene has it. Raises InputError for a scene without
+    values with uncertainty, and for models that samples do not have.
+    """
+    if scene.cracks != "faces":
+        raise InputError("cracks", "reliability supports cracks by faces only", '"faces"')
+    structure = random_structure(scene)
+    if len(labels) != len(structure.assembly.interfaces) or len(assembly.elements) != len(structure.assembly.elements):
+        raise InputError("search.void", "reliability supports whole structures only", "a scene without cells left out")
+    return structure
+
+
+def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOptions) -> Reliability:
+    """Compute the reliability of a layout by the first-order method and by simulation.
+
+    Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end
+    of the interval.
+
+    structure: structure as it depends on its random variables. labels: (m,) layout, True = dry. Raises InputError: a
+    material that the layout needs is missing.
+    """
+    bounds = SampleBounds(structure, labels)
+    function = LimitFunction(bounds, options.required)
+    return estimate(function, structure.variables, options)
+
+
+def estimate(function: LimitFunction, variables: Variables, options: ReliabilityOptions) -> Reliability:
+    """Compute the reliability of a limit function by both methods; see `analyse`."""
+    samples, seed, jobs = options.samples, options.seed, options.jobs
+    form = design_point(function)
+    points: tuple[Form, ...] = (form,) if form.found else ()
+    unseen = 0.0
+    if is_rare(points, samples) or form.far:
+        explored = explore_failures(function, form, max(1, samples // 2), seed, jobs)
+        points, unseen = explored.points, explored.unseen
+        form = points[0] if points else form
+    simulation = simulate(function.bounds, function.required, samples, seed, jobs, points, unseen)
+    nearest = simulation.nearest
+    if nearest is not None and (not form.found or np.linalg.norm(nearest) < (1.0 - _NEARER) * form.beta):
+        other = design_point(function, nearest)
+        if other.found and (not form.found or other.beta < form.beta):
+            form = other
+    return Reliability(variables, form, simulation, points, options)

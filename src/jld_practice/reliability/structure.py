@@ -1,0 +1,395 @@
+"""Structure whose strengths and loads depend on random variables.
+
+The dependence is measured once, on scenes rebuilt with one value changed: which strengths of which faces follow the
+value, and by how much loads grow with it. Samples then need no scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.build.assemble import build_geometry
+from jld_core.errors import InputError
+from jld_core.loads import Loads
+from jld_core.scene import Scene, parse_scene
+from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
+from jld_core.strengths import Route, Strengths
+from jld_practice.reliability.variables import Variables
+
+_ROUTE: Final = Route("the reliability of a layout")
+
+_STEP: Final = 2.0**-6  # relative change of a value by which the dependence of a structure on it is measured
+
+_EQUAL: Final = 1e-9  # relative error up to which a strength follows its value, or loads are linear in theirs
+
+_LEAST: Final = 1e-9  # compressive strength, relative to its mean, that stands for samples of zero and below
+
+_STEEPEST: Final = 89.9  # angle of friction, degrees, that stands for samples above it
+
+_FIELDS: Final = ("friction", "tension", "shear", "crush_dry", "crush_inner", "cohesion", "inner_friction")
+
+
+@dataclass(frozen=True)
+class _Follower:
+    """Strengths that follow random variables: base + T(x) − T(mean), at least 0.
+
+    field: of `Strengths`. faces, variables: (k,) faces and the variable of each. angle: True if x is an angle of
+    friction in degrees, so that T is its tangent.
+    """
+
+    field: str
+    faces: Ints
+    variables: Ints
+    angle: bool
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Loads of one case that grow with random variables: Π (x − mean) times loads.
+
+    The product is over `variables`. variables: one or two. dead, live: (n, q) loads.
+    """
+
+    variables: tuple[int, ...]
+    dead: Floats
+    live: Floats
+
+
+@dataclass(frozen=True)
+class RandomStructure:
+    """Assembly at the means of its uncertain values, and how it depends on them.
+
+    assembly: structure at the means. variables: random variables. followers: strengths that follow variables. growths:
+    for each load case, loads that grow with variables.
+    """
+
+    assembly: Assembly
+    variables: Variables
+    followers: tuple[_Follower, ...]
+    growths: tuple[tuple[Growth, ...], ...]
+
+    @cached_property
+    def cases(self) -> tuple[Assembly, ...]:
+        """Return the assembly of each load case, at the means."""
+        return self.assembly.by_case
+
+    @property
+    def varies_in_strength(self) -> bool:
+        """Return True if a strength is random."""
+        return bool(self.followers)
+
+    def strengths(self, values: Floats) -> Strengths:
+        """Return the strengths of all faces of samples, sample by sample, in scene units.
+
+        values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts
+        as at most that at the apex of its friction.
+        """
+        own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
+        tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in _FIELDS}
+        for one in self.followers:
+            x, m = values[:, one.variables], mean[one.variables]
+            if one.angle:
+                x, m = _tangent(x), _tangent(m)
+            base = getattr(own, one.field)[one.faces]
+            least = _LEAST * base if one.field.startswith("crush") else 0.0
+            tables[one.field][:, one.faces] = np.maximum(base + (x - m), least)
+        tension, shear, friction = (tables[name] for name in ("tension", "shear", "inner_friction"))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apex = np.where(friction > 0.0, shear / friction, np.inf)
+        if self.followers:
+            tables["tension"] = np.where(tension > apex, apex, tension)
+        return Strengths(**{name: np.ascontiguousarray(table.ravel()) for name, table in tables.items()})
+
+    def loads(self, values: Floats, case: int) -> tuple[Floats, Floats]:
+        """Return the dead and live loads (k, n, q) of samples under a load case, in scene units.
+
+        values: (k, v) of the variables. case: position of the case.
+        """
+        assembly, away = self.cases[case], values - self.variables.mean
+        dead, live = (np.repeat(load[None], len(values), axis=0) for load in (assembly.dead, assembly.live))
+        linear = self._linear[case]
+        if linear is not None:
+            rows, more_dead, more_live = linear
+            dead += (away[:, rows] @ more_dead).reshape(dead.shape)
+            live += (away[:, rows] @ more_live).reshape(live.shape)
+        for one in self.growths[case]:
+            if len(one.variables) == 2:
+                factor = away[:, one.variables].prod(axis=1)[:, None, None]
+                dead += factor * one.dead
+                live += factor * one.live
+        return dead, live
+
+    @cached_property
+    def _linear(self) -> list[tuple[Ints, Floats, Floats] | None]:
+        """Return for each case the variables (r,) of linear loads, and their rates (r, n·q)."""
+        found: list[tuple[Ints, Floats, Floats] | None] = []
+        for growths in self.growths:
+            plain = [one for one in growths if len(one.variables) == 1]
+            rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
+            parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
+            found.append((rows, parts[0], parts[1]) if plain else None)
+        return found
+
+    def at(self, values: Floats, case: int) -> Assembly:
+        """Return the assembly of a load case at values (v,) of the variables."""
+        dead, live = self.loads(values[None], case)
+        stress = self.cases[case].members.self_stress
+        return replace(
+            self.cases[case].with_strengths(self.strengths(values[None])),
+            dead_loads=Loads.of_resultants(dead[0] if stress is None else dead[0] - stress),
+            live_loads=Loads.of_resultants(live[0]),
+        )
+
+    def rates(
+        self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
+    ) -> Floats:
+        """Return derivatives (v,) by the variables, from derivatives by strengths and loads.
+
+        values: (v,) of the variables. case: position of the load case. by_strength: (m,) derivatives by fields of
+        `Strengths`. by_load: (n, q) derivatives by dead and by live loads.
+        """
+        found, away = np.zeros(len(values)), values - self.variables.mean
+        for one in self.followers:
+            slope: Any = 1.0
+            if one.angle:
+                x = np.clip(values[one.variables], 0.0, _STEEPEST)
+                slope = np.radians(1.0) / np.cos(np.radians(x)) ** 2
+            np.add.at(found, one.variables, slope * by_strength[one.field][one.faces])
+        for growth in self.growths[case]:
+            rate = float((by_load[0] * growth.dead).sum() + (by_load[1] * growth.live).sum())
+            for position, variable in enumerate(growth.variables):
+                others = [away[k] for n, k in enumerate(growth.variables) if n != position]
+                found[variable] += rate * float(np.prod(others))
+        return found
+
+
+def _tangent(degrees: Floats) -> Floats:
+    """Return the friction coefficients of angles in degrees, which count as 0 to `_STEEPEST`."""
+    return np.tan(np.radians(np.clip(degrees, 0.0, _STEEPEST)))
+
+
+def random_structure(scene: Scene) -> RandomStructure:
+    """Return the structure of a scene as it depends on the values with uncertainty.
+
+    Raises InputError for a scene without such values, or where a value acts in another way than this package knows, as
+    on the bond of joints.
+    """
+    found = list(uncertain_values(scene))
+    if not found:
+        given = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
+        raise InputError("", "no value of the scene has uncertainty", given)
+    return _Measurement(scene, found).structure()
+
+
+class _Measurement:
+    """Measure how the assembly of a scene depends on its values with uncertainty."""
+
+    def __init__(self, scene: Scene, found: list[tuple[Path, Uncertain | UncertainVector]]) -> None:
+        self.found = found
+        self.document = scene.model_dump(mode="json", exclude_defaults=True)
+        for path, value in found:
+            _put(self.document, path, list(value) if isinstance(value, UncertainVector) else float(value))
+        self.plain = parse_scene(self.document)
+        self.geometry = build_geometry(self.plain)
+        self.base = build_assembly(self.plain, self.geometry)
+        self.names: list[str] = []
+        self.sizes: list[Uncertain] = []
+        self.followers: list[_Follower] = []
+        self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
+
+    def structure(self) -> RandomStructure:
+        """Return the structure with all variables."""
+        variables_of = [self._add(path, value) for path, value in self.found]
+        self._add_products(variables_of)
+        mean = np.array([float(one) for one in self.sizes])
+        variables = Variables(
+            names=tuple(self.names),
+            mean=mean,
+            deviation=np.array([one.cov for one in self.sizes]) * abs(mean),
+            lognormal=np.array([one.kind == "lognormal" for one in self.sizes]),
+        )
+        growths = tuple(tuple(one) for one in self.growths)
+        return RandomStructure(self.base, variables, tuple(self.followers), growths)
+
+    def changed(self, *changes: tuple[int, float]) -> Assembly:
+        """Return the assembly with some values, by position, multiplied by factors."""
+        document = _copied(self.document)
+        fresh = False
+        for position, factor in changes:
+            path, value = self.found[position]
+            if isinstance(value, UncertainVector):
+                _put(document, path, [factor * one for one in value])
+            else:
+                _put(document, path, factor * float(value))
+            fresh = fresh or path[0] in ("elements", "interfaces")
+        scene = parse_scene(document)
+        return build_assembly(scene, None if fresh else self.geometry)
+
+    def _add(self, path: Path, value: Uncertain | UncertainVector) -> list[int]:
+        """Add the variables of one value of the scene, and return their positions."""
+        position = [one for one, _ in self.found].index(path)
+        size = value.size if isinstance(value, UncertainVector) else value
+        step = _STEP
+        try:
+            other = self.changed((position, 1.0 + step))
+        except InputError:  # a larger value contradicts another one; a smaller one does not
+            step = -_STEP
+            other = self.changed((position, 1.0 + step))
+        faces = self._following(path, other, float(size) * step)
+        rates = self._rates(other, float(size) * step)
+        split = self._split(path, size, faces, rates)
+        first, many = len(self.names), 1 if split is None else len(split)
+        name = in_words(path)
+        self.names += [name] if split is None else [f"{name} of {one}" for one in self._owners(split, bool(faces))]
+        self.sizes += [size] * many
+        for field, mask, angle in faces:
+            own = np.flatnonzero(mask)
+            place = np.zeros(len(own), dtype=np.int64) if split is None else np.searchsorted(split, own)
+            self.followers.append(_Follower(field, own, first + place, angle))
+        self._grow(rates, first, split if split is not None and not faces else None)
+        return list(range(first, first + many))
+
+    def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
+        """Return the strengths that follow a value: name, faces (m,), True if by its tangent.
+
+        other: assembly with the value changed by `change`. Raises InputError where strengths change in another way.
+        """
+        found = []
+        key = str(next(one for one in reversed(path) if isinstance(one, str)))
+        mean = float(_value(self.document, path)) if "angle" in key else 0.0
+        expected = change
+        if key.endswith("friction_angle"):
+            expected = float(_tangent(np.array(mean + change)) - _tangent(np.array(mean)))
+        for name in _FIELDS:
+            before, after = getattr(self.base.strengths(_ROUTE), name), getattr(other.strengths(_ROUTE), name)
+            mask = ~((before == after) | (np.isnan(before) & np.isnan(after)))
+            if not mask.any():
+                continue
+            size = max(abs(expected), float(abs(before[mask]).max()) * _STEP)
+            if np.any(abs(after[mask] - before[mask] - expected) > _EQUAL * size):
+                raise _unknown(path)
+            found.append((name, mask, key.endswith("friction_angle")))
+        return found
+
+    def _rates(self, other: Assembly, change: float) -> list[tuple[Floats, Floats]]:
+        """Return for each case the rates (n, q) of loads with a value, changed by `change`."""
+        return [
+            (_rate(after.dead, before.dead, change), _rate(after.live, before.live, change))
+            for after, before in zip(other.by_case, self.base.by_case, strict=True)
+        ]
+
+    def _split(
+        self, path: Path, size: Uncertain, faces: list[tuple[str, Any, bool]], rates: list[tuple[Floats, Floats]]
+    ) -> Ints | None:
+        """Return the faces or elements with variables of their own; None for one shared variable."""
+        loaded = np.any([np.any(load, axis=1) for pair in rates for load in pair], axis=0)
+        if faces and loaded.any():
+            raise _unknown(path)
+        if not size.each:
+            return None
+        own = np.flatnonzero(np.any([mask for _, mask, _ in faces], axis=0) if faces else loaded)
+        return own if len(own) else None
+
+    def _owners(self, split: Ints, faces: bool) -> list[str]:
+        """Return the names of faces or elements; several faces of a pair of elements are numbered."""
+        if not faces:
+            return [self.base.elements.ids[one] for one in split]
+        names = [self.base.pair(one) for one in split]
+        return [
+            f"{name} ({names[:k].count(name) + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)
+        ]
+
+    def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
+        """Add loads that grow with the variables from `first` on, one per element of `split`."""
+        for growths, (dead, live) in zip(self.growths, rates, strict=True):
+            if split is None:
+                if dead.any() or live.any():
+                    growths.append(Growth((first,), dead, live))
+                continue
+            for number, element in enumerate(split.tolist()):
+                growths.append(Growth((first + number,), _only(dead, element), _only(live, element)))
+
+    def _add_products(self, variables_of: list[list[int]]) -> None:
+        """Add the loads that grow with products of two values: body loads, by weights."""
+        weights = [k for k, (path, _) in enumerate(self.found) if path[-1] in ("density", "weight")]
+        bodies = [k for k, (path, _) in enumerate(self.found) if "body" in path]
+        for one in weights:
+            for two in bodies:
+                both, alone = (one, 1.0 + _STEP), (two, 1.0 + _STEP)
+                sizes = [float(self.sizes[variables_of[k][0]]) for k in (one, two)]
+                change = sizes[0] * sizes[1] * _STEP**2
+                parts = [
+                    found.by_case for found in (self.changed(both, alone), self.changed(both), self.changed(alone))
+                ]
+                for case, growths in enumerate(self.growths):
+                    base = self.base.by_case[case]
+                    dead, live = (
+                        _rate(
+                            getattr(parts[0][case], name) + getattr(base, name),
+                            getattr(parts[1][case], name) + getattr(parts[2][case], name),
+                            change,
+                            digits=1.0 / _STEP**2,
+                        )
+                        for name in ("dead", "live")
+                    )
+                    self._grow_pairs(growths, variables_of[one], variables_of[two][0], dead, live)
+
+    @staticmethod
+    def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
+        """Add loads that grow with a body load and each of the weights of one value."""
+        if not (dead.any() or live.any()):
+            return
+        if len(weights) == 1:
+            growths.append(Growth((weights[0], body), dead, live))
+            return
+        loaded = np.flatnonzero(np.any(dead, axis=1) | np.any(live, axis=1))
+        for variable, element in zip(weights, loaded.tolist(), strict=True):
+            growths.append(Growth((variable, body), _only(dead, element), _only(live, element)))
+
+
+def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> Floats:
+    """Return (after − before) / change, or 0 if within `digits` rounding errors of a number."""
+    difference = after - before
+    rounding = digits * 16.0 * np.finfo(float).eps * np.maximum(abs(after), abs(before))
+    return np.where(abs(difference) <= rounding, 0.0, difference) / change
+
+
+def _only(load: Floats, element: int) -> Floats:
+    """Return loads (n, q) of one element alone."""
+    found = np.zeros_like(load)
+    found[element] = load[element]
+    return found
+
+
+def _unknown(path: Path) -> InputError:
+    """Return the error for a value that acts on several strengths together, as on a bond."""
+    problem = "it acts on a bond of joints, which has several strengths"
+    return InputError(in_words(path), f"{problem}, so that its uncertainty is not supported", "a number alone")
+
+
+def _copied(part: Any) -> Any:
+    """Return a copy of nested dicts and lists; lists of numbers are shared."""
+    if isinstance(part, dict):
+        return {key: _copied(one) for key, one in part.items()}
+    if isinstance(part, list):
+        return [_copied(one) for one in part]
+    return part
+
+
+def _value(document: Any, path: Path) -> Any:
+    """Return the value at a path of nested dicts and lists."""
+    for key in path:
+        document = document[key]
+    return document
+
+
+def _put(document: Any, path: Path, value: Any) -> None:
+    """Set the value at a path of nested dicts and lists."""
+    _value(document, path[:-1])[path[-1]] = value

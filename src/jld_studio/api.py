@@ -1,0 +1,303 @@
+"""Answer the requests under `api/` of the studio: solutions, scenes, searches and files."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import tempfile
+import threading
+import unicodedata
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from jld_core.errors import InputError
+from jld_core.exchange import FORMATS, Layout, export
+from jld_core.exchange.formats import formats
+from jld_core.files import write_text
+from jld_core.scene import load_scene
+from jld_explore.report import read_folder
+from jld_explore.report.page_contract import PageData
+from jld_explore.report.page_of_study import study_data, study_page
+from jld_studio.jobs import Job, Jobs, orders_for
+from jld_studio.opening import open_file
+from jld_studio.page_start import drawing_data, scene_data
+from jld_studio.scene_store import SceneStore
+from jld_studio.session import StudioSession, parsed
+from jld_studio.supports import with_support
+
+SECONDS: Final = (1.0, 86_400.0)
+"""Smallest and largest time limit of a search begun from the page, s."""
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")  # names under which a scene may be saved
+PAGES: Final = 64
+"""Number of open pages whose newest revision is remembered."""
+CANDIDATES: Final = "candidates.json"
+"""File of the candidates that the page keeps."""
+
+
+class Api:
+    """Handlers of the requests of the studio's page, and their state.
+
+    A handler takes the JSON object of a request and returns that of the answer. `build_app` converts InputError to an
+    answer with status 400. Requests about a state of the page have "labelling" (letters d and i, one per face) and
+    "changes" (parts of the scene that differ), and "scene", the name of another scene than the first.
+
+    desk: solver of the scene with which the studio begins. jobs: searches. root: the only folder into which files are
+    written. first: function that returns the initial data of the page.
+    """
+
+    def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], PageData]) -> None:
+        self.jobs, self.root, self._first = jobs, root, first
+        self.scenes = SceneStore(desk, root)
+        self._newest: OrderedDict[str, int] = OrderedDict()
+        self._counting, self._turn = threading.Lock(), threading.Lock()
+
+    def data(self, _: dict[str, Any]) -> dict[str, Any]:
+        """Return the data with which the page starts, with the candidates kept earlier.
+
+        Raises InputError if the file of the candidates is damaged.
+        """
+        kept = self.root / CANDIDATES
+        try:
+            candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+        except ValueError as error:
+            raise InputError(str(kept), f"it is damaged ({error})", "a file as the studio left it, or none") from None
+        found = self._first()
+        own = {"candidates": candidates, "scene": self.scenes.first_name, "file": plain_name(found["title"])}
+        return {**found, "studio": {**(found["studio"] or {}), **own}}
+
+    def _desk(self, asked: dict[str, Any]) -> StudioSession:
+        """Return the solver of the scene of a request; raise InputError for an unknown scene."""
+        return self.scenes.find(asked.get("scene"))
+
+    def _opened(self, name: str) -> dict[str, Any]:
+        """Return the data with which the page shows a scene of the store."""
+        found = scene_data(self.scenes.find(name), self.root)
+        own = {"scene": name, "file": plain_name(found["title"])}
+        return {"scene": name, "data": {**found, "studio": {**(found["studio"] or {}), **own}}}
+
+    def open(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Open a file: a scene, a drawing or a file of solids.
+
+        asked: "name" and "content" (base64) of the file, and "options" of an import. The answer has "scene", the name
+        of the new scene, "data" for the page, "report" (pairs of a kind and a sentence) and "unit" of the file. Raises
+        InputError in one line for a file that cannot be used.
+        """
+        found = open_file(asked.get("name"), asked.get("content"), asked.get("options", {}))
+        opened = self._opened(self.scenes.add(found.scene))
+        return {**opened, "report": [list(line) for line in found.report], "unit": found.unit}
+
+    def show(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return "scene" and "data" of a scene opened before; "scene" is its name."""
+        return self._opened(str(asked.get("scene")))
+
+    def support(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Make an element a support, or free, in a new scene with labels and changes of the page.
+
+        asked: state, "element" and "support" (true or false). The answer has "scene" and "data" as of `open`. Raises
+        InputError if the new scene is not possible.
+        """
+        document = self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
+        changed = with_support(document, asked.get("element"), asked.get("support"))
+        return self._opened(self.scenes.add(parsed(changed)))
+
+    def edit(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Check a changed part of the scene before the page takes it.
+
+        asked: state, and "part": materials, loads or search. The answer is {"value": the part as a scene file holds
+        it}. Raises InputError whose `where` begins with the key of the scene that is wrong.
+        """
+        return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
+
+    def drawing(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return the page data without solutions, in which layouts of the search "name" are drawn."""
+        job = self.jobs.find(str(asked.get("name")))
+        return {**drawing_data(load_scene(job.scene_file))}
+
+    def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Solve a state of the page and return its solution, or that a newer one supersedes it.
+
+        asked: state, "page" (name of the open page) and "revision" (number of the state). The answer has "revision" and
+        the entries of `StudioSession.solve`; If the page has sent a newer revision, it has "revision" and "superseded"
+        only.
+        """
+        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
+        desk = self._desk(asked)
+        self._note(page, revision)
+        with self._turn:
+            if self._note(page, revision) > revision:
+                return {"revision": revision, "superseded": True}
+            return {"revision": revision, **desk.solve(asked.get("labelling"), _changes(asked))}
+
+    def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Solve one more mesh of the bounds by fields for a state of the page, and return them.
+
+        asked: as in `solve`. The answer has "revision" and the entries of `StudioSession.fields`; If the page has sent
+        a newer revision, it has "revision" and "superseded" only.
+        """
+        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
+        if self._note(page, revision) > revision:
+            return {"revision": revision, "superseded": True}
+        return {"revision": revision, **self._desk(asked).fields(asked.get("labelling"), _changes(asked))}
+
+    def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Move joints by some steps from a state of the page.
+
+        asked: state. The answer has the entries of `StudioSession.improve`.
+        """
+        return self._desk(asked).improve(asked.get("labelling"), _changes(asked))
+
+    def _note(self, page: str, revision: int) -> int:
+        """Record a revision of a page and return the newest one."""
+        with self._counting:
+            newest = self._newest[page] = max(revision, self._newest.get(page, revision))
+            self._newest.move_to_end(page)
+            while len(self._newest) > PAGES:
+                self._newest.popitem(last=False)
+            return newest
+
+    def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
+        """Return {"jobs": facts of all searches}, each as `Job.told` returns them."""
+        return {"jobs": [job.told() for job in self.jobs.listed()]}
+
+    def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Start a search from a state of the page, and return its facts (`Job.told`).
+
+        asked: state, "kind" ("improve", "prove" or "explore") and "seconds", its time limit, default 3600. Raises
+        InputError for anything else, or if too many searches are running.
+        """
+        kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
+        if kind not in ("improve", "prove", "explore"):
+            raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
+        if not isinstance(seconds, int | float) or not SECONDS[0] <= seconds <= SECONDS[1]:
+            raise InputError("seconds", f"it is {str(seconds)[:40]}", f"a number from {SECONDS[0]:g} to {SECONDS[1]:g}")
+        desk, letters, changes = self._desk(asked), asked.get("labelling"), _changes(asked)
+        setup = desk.setup(changes)
+        desk.labels(letters)
+        document = setup.scene.model_dump(mode="json", exclude_defaults=True)
+        shown = {"scene": asked.get("scene") or self.scenes.first_name, "changes": changes}
+        self.scenes.write(shown["scene"])
+        return self.jobs.start(kind, document, orders_for(kind, str(letters), float(seconds)), shown).told()
+
+    def stop_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Ask the search of a "name" to stop, and return its facts (`Job.told`)."""
+        return self.jobs.stop(str(asked.get("name"))).told()
+
+    def resume_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Resume the search of a "name", and return its facts (`Job.told`)."""
+        return self.jobs.resume(str(asked.get("name"))).told()
+
+    def results(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return the data of the page for the results of the search of a "name".
+
+        Its entry "studio" has "scene" and "changes" of the layouts. Raises InputError if there is no such search, or
+        its results are not on disk yet.
+        """
+        job = self.jobs.find(str(asked.get("name")))
+        return {**study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
+
+    def _shown(self, job: Job) -> dict[str, Any]:
+        """Return "scene" and "changes" of the layouts of a search."""
+        if job.kind == "study":
+            return {"scene": self.scenes.first_name, "changes": {}}
+        if job.shown and self.scenes.has(job.shown.get("scene")):
+            return job.shown
+        return {"scene": self.scenes.add(load_scene(job.scene_file)), "changes": {}}
+
+    def report(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return the report of the search of a "name": {"name": file name, "text": HTML}.
+
+        Raises InputError if there is no such search, or its results are not on disk yet.
+        """
+        job = self.jobs.find(str(asked.get("name")))
+        return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
+
+    def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Write the candidates of the page to `candidates.json`, and their scenes.
+
+        The file in `root` is replaced. asked: "candidates", a list of at most 500 entries. The answer is {"kept":
+        number of entries}. Raises InputError for anything else.
+        """
+        kept = asked.get("candidates")
+        if not isinstance(kept, list) or len(kept) > 500:
+            raise InputError("candidates", "it is no list of up to 500", "a list")
+        for one in kept:
+            if isinstance(one, dict):
+                self.scenes.write(one.get("scene"))
+        self.root.mkdir(parents=True, exist_ok=True)
+        write_text(self.root / CANDIDATES, json.dumps(kept))
+        return {"kept": len(kept)}
+
+    def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return the scene file of a state of the page as a document."""
+        return self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
+
+    def export(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return a state of the page as a file of another program.
+
+        asked: state, "format", one of `FORMATS`, and "name" of the file without its ending, else that of the scene. The
+        answer is {"name": file name, "content": base64 of the file}. Raises InputError for an unknown format, a name
+        that is no plain one, or a format that does not fit the layout.
+        """
+        kind = asked.get("format")
+        if kind not in FORMATS:
+            raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
+        desk = self._desk(asked)
+        setup, labels = desk.setup(_changes(asked)), desk.labels(asked.get("labelling"))
+        stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked(asked.get("name"))
+        result = setup.solver.solve(labels) if formats()[str(kind)].analysed else None
+        name = f"{stem}{FORMATS[str(kind)]}"
+        with tempfile.TemporaryDirectory() as folder:
+            path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)
+            content = base64.b64encode(path.read_bytes()).decode("ascii")
+        return {"name": name, "content": content}
+
+    def save(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Write the scene of a state of the page into `root`.
+
+        asked: state, "name" (a plain file name) and "overwrite". An existing file is replaced only if "overwrite" is
+        true. The answer is {"path": file, "exists": True if an existing file was left alone}. Raises InputError for
+        another name.
+        """
+        name = _checked(asked.get("name"))
+        name = name if name.endswith(".json") else f"{name}.json"
+        if name == CANDIDATES:
+            raise InputError("name", f"{CANDIDATES} is taken", "another name")
+        path = self.root / name
+        scene = self.scene(asked)
+        if path.exists() and asked.get("overwrite") is not True:
+            return {"path": str(path), "exists": True}
+        self.root.mkdir(parents=True, exist_ok=True)
+        write_text(path, json.dumps(scene, indent=1))
+        return {"path": str(path), "exists": False}
+
+
+def plain_name(title: str) -> str:
+    """Return a plain file name, without an ending, for the title of a scene."""
+    plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
+    words = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_-")
+    return words[:60].rstrip("_-") or "scene"
+
+
+def _checked(name: object) -> str:
+    """Return the name of a file; raise InputError for anything but a plain one."""
+    if not isinstance(name, str) or not _NAME.fullmatch(name) or ".." in name:
+        raise InputError("name", f"it is {str(name)[:60]!r}", "letters, digits, blanks, '-', '_' and '.'")
+    return name
+
+
+def _whole(value: object) -> int:
+    """Return a revision number; raise InputError if it is not an integer from 0."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise InputError("revision", f"it is {str(value)[:40]!r}", "a whole number from 0")
+    return value
+
+
+def _changes(asked: dict[str, Any]) -> dict[str, Any]:
+    """Return the changes of a request; raise InputError if they are not an object."""
+    changes = asked.get("changes", {})
+    if not isinstance(changes, dict):
+        raise InputError("changes", "they are no JSON object", "an object")
+    return changes

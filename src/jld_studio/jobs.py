@@ -1,0 +1,318 @@
+"""Manage the searches of the studio, each in its own process and folder.
+
+A search therefore continues after its browser tab is closed.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, Final, Literal, get_args
+
+from jld_core.errors import InputError
+from jld_core.files import write_text
+
+Kind = Literal["improve", "prove", "explore", "study"]
+"""Purpose of a search; "study" is a study begun outside the studio."""
+_KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
+State = Literal["running", "stopping", "stopped", "done", "failed"]
+"""State of a search."""
+
+ORDERS: Final = "order.json"
+"""File in the folder of a job that holds its settings."""
+
+MOST: Final = 4
+"""Largest number of searches that may run at a time."""
+
+# Entries of summary.json that a page shows
+_SUMMARY: Final = ("best", "bound", "gap", "proven", "unbounded", "stop_reason", "evaluated")
+
+# Remedy in error messages about a damaged file of a search
+_UNDAMAGED: Final = "the file as it was written, or the folder removed"
+
+
+@dataclass
+class Job:
+    """Search of the studio, which runs or has run in a process of its own.
+
+    name: name of the job and of its folder. kind: purpose of the search: improve, prove, explore, or study for one that
+    was opened. orders: settings of the search, by the names of `ExploreSettings`. shown: "scene" (its name in the
+    studio) and "changes" of the page that began the search; empty if unknown. state: running, stopping, stopped, done
+    or failed. progress: last progress report; empty before the first one. error: reason of a failure, in one line; ""
+    without one. process: process of the search; None if it was not started in this session. listener: thread that reads
+    the output of the process, and ends after it.
+    """
+
+    name: str
+    kind: Kind
+    folder: Path
+    orders: dict[str, Any]
+    state: State = "stopped"
+    progress: dict[str, Any] = field(default_factory=dict)
+    error: str = ""
+    process: subprocess.Popen[str] | None = None
+    listener: threading.Thread | None = None
+    shown: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def results(self) -> Path:
+        """Return the results folder of the search."""
+        return self.folder if self.kind == "study" else self.folder / "results"
+
+    @property
+    def scene_file(self) -> Path:
+        """Return the file of the scene that is searched."""
+        return (self.results if self.kind == "study" else self.folder) / "scene.json"
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Return the time until the limit of a running search, s; None without limit or search."""
+        limit, since = self.orders.get("seconds"), self.progress.get("seconds")
+        if self.state != "running" or not isinstance(limit, int | float) or not isinstance(since, int | float):
+            return None
+        return max(0.0, limit - since - (time.time() - float(self.progress["at"])))
+
+    def told(self) -> dict[str, Any]:
+        """Return the facts that a page shows about the search, as JSON data.
+
+        They are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main entries
+        of summary.json, which are None until the search ends.
+        """
+        summary = self.results / "summary.json"
+        found: dict[str, Any] = {}
+        problem = self.error
+        if self.state not in ("running", "stopping") and summary.exists():
+            try:
+                found = _read_object(summary)
+            except InputError as error:
+                problem = problem or str(error)  # one damaged folder must not hide the other searches
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "state": self.state,
+            "progress": self.progress,
+            "seconds_left": self.seconds_left,
+            "shown": self.shown,
+            "error": problem,
+            "summary": {key: found.get(key) for key in _SUMMARY},
+        }
+
+
+class Jobs:
+    """All searches of one folder, including those of earlier sessions; thread-safe.
+
+    The constructor reads the folder, and raises InputError for a damaged file in it.
+
+    root: folder of the searches. study: folder of a study that was opened, which becomes the search "study".
+    """
+
+    def __init__(self, root: Path, study: Path | None = None) -> None:
+        self.root = root
+        self._turn = threading.RLock()
+        self.all: dict[str, Job] = {}
+        if study is not None:
+            self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
+        for place in sorted(root.glob("*/" + ORDERS)):
+            told = _read_object(place)
+            kind = next((kind for kind in _KINDS if kind == told.get("kind")), None)
+            orders = told.get("orders")
+            if kind is None or not isinstance(orders, dict):
+                raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
+            state: State = "done" if told.get("done") else "stopped"
+            shown = told.get("shown")
+            shown = shown if isinstance(shown, dict) else {}
+            self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state, shown=shown)
+
+    def start(
+        self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
+    ) -> Job:
+        """Start a search of a scene in a new folder and process, and return it.
+
+        kind: purpose, which begins the folder's name. scene: document of the scene. orders: settings, as of
+        `orders_for`. shown: as `Job.shown`. Raises InputError if too many searches are running, and OSError if the
+        folder cannot be written.
+        """
+        with self._turn:
+            self._room()
+            number = 1
+            while (self.root / f"{kind}-{number}").exists():
+                number += 1
+            folder = self.root / f"{kind}-{number}"
+            job = Job(folder.name, kind, folder, dict(orders), shown=dict(shown or {}))
+            try:
+                folder.mkdir(parents=True)
+                write_text(folder / "scene.json", json.dumps(scene, indent=1))
+                self._launch(job)
+            except OSError:
+                # Leave nothing half-written, for example on a full disk.
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
+            self.all[folder.name] = job
+            return job
+
+    def resume(self, name: str) -> Job:
+        """Start the process of a stopped search again, and return the search.
+
+        Raises InputError if there is no such search, it is running, or too many are.
+        """
+        with self._turn:
+            job = self.find(name)
+            if job.state in ("running", "stopping"):
+                raise InputError(name, "it is running", "a search that was stopped")
+            self._room()
+            self._launch(job)
+            return job
+
+    def stop(self, name: str) -> Job:
+        """Ask a search to stop, and return it without waiting for its end.
+
+        Its finished evaluations stay on disk. A search that is not running stays as it is. Raises InputError if there
+        is no such search.
+        """
+        with self._turn:
+            job = self.find(name)
+            if job.process is not None and job.state == "running":
+                job.state = "stopping"
+                job.process.send_signal(signal.SIGTERM)
+            return job
+
+    def listed(self) -> list[Job]:
+        """Return all searches in the order in which they were begun."""
+        with self._turn:
+            return list(self.all.values())
+
+    def find(self, name: str) -> Job:
+        """Return a search by its name.
+
+        Raises InputError if there is none.
+        """
+        with self._turn:
+            if name not in self.all:
+                raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
+            return self.all[name]
+
+    def close(self) -> None:
+        """Stop all running searches; wait for their processes and read their remaining output.
+
+        A process that is still running after 10 s is killed.
+        """
+        for job in self.listed():
+            self.stop(job.name)
+        for job in self.listed():
+            if job.process is not None:
+                try:
+                    job.process.wait(timeout=10.0)
+                except subprocess.TimeoutExpired:
+                    job.process.kill()
+                    job.process.wait()
+            if job.listener is not None:
+                # Its end closes the pipe; a process that the search began may keep the other end open for a while.
+                job.listener.join(timeout=10.0)
+
+    def _room(self) -> None:
+        """Raise InputError if no further search may run."""
+        if sum(job.state in ("running", "stopping") for job in self.all.values()) >= MOST:
+            raise InputError("job", f"{MOST} searches are running", "one of them stopped first")
+
+    def _launch(self, job: Job) -> None:
+        """Start the process of a search and a thread that reads its output."""
+        resume = job.results.exists() and any(job.results.iterdir())
+        told = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
+        if job.kind != "study":
+            write_text(job.folder / ORDERS, json.dumps(told))
+        orders = json.dumps({**job.orders, "resume": resume})
+        command = [sys.executable, "-m", "jld_studio.worker", str(job.scene_file), str(job.results), orders]
+        # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
+        words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
+        try:
+            job.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=words,
+                encoding="utf-8",
+                errors="replace",
+            )
+        except OSError:
+            words.close()
+            raise
+        # Only a job with a process is running; a job that could not start would otherwise occupy a place for ever.
+        job.state, job.error = "running", ""
+        job.listener = threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True)
+        job.listener.start()
+
+    def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
+        """Read the progress of a process until it ends, then record its state in the job.
+
+        process: of the search. words: file that receives stderr of the process. told: content of the job's file, which
+        is written again with "done".
+        """
+        if process.stdout is None:
+            raise RuntimeError("a search was started without a pipe for its progress")
+        with process.stdout, words:
+            for line in process.stdout:
+                progress = _progress_of(line)
+                if progress is not None:
+                    job.progress = {**progress, "at": time.time()}
+            code = process.wait()
+            words.seek(0)
+            last = deque((line.strip() for line in words if line.strip()), maxlen=1)
+        with self._turn:
+            job.error = last[0][:300] if code not in (0, 3) and last else ""
+            job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
+        if job.kind != "study":
+            try:
+                write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+            except OSError as error:
+                with self._turn:
+                    problem = f"{job.folder / ORDERS}: {error.strerror or error}; expected room to write it"
+                    job.error = job.error or problem
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file; raise InputError if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(str(path), f"it is damaged ({error})", _UNDAMAGED) from None
+    if not isinstance(found, dict):
+        raise InputError(str(path), "it is damaged (no JSON object)", _UNDAMAGED)
+    return found
+
+
+def _progress_of(line: str) -> dict[str, Any] | None:
+    """Return a progress report; None for any other line, such as output of a library."""
+    try:
+        told = json.loads(line)
+    except ValueError:
+        return None
+    return told if isinstance(told, dict) else None
+
+
+def _orders_of(study: Path) -> dict[str, Any]:
+    """Return driver and seed of a study begun elsewhere, from its summary."""
+    summary = _read_object(study / "summary.json")
+    return {"driver": summary.get("driver"), "seed": summary.get("seed", 0)}
+
+
+def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
+    """Return the settings of a search by its purpose, as keywords of `ExploreSettings`.
+
+    "improve" uses hillclimb from a labelling (letters d and i), "prove" the exact driver, "explore" the default driver.
+    seconds: time limit.
+    """
+    if kind == "improve":
+        return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}
+    if kind == "prove":
+        return {"driver": "exact", "seconds": seconds}
+    return {"seconds": seconds}

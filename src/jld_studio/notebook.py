@@ -1,0 +1,220 @@
+"""Show scenes, results and finished searches in notebooks as the interactive page.
+
+The output has two parts. The first is HTML: facts, picture and table, and the page itself in a frame if it is small
+enough. This part needs no kernel. The second is an invisible widget that connects the frame with the kernel; it needs
+the library anywidget.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import uuid
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, ParameterError
+from jld_core.limit import LimitAnalysisResult, Result
+from jld_core.models import solve_by_elements
+from jld_core.scene import Scene
+from jld_core.views import notebook
+from jld_core.views.small_pictures import png_of
+from jld_explore.report import Exploration, words
+from jld_explore.report.page import asset, page
+from jld_explore.report.page_contract import PageData
+from jld_explore.report.page_of_study import result_data, study_data
+from jld_studio.notebook_kernel import LayoutSolver, bonded, structure_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LARGEST: Final = 190_000
+"""Largest size of the HTML of one output with a page, bytes, so that a search adds at most 200 kB to a notebook."""
+
+# Strongest rows of the table, and layouts solved besides those of the front, of which the first that fit are shown
+_ROWS: Final = ((1000, 20), (300, 8), (100, 3), (30, 1))
+
+_EXTRA: Final = "pip install 'jld[notebook]'"  # command that installs what the sliders need
+
+_NO_KERNEL: Final = "The sliders need a running kernel: run this cell again."
+_NO_LIBRARY: Final = f"The sliders need the library anywidget: {_EXTRA}, then run this cell again."
+_BRIDGE: Final = "(The sliders of the page above need a running kernel.)"
+_BOND: Final = (
+    "The sliders do not apply: the strengths of joints with a bond change their loads as well. Show the scene."
+)
+_FIELDS: Final = "The sliders do not apply: the blocks of this search crack by cells or fields."
+
+
+class NotebookPage:
+    """Interactive page of a scene, a result or a search, displayed by a notebook.
+
+    title: name of the object. plain: HTML of its facts, picture and tables. pages: data of the page, the largest first.
+    solver: solver of the layouts of the page. height: height of the frame, pixels.
+    """
+
+    def __init__(self, title: str, plain: str, pages: Iterator[PageData], solver: LayoutSolver, height: int) -> None:
+        self._title, self._solver, self._height = title, solver, height
+        self._name = uuid.uuid4().hex
+        self._plain = plain
+        first = next(pages)
+        data: PageData | None = first
+        frame: str | None = _frame(first, height)
+        while frame is not None and len(plain) + len(frame) > LARGEST:
+            data = next(pages, None)
+            frame = None if data is None else _frame(data, height)
+        self._data = data or first
+        self._inner = frame or ""
+        self.html = self._html()
+        """HTML of the first part of the output."""
+
+    def __repr__(self) -> str:
+        return f"NotebookPage({self._title!r})"
+
+    def _html(self) -> str:
+        """Return the first part of the output."""
+        given = self._data["notebook"]
+        assert given is not None
+        rows = "".join(
+            f"<label>{html.escape(name)} <input type=range disabled> {value:.4g}</label><br>"
+            for name, value in _sliders(given["materials"])
+        )
+        sliders = f"<p>{rows}{html.escape(given['why'])}</p>"
+        plain = f"<div data-plain>{self._plain}{sliders}</div>"
+        return f'<div data-jld="{self._name}">{plain}{self._inner}</div>'
+
+    def _repr_html_(self) -> str:
+        """Return the first part of the output, as programs call for it that show HTML."""
+        return self.html
+
+    def _ipython_display_(self) -> None:
+        """Display both parts, as Jupyter calls for it."""
+        from IPython.display import display  # a notebook has it
+
+        display({"text/html": self.html, "text/plain": repr(self)}, raw=True)
+        if (bridge := self.widget()) is not None:
+            display(bridge)
+
+    def widget(self) -> Any:
+        """Return the widget that connects the page with this process."""
+        if not _has_anywidget():
+            return None
+        import anywidget
+        import traitlets
+
+        members = {
+            "_esm": asset("bridge.js"),
+            "page": traitlets.Unicode("").tag(sync=True),
+            "__repr__": lambda _: _BRIDGE,  # what is seen of it where nothing shows widgets
+        }
+        bridge = type("PageBridge", (anywidget.AnyWidget,), members)(page=self._name)
+        bridge.on_msg(lambda widget, asked, buffers: widget.send(self.answer(asked)))
+        return bridge
+
+    def answer(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Answer a message of the page.
+
+        asked: "kind": "hello", "page", or "solve" with "labelling", "materials" and "revision". Result: answer of the
+        same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
+        """
+        kind = asked.get("kind")
+        if kind == "page":
+            return {"kind": "page", "html": page(self._data), "height": self._height}
+        if kind != "solve":
+            return {"kind": "hello"}
+        try:
+            found = {"solution": self._solver.solve(asked.get("labelling"), asked.get("materials"))}
+        except InputError as error:
+            found = {"error": str(error)}  # type: ignore[dict-item]
+        return {"kind": "answer", "revision": asked.get("revision"), **found}
+
+
+def make_page(thing: object, height: int | None = None) -> NotebookPage:
+    """Make the page of a scene, an assembly, a result or a finished search for a notebook.
+
+    thing: object to show. height: height of the frame, pixels. Default: 700, of a search 950. Result: page, shown by
+    Jupyter as the last line of a cell or by `display`. Raises ParameterError if the height is no number of pixels.
+    Raises InputError if the scene is invalid.
+    """
+    if height is not None and (not isinstance(height, int) or not 100 <= height <= 10_000):
+        raise ParameterError("height", f"it is {height!r}", "pixels, a whole number from 100 to 10000")
+    if isinstance(thing, Exploration):
+        return _study_page(thing, height or 950)
+    if isinstance(thing, Scene | Assembly):
+        scene, assembly = (thing, build_assembly(thing)) if isinstance(thing, Scene) else (None, thing)
+        found = solve_by_elements(assembly, assembly.labels, what="the page of a notebook")
+        # of cells no sliders know the scene: they scale the strengths of the cells
+        return _result_page(scene if assembly.cracks == "faces" else None, found, height or 700)
+    if isinstance(thing, LimitAnalysisResult):
+        return _result_page(None, thing, height or 700)
+    if isinstance(thing, Result):
+        raise InputError("cracks", "the page of a notebook needs rigid cells, and fields have none", "`result.plot()`")
+    raise TypeError(f"{type(thing).__name__} has no page")
+
+
+def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -> NotebookPage:
+    """Return the page of one layout; `scene` is None where only its assembly is known."""
+    structure = structure_of(scene, found.assembly)
+    data = result_data(scene, found)
+    fixed = scene is None and bonded(found.assembly)
+    data["notebook"] = {"materials": structure.materials, "why": _BOND if fixed else _why(), "fixed": fixed}
+    facts = {fact["name"]: fact["value"] for fact in data["facts"]}
+    drawing = None if len(found.assembly.elements) > notebook.LARGEST else found.drawn()
+    plain = _plain(found.assembly.name, facts, drawing)
+    solver = LayoutSolver(structure, found.model)
+    return NotebookPage(found.assembly.name, plain, iter([data]), solver, height)
+
+
+def _study_page(done: Exploration, height: int) -> NotebookPage:
+    """Return the page of a finished search."""
+    structure = structure_of(done.scene, done.assembly)
+    fixed = done.scene.cracks != "faces"
+
+    def pages() -> Iterator[PageData]:
+        for most, solved in _ROWS:
+            data = study_data(done, most=most, solved=solved)
+            data["notebook"] = {"materials": structure.materials, "why": _FIELDS if fixed else _why(), "fixed": fixed}
+            yield data
+
+    tables = {"strongest": words.best_rows(done), f"front, {words.front_name(done)}": done.front.head(30)}
+    parts = [
+        f"<p>{html.escape(name)}</p>{table[words.columns(done)].to_html(index=False)}" for name, table in tables.items()
+    ]
+    drawing = None if len(done.assembly.elements) > notebook.LARGEST else done.drawn()
+    plain = _plain(done.scene.name, words.facts_of_exploration(done), drawing, *parts)
+    return NotebookPage(done.scene.name, plain, pages(), LayoutSolver(structure, done.model), height)
+
+
+def _plain(title: str, facts: Mapping[str, str], drawing: Figure | None, *tables: str) -> str:
+    """Return facts, picture and tables as HTML without scripts."""
+    return notebook.page(title, facts, None if drawing is None else png_of(drawing), *tables)
+
+
+def _frame(data: PageData, height: int) -> str:
+    """Return a frame with the page, which unpacks itself."""
+    packed = base64.b64encode(gzip.compress(page(data).encode("utf-8"), compresslevel=9, mtime=0)).decode("ascii")
+    text = asset("frame.html").replace("{{packed}}", packed)
+    style = f"width: 100%; height: {height}px; border: 1px solid #888"
+    return f'<iframe title="interactive page" style="{style}" srcdoc="{html.escape(text)}"></iframe>'
+
+
+def _sliders(materials: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield name and value of each number of the materials."""
+    for part in ("dry", "inner"):
+        for key, value in materials.get(part, {}).items():
+            if isinstance(value, int | float):
+                yield f"{key.replace('_', ' ')}, {part}", float(value)
+
+
+def _has_anywidget() -> bool:
+    """Return True if the library of the sliders is installed."""
+    from importlib.util import find_spec
+
+    return find_spec("anywidget") is not None
+
+
+def _why() -> str:
+    """Say why sliders do nothing where no kernel is connected."""
+    return _NO_KERNEL if _has_anywidget() else _NO_LIBRARY

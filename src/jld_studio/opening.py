@@ -1,0 +1,141 @@
+"""Open a file that is dropped on the page: a scene, a drawing or a file of solids."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.exchange import Imported, ImportOptions, import_file
+from jld_core.exchange.formats import readers
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.scene.cracks import CellCracks
+from jld_core.scene.reading import NeedsImport
+
+LAYERS: Final = ("support", "dry", "inner", "load", "hole")
+"""Options of an import that name layers."""
+NUMBERS: Final = ("thickness", "tolerance", "facet")
+"""Options of an import that are lengths."""
+KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
+"""Options of an import that the page may state."""
+
+
+@dataclass(frozen=True)
+class OpenedFile:
+    """Scene of a file, with the report of its import.
+
+    scene: scene of the file, its name that of the file where the file has none. report: sentences of the import, each
+    after its kind, as "found" or "skipped"; empty for a scene file. unit: length unit of the file, in which tolerances
+    are given; "" for a scene file.
+    """
+
+    scene: Scene
+    report: tuple[tuple[str, str], ...] = ()
+    unit: str = ""
+
+
+def open_file(name: object, content: object, options: object) -> OpenedFile:
+    """Return the scene of a file that the page sends.
+
+    name: file name, whose ending says what the file is. content: its bytes in base64. options: those of `KNOWN` that
+    are stated, layers as text separated by commas, lengths as numbers; None or "" count as not stated. Raises
+    InputError in one line for anything that is no such file, no valid option, or no scene that the studio follows.
+    """
+    stated = _options(options)
+    if not isinstance(name, str) or not name or len(name) > 200 or not name.isprintable() or set(name) & set("/\\"):
+        raise InputError("name", f"it is {str(name)[:60]!r}", "the plain name of a file")
+    if not isinstance(content, str):
+        raise InputError("content", "it is no text", "the bytes of the file in base64")
+    try:
+        data = base64.b64decode(content, validate=True)
+    except (binascii.Error, ValueError):
+        raise InputError("content", "it is not base64", "the bytes of the file in base64") from None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(data)
+        try:
+            return _read(path, stated)
+        except InputError as error:
+            if error.parameter:
+                raise
+            where = error.where.replace(f"{folder}/", "")
+            raise InputError(where, error.problem.replace(f"{folder}/", ""), error.expected) from None
+
+
+def require_followed(scene: Scene, where: str) -> Scene:
+    """Return a scene; raise InputError if the studio does not support it.
+
+    where: name of its file.
+    """
+    if isinstance(scene.cracks, CellCracks):
+        raise InputError(
+            f"{where}: cracks", "the studio supports cracks by faces and by fields only", '"faces" or "fields"'
+        )
+    return scene
+
+
+def _read(path: Path, options: ImportOptions) -> OpenedFile:
+    """Return the scene of a file; raise InputError for none. options: of an import."""
+    if path.suffix.lower().lstrip(".") in readers():  # import_file names them where this is another
+        try:
+            scene = require_followed(load_scene(path), path.name)
+            build_assembly(scene)
+            return OpenedFile(scene)
+        except NeedsImport:
+            pass
+        except InputError as error:
+            raise (error if error.where.startswith(str(path)) else error.within(path.name)) from None
+    found = import_file(path, options)
+    return OpenedFile(_scene_of(found, path), _sentences(found), found.unit)
+
+
+def _scene_of(found: Imported, path: Path) -> Scene:
+    """Return the scene of an import if it can be built.
+
+    Raises InputError with the name of the file otherwise.
+    """
+    try:
+        scene = parse_scene(found.document, "")
+        build_assembly(scene)
+    except InputError as error:
+        raise found.in_unit_of_file(error, "tolerance").within(path.name) from None
+    return require_followed(scene, path.name)
+
+
+def _sentences(found: Imported) -> tuple[tuple[str, str], ...]:
+    """Return the sentences of the report of an import, each after its kind."""
+    kinds = ("found", "snapped", "assumed", "skipped", "doubtful")
+    return tuple((kind, _on_page(text)) for kind in kinds for text in getattr(found.report, kind))
+
+
+def _on_page(text: str) -> str:
+    """Return a sentence of an import with the fields of the page in place of flags."""
+    return re.sub(r"--([a-z]+)", r'"\1"', text.replace(", or --like SCENE", ""))
+
+
+def _options(options: object) -> ImportOptions:
+    """Return the options of an import that a request states; raise InputError for others."""
+    if not isinstance(options, Mapping):
+        raise InputError("options", "they are no JSON object", "an object")
+    given: dict[str, Any] = {}
+    for key, value in options.items():
+        if key not in KNOWN:
+            raise InputError(str(key)[:40], "an import has no such option", "one of " + ", ".join(KNOWN))
+        if value is None or value == "":
+            continue
+        if key in NUMBERS:
+            if type(value) not in (int, float):
+                raise InputError(key, f"{str(value)[:40]!r} is wrong", "a length as a number")
+            given[key] = float(value)
+        elif not isinstance(value, str):
+            raise InputError(key, f"{str(value)[:40]!r} is wrong", "a text")
+        else:
+            given[key] = value if key == "unit" else tuple(part.strip() for part in value.split(",") if part.strip())
+    return ImportOptions(**given)

@@ -1,0 +1,100 @@
+"""Store the scenes that pages of the studio opened or made, for undo."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import threading
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any, Final
+
+from jld_core.errors import InputError
+from jld_core.files import write_text
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_studio.session import StudioSession
+
+SESSIONS: Final = 6
+"""Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for."""
+FOLDER: Final = "scenes"
+"""Folder for the scenes of kept candidates."""
+_NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
+
+
+class SceneStore:
+    """Scenes of the pages by name, a digest of their content; thread-safe.
+
+    first: solver of the scene with which the studio began. root: folder of the studio; scenes of kept candidates are
+    written into a folder in it. first_name: name of the first scene.
+    """
+
+    def __init__(self, first: StudioSession, root: Path) -> None:
+        self._first, self._folder = first, root / FOLDER
+        self.first_name = _digest(first.document)
+        self._documents: dict[str, dict[str, Any]] = {self.first_name: first.document}
+        self._sessions: OrderedDict[str, StudioSession] = OrderedDict()
+        self._turn = threading.RLock()
+
+    def add(self, scene: Scene) -> str:
+        """Keep a scene and return its name; raise InputError if it cannot be built."""
+        document = scene.model_dump(mode="json", exclude_defaults=True)
+        name = _digest(document)
+        with self._turn:
+            if name not in self._documents:
+                self._remember(name, StudioSession(scene))
+                self._documents[name] = document
+        return name
+
+    def find(self, name: object) -> StudioSession:
+        """Return the solver of a scene by name, None for the first.
+
+        Raises InputError for an unknown name.
+        """
+        if name is None or name == self.first_name:
+            return self._first
+        with self._turn:
+            if name in self._sessions:
+                self._sessions.move_to_end(str(name))
+                return self._sessions[str(name)]
+            return self._remember(str(name), StudioSession(self._scene(name)))
+
+    def has(self, name: object) -> bool:
+        """Return True if a scene of a name can be found."""
+        return name in self._documents or self._file(name).exists()
+
+    def write(self, name: object) -> None:
+        """Write a scene into the folder of candidates, unless it is the first or exists there."""
+        if name in (None, self.first_name) or self._file(name).exists():
+            return
+        with self._turn:
+            document = self.find(name).document
+        self._folder.mkdir(parents=True, exist_ok=True)
+        write_text(self._file(name), json.dumps(document))
+
+    def _file(self, name: object) -> Path:
+        """Return the file of a stored scene; raise InputError for an invalid name."""
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise InputError("scene", f"there is none named {str(name)[:60]!r}", "one that the studio has opened")
+        return self._folder / f"{name}.json"
+
+    def _scene(self, name: object) -> Scene:
+        """Return a scene by its name, from memory or disk; raise InputError where there is none."""
+        path = self._file(name)
+        if name in self._documents:
+            return parse_scene(self._documents[str(name)])
+        if not path.exists():
+            raise InputError("scene", f"{name} is no longer open", "its file opened again")
+        return load_scene(path)
+
+    def _remember(self, name: str, session: StudioSession) -> StudioSession:
+        """Keep a solver in memory, and let go of the one not used for longest."""
+        self._sessions[name] = session
+        while len(self._sessions) > SESSIONS:
+            self._sessions.popitem(last=False)
+        return session
+
+
+def _digest(document: dict[str, Any]) -> str:
+    """Return the name of a scene document: 16 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]

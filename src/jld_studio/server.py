@@ -1,0 +1,130 @@
+"""Run the studio: open a scene, listen on a local port, and stop all searches at the end."""
+
+from __future__ import annotations
+
+import secrets
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from jld_core.errors import InputError, ParameterError
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_explore.report import read_folder
+from jld_studio.opening import require_followed
+from jld_studio.page_start import first_data
+from jld_studio.session import StudioSession
+
+START: dict[str, Any] = {
+    "name": "a wall to begin with",
+    "grid": {"cell": [0.4, 0.2], "thickness": 0.2, "rows": ["aabbcc", "addeec", "ffgghh", "######"]},
+    "materials": {
+        "density": 2000,
+        "dry": {"friction_coefficient": 0.65},
+        "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+    },
+    "loads": {"live": [{"body": [1, 0]}]},
+}
+"""Scene that the studio opens without a source."""
+
+
+def open_studio(source: Path | None, port: int, announce: Callable[[str], None], browser: bool) -> None:
+    """Serve the studio on 127.0.0.1 until it is interrupted.
+
+    Parameters
+    ----------
+    source : Path or None
+        Scene file, folder written by `jld explore`, or None for a sample wall.
+    port : int
+        Port; 0 takes a free one.
+    announce : callable
+        Function called with the address.
+    browser : bool
+        Open the address in a browser.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be opened, the port is taken, or the extra `studio` is not installed.
+    """
+    try:
+        import uvicorn
+
+        from jld_studio.api import Api
+        from jld_studio.app import build_app
+    except ImportError as error:
+        raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
+    from jld_studio.jobs import Jobs
+
+    scene, root, study = opened(source)
+    desk = StudioSession(scene)
+    listener = _listener(port)
+    number = listener.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    jobs = Jobs(root, study)
+    answers = Api(desk, jobs, root, lambda: first_data(desk, root, study))
+    app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
+    address = f"http://127.0.0.1:{number}/{token}/"
+    announce(address)
+    if browser:
+        import webbrowser
+
+        webbrowser.open(address)
+    try:
+        with _interrupting(signal.SIGTERM):
+            server.run(sockets=[listener])
+    finally:
+        jobs.close()
+        listener.close()
+
+
+@contextmanager
+def _interrupting(number: int) -> Iterator[None]:
+    """Let a signal end this process as Ctrl-C does, with cleanup; main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_: int, __: object) -> None:
+        raise KeyboardInterrupt
+
+    # uvicorn shuts down at the signal and then raises it again for the previous handler.
+    before = signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+
+
+def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
+    """Return the scene that the studio opens, the folder for files, and the study's folder.
+
+    The last is None if no study is opened. Without a source the scene is a sample wall. Raises InputError for an
+    invalid source, or a scene whose blocks crack by cells.
+    """
+    if source is None:
+        return parse_scene(START), Path("studio"), None
+    scene = read_folder(source).scene if source.is_dir() else load_scene(source)
+    require_followed(scene, str(source))
+    if source.is_dir():
+        return scene, source / "studio", source
+    return scene, source.with_name(f"{source.stem}_studio"), None
+
+
+def _listener(port: int) -> socket.socket:
+    """Return a listening socket; raise InputError if the port cannot be used."""
+    # Name the protocol, because asyncio disables Nagle's delay only for sockets that are declared as TCP.
+    # A response with separate head and body would otherwise be delayed by 40 ms.
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+        listener.listen()  # a browser may connect before the server is ready
+    except (OSError, OverflowError) as error:
+        listener.close()
+        raise ParameterError("port", f"{port} cannot be opened ({error})", "a free port, or none for any") from None
+    return listener
