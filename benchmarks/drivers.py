@@ -25,10 +25,10 @@ from jld_core.limit import Status
 from jld_explore.drivers import Driver, make_driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.report.front import on_front
+from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.report.tables import on_front
 from jld_explore.space import SearchSpace, keys
-from jld_explore.space.count_values import counts
+from jld_explore.space.counts import counts
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)
 DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")

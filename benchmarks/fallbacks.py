@@ -31,7 +31,7 @@ from jld_core.limit.fallbacks import Fallback, run_fallbacks
 from jld_core.limit.proof import Proof
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve
-from jld_core.models.labelling import FALLBACKS_BY_CONDENSE
+from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_explore.drivers import make_driver
 from jld_explore.space import search_space
 

@@ -24,7 +24,7 @@ from benchmarks.scenes import ENUMERATED, bonded, box, grid, strength
 from jld_core import Assembly, InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds
 from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread

@@ -10,7 +10,7 @@ from typing import Any
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 
 
 class FatalLabelling:

@@ -9,8 +9,7 @@ import pytest
 
 from jld_core import LimitAnalysis, Status, tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.batch.batch_solver import BatchSolver
-from jld_core.batch.verdicts import FALLS, LOCKED, OPEN, PROVEN, BatchResults
+from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchResults, BatchSolver
 
 LAST_DIGITS = 1e-9
 """What may separate two sums of the same dissipation, relative."""

@@ -12,8 +12,7 @@ from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entr
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.adaptive import CoarseBounds, FieldSetting
-from jld_core.fields.bounds import FieldBounds
+from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
 
 CLAIM: Final = (
     "Bounds by fields are in order, monotonic, below rigid blocks, independent of position and units, and hold "

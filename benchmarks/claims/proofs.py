@@ -387,7 +387,7 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
     """Random delays where the work of threads meets."""
-    import jld_explore.drivers.exact.conflict_sources as conflict_sources
+    import jld_explore.drivers.exact.cube_workers as conflict_sources
 
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)

@@ -24,7 +24,7 @@ from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.report import Exploration, csv_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string, to_string

@@ -13,10 +13,9 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector
+from jld_core.strengths import Route
 from jld_experiment.bench import Bench, Motion
-from jld_experiment.compiled import compiled
-from jld_experiment.laws import numbers_of, record_loss, sub_contact
-from jld_experiment.moving import contacts_of, corner_springs, near_corners
+from jld_experiment.energy import compiled
 from jld_experiment.solids import (
     angle_seen,
     beyond,
@@ -28,7 +27,319 @@ from jld_experiment.solids import (
     turned,
     turned_back,
 )
-from jld_experiment.subcontacts import SubContacts
+from jld_experiment.subcontacts import SubContacts, numbers_of, record_loss, sub_contact
+
+_ROUTE: Final = Route("the virtual experiment")
+
+CLEARANCE: Final = 1e-3
+"""Depth beyond the largest elastic overlap at which a corner begins to press, in typical element sizes.
+
+Four cells that meet in a point and are compressed must not press by their corners.
+"""
+
+_NEAR: Final = 0.05  # Distance, in typical element sizes, within which a corner is checked in every step.
+_AROUND: Final = 1.0  # Distance, in typical element sizes, within which a corner is considered at all.
+
+
+class Plane(NamedTuple):
+    """Data of moving planar faces and corners, with shapes at rest about the centroids.
+
+    There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
+    Lengths are in scene units. The last six attributes are state and are changed in place.
+
+    centre: (n, 2) centroids. near, far: (s, 2) arms to each sub-contact from elements a and b. share: (s,) tributary
+    length. half: (m,) half length of each face. corner: (c,) element of each corner. arm: (c, 2) arm to each corner.
+    pair: (p, 2) corner and element that may meet. barred: (p, 2) edges of that element whose contact is already a face,
+    −1 for none. edge_first: (n + 1,) position of the first corner of each element, counter-clockwise. spring: (6,)
+    normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap without
+    force, distance within which corners are checked. The last entry is state: the largest elastic overlap. kept: (s,)
+    share of the area of sub-contacts that is in contact. gap, slid: (s,) gap and slip of sub-contacts. stuck: (p,)
+    friction force along the edge. place: (p,) position along the edge, from its first corner. on: (p,) edge touched, −1
+    for none.
+    """
+
+    centre: Floats
+    near: Floats
+    far: Floats
+    share: Floats
+    half: Floats
+    corner: Ints
+    arm: Floats
+    pair: Ints
+    barred: Ints
+    edge_first: Ints
+    spring: Floats
+    kept: Floats
+    gap: Floats
+    slid: Floats
+    stuck: Floats
+    place: Floats
+    on: Ints
+
+
+def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
+    """Return the data of a planar assembly at rest, with no gap, slip or corner contact.
+
+    points: sub-contacts of all faces. kn, ks: (m,) normal and shear springs of the faces, stress per length.
+    """
+    faces, elements = assembly.interfaces, assembly.elements
+    at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
+    near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
+    thickness = faces.l2[points.face]
+    counts = [len(shape) for shape in elements.shape]
+    corner = np.repeat(np.arange(len(elements)), counts)
+    places = np.concatenate(elements.shape)
+    typical = float(np.median(np.sqrt(elements.volume[elements.free] / float(np.median(faces.l2)))))
+    pair = near_corners(assembly, corner, places, typical)
+    return Plane(
+        centre=elements.centroid,
+        near=near,
+        far=far,
+        share=points.place[:, 1] / thickness,
+        half=0.5 * faces.l1,
+        corner=corner,
+        arm=places - elements.centroid[corner],
+        pair=pair,
+        barred=_edges_in_contact(assembly, corner, pair),
+        edge_first=np.concatenate([[0], np.cumsum(counts)]),
+        spring=corner_springs(assembly, points, kn, ks, typical),
+        kept=np.ones(len(points.face)),
+        gap=np.zeros(len(points.face)),
+        slid=np.zeros(len(points.face)),
+        stuck=np.zeros(len(pair)),
+        place=np.zeros(len(pair)),
+        on=np.full(len(pair), -1),
+    )
+
+
+def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
+    """Return the constants of corner contacts, as `Plane.spring` (6,).
+
+    They are medians over the faces: springs times the area of a sub-contact, and known friction coefficients, 0 without
+    any. The last entry, which `moving_forces` keeps at the largest elastic overlap, starts at 0.
+
+    kn, ks: (m,) springs of the faces, stress per length. typical: size of an element, length.
+    """
+    size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
+    known = assembly.strengths(_ROUTE).friction
+    known = known[np.isfinite(known)]
+    friction = float(np.median(known)) if known.size else 0.0
+    lengths = (CLEARANCE * typical, _NEAR * typical, 0.0)
+    return np.array([float(np.median(kn)) * size, float(np.median(ks)) * size, friction, *lengths])
+
+
+def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
+    """Return the pairs (p, 2) of a corner and another element that may meet.
+
+    These are the corners within one typical size of the bounding box of the element. Pairs of two supports are left
+    out.
+
+    corner: (c,) element of each corner. places: (c, d) positions of the corners. typical: size of an element, length.
+    """
+    elements, around = assembly.elements, _AROUND * typical
+    found = []
+    for other in range(len(elements)):
+        low, high = elements.lower[other] - around, elements.upper[other] + around
+        close = np.flatnonzero(np.all((places > low) & (places < high), axis=1) & (corner != other))
+        still = elements.support[corner[close]] & elements.support[other]
+        found += [(c, other) for c in close[~still].tolist()]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
+    """Return the faces between every two elements in contact, by the pair in either order."""
+    faces, found = assembly.interfaces, dict[tuple[int, int], list[int]]()
+    for face in range(len(faces)):
+        a, b = int(faces.a[face]), int(faces.b[face])
+        found.setdefault((a, b), []).append(face)
+        found.setdefault((b, a), []).append(face)
+    return found
+
+
+def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
+    """Return (p, 2) edges along which a pair's element already touches that of the corner.
+
+    The value is −1 where there is no such edge.
+    """
+    contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
+    barred = []
+    for c, other in pair.tolist():
+        shared = contacts.get((int(corner[c]), other), [])
+        edges = [_edge_along(elements.shape[other], faces.polygon[face]) for face in shared]
+        barred.append(([*edges, -1, -1])[:2])
+    return np.array(barred, dtype=np.int64).reshape(-1, 2)
+
+
+def _edge_along(shape: Floats, contact: Floats) -> int:
+    """Return the edge of a polygon on which a contact lies."""
+    after = np.roll(shape, -1, axis=0)
+    along = after - shape
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    off = np.zeros(len(shape))
+    for point in contact:
+        arm = point - shape
+        off += abs(arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0])
+    return int(np.argmin(off))
+
+
+@compiled
+def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> None:
+    """Update all sub-contacts at the present positions of the elements and add their forces.
+
+    Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element.
+    A half that has slid past the end of the other face by its tributary length is lost, until it slides back.
+
+    motion, plane: their state is changed in place. force: (n, 3) forces and moments of the elements, to which is added.
+    """
+    moved, ends, frame = motion.moved, bench.ends, bench.frame
+    first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
+    overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
+    deepest = 0.0
+    for f in range(len(ends)):
+        a, b = ends[f, 0], ends[f, 1]
+        ca, sa = np.cos(moved[a, 2]), np.sin(moved[a, 2])
+        cb, sb = np.cos(moved[b, 2]), np.sin(moved[b, 2])
+        half = 0.5 * (moved[a, 2] + moved[b, 2])
+        c, s = np.cos(half), np.sin(half)
+        nx, ny = c * frame[f, 0] - s * frame[f, 1], s * frame[f, 0] + c * frame[f, 1]
+        ax, ay = plane.centre[a, 0] + moved[a, 0], plane.centre[a, 1] + moved[a, 1]
+        bx, by = plane.centre[b, 0] + moved[b, 0], plane.centre[b, 1] + moved[b, 1]
+        ks, own = law[f, 1], numbers_of(law, f)
+        for k in range(first[f], first[f + 1]):
+            px = ax + ca * plane.near[k, 0] - sa * plane.near[k, 1]
+            py = ay + sa * plane.near[k, 0] + ca * plane.near[k, 1]
+            qx = bx + cb * plane.far[k, 0] - sb * plane.far[k, 1]
+            qy = by + sb * plane.far[k, 0] + cb * plane.far[k, 1]
+            gap, slid = (qx - px) * nx + (qy - py) * ny, (qy - py) * nx - (qx - px) * ny
+            e = overlap[k] - (gap - plane.gap[k])
+            q = shear[k, 0] - ks * (slid - plane.slid[k])
+            plane.gap[k], plane.slid[k] = gap, slid
+            trial, was = (own[0] * e, abs(q)), broken[k]
+            start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
+            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
+            q = size if q > 0.0 else -size
+            overlap[k], pressure[k], shear[k, 0] = e, p, q
+            deepest = max(deepest, e)
+            here, left = place[k, 0], plane.share[k]
+            kept_b = min(1.0, max(0.0, 1.0 - (abs(here + slid) - plane.half[f]) / left))
+            kept_a = min(1.0, max(0.0, 1.0 - (abs(here - slid) - plane.half[f]) / left))
+            plane.kept[k] = 0.5 * (kept_a + kept_b)
+            area = plane.kept[k] * place[k, 1]
+            fx, fy = area * (p * nx - q * ny), area * (p * ny + q * nx)
+            if area == 0.0:
+                continue
+            if size < trial[1] or p != trial[0]:
+                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+            at = kept_b / (kept_a + kept_b)
+            x, y = px + at * (qx - px), py + at * (qy - py)
+            force[b, 0] += fx
+            force[b, 1] += fy
+            force[b, 2] += (x - bx) * fy - (y - by) * fx
+            force[a, 0] -= fx
+            force[a, 1] -= fy
+            force[a, 2] -= (x - ax) * fy - (y - ay) * fx
+    plane.spring[5] = deepest
+
+
+@compiled
+def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
+    """Return the edge of a pair's element that is nearest to its corner, and where it is met.
+
+    The result is the number of the edge within the element, the depth of the corner inside the element (length,
+    negative outside), the position along the edge (length), and the edge's direction (x, y) at present.
+
+    pair: row of `plane.pair`. moved: (n, 3) displacements and rotations of the elements.
+    """
+    c, j = plane.pair[pair, 0], plane.pair[pair, 1]
+    i = plane.corner[c]
+    ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
+    cj, sj = np.cos(moved[j, 2]), np.sin(moved[j, 2])
+    # Transform the corner to the frame of the element at rest.
+    x = plane.centre[i, 0] + moved[i, 0] + ci * plane.arm[c, 0] - si * plane.arm[c, 1]
+    y = plane.centre[i, 1] + moved[i, 1] + si * plane.arm[c, 0] + ci * plane.arm[c, 1]
+    x -= plane.centre[j, 0] + moved[j, 0]
+    y -= plane.centre[j, 1] + moved[j, 1]
+    x, y = cj * x + sj * y, cj * y - sj * x
+    low, high = plane.edge_first[j], plane.edge_first[j + 1]
+    best, least, place, tx, ty, within = 0, np.inf, 0.0, 0.0, 0.0, False
+    for k in range(low, high):
+        after = k + 1 if k + 1 < high else low
+        x0, y0 = plane.arm[k, 0], plane.arm[k, 1]
+        x1, y1 = plane.arm[after, 0], plane.arm[after, 1]
+        if (y0 > y) != (y1 > y) and x < x0 + (x1 - x0) * (y - y0) / (y1 - y0):
+            within = not within
+        ex, ey = x1 - x0, y1 - y0
+        length = np.sqrt(ex * ex + ey * ey)
+        ex, ey = ex / length, ey / length
+        along = min(max((x - x0) * ex + (y - y0) * ey, 0.0), length)
+        away = (x - x0 - along * ex) ** 2 + (y - y0 - along * ey) ** 2
+        if away < least:
+            best, least, place = k - low, away, along
+            tx, ty = cj * ex - sj * ey, sj * ex + cj * ey
+    depth = np.sqrt(least) if within else -np.sqrt(least)
+    return best, depth, place, tx, ty
+
+
+@compiled
+def near_pairs(moved: Floats, plane: Plane) -> Ints:
+    """Return the pairs (k,) of corner and element whose corner is now near the outline.
+
+    Near means within the distance `plane.spring[4]`; the result holds rows of `plane.pair`. Time steps look at these
+    alone. moved: (n, 3) displacements and rotations of the elements.
+    """
+    found = np.empty(len(plane.pair), dtype=np.int64)
+    count = 0
+    for pair in range(len(plane.pair)):
+        _, depth, _, _, _ = nearest_edge(pair, moved, plane)
+        if abs(depth) < plane.spring[4]:
+            found[count] = pair
+            count += 1
+    return found[:count]
+
+
+@compiled
+def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
+    """Add the forces of corners that have entered other elements, with friction.
+
+    A corner on an edge along which its element already has a face gets no force here: the face transfers it.
+
+    pairs: (k,) rows of `plane.pair` to look at. moved: (n, 3) displacements and rotations. force: (n, 3) forces and
+    moments of the elements, to which is added. plane: its state is changed in place.
+    """
+    kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
+    clearance = plane.spring[3] + plane.spring[5]
+    for pair in pairs:
+        edge, depth, place, tx, ty = nearest_edge(pair, moved, plane)
+        inside = depth - clearance
+        if inside <= 0.0 or edge == plane.barred[pair, 0] or edge == plane.barred[pair, 1]:
+            plane.on[pair] = -1
+            plane.stuck[pair] = 0.0
+            continue
+        if plane.on[pair] != edge:
+            plane.on[pair], plane.stuck[pair] = edge, 0.0
+        else:
+            plane.stuck[pair] -= ks * (place - plane.place[pair])
+        plane.place[pair] = place
+        press = kn * inside
+        most = friction * press
+        rub = min(most, max(-most, plane.stuck[pair]))
+        plane.stuck[pair] = rub
+        c, j = plane.pair[pair, 0], plane.pair[pair, 1]
+        i = plane.corner[c]
+        # The outward normal of a counter-clockwise element is its edge turned by −90°.
+        fx, fy = press * ty + rub * tx, rub * ty - press * tx
+        ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
+        ax = ci * plane.arm[c, 0] - si * plane.arm[c, 1]
+        ay = si * plane.arm[c, 0] + ci * plane.arm[c, 1]
+        bx = plane.centre[i, 0] + moved[i, 0] + ax - plane.centre[j, 0] - moved[j, 0]
+        by = plane.centre[i, 1] + moved[i, 1] + ay - plane.centre[j, 1] - moved[j, 1]
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[i, 2] += ax * fy - ay * fx
+        force[j, 0] -= fx
+        force[j, 1] -= fy
+        force[j, 2] -= bx * fy - by * fx
+
 
 _FLUSH: Final = 1e-6  # Distance, in typical element sizes, up to which faces count as coplanar.
 

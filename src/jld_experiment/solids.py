@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector
-from jld_experiment.compiled import compiled
+from jld_experiment.energy import compiled
 
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:

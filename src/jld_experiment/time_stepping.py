@@ -9,16 +9,19 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion
-from jld_experiment.compiled import compiled
-from jld_experiment.laws import numbers_of, record_loss, sub_contact
-from jld_experiment.moving import Plane, corner_forces, moving_forces, near_pairs
+from jld_experiment.energy import compiled
 from jld_experiment.moving_spatial import (
+    Plane,
     Space,
+    corner_forces,
     corner_forces_in_space,
+    moving_forces,
     moving_forces_in_space,
+    near_pairs,
     near_pairs_in_space,
     turn_along,
 )
+from jld_experiment.subcontacts import numbers_of, record_loss, sub_contact
 
 
 @compiled

@@ -32,13 +32,10 @@ from jld_explore.drivers import Driver, driver_kinds
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
-from jld_explore.evaluation.cluster import on_cluster
-from jld_explore.evaluation.deferred_signals import deferred_signals
+from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
-from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
-from jld_explore.evaluation.record_file import recorded_driver
-from jld_explore.evaluation.records import RECORDS_FILE
-from jld_explore.evaluation.void_cells import VoidCellsEvaluator
+from jld_explore.evaluation.process_settings import deferred_signals, on_cluster
+from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit

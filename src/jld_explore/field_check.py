@@ -17,13 +17,13 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.fields.adaptive import CoarseBounds, FieldSetting
-from jld_core.fields.requirements import require_fields
+from jld_core.fields.bounds import CoarseBounds, FieldSetting
+from jld_core.fields.problem import require_fields
 from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
-from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
+from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
 from jld_explore.report import Exploration, Summary
 from jld_explore.report.result_files import write_results
 from jld_explore.settings import ExploreSettings

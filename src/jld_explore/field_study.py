@@ -14,14 +14,11 @@ from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.field_evaluator import field_evaluation
+from jld_explore.evaluation.field_evaluator import COARSE_RATE, field_evaluation, mesh_seconds
 from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.evaluation.field_race import FieldRace, RaceResult
-from jld_explore.evaluation.field_time import COARSE_RATE, mesh_seconds
-from jld_explore.evaluation.race_aims import BestAim, FrontAim, RaceAim, RequirementAim
-from jld_explore.evaluation.ranking import front_counts
-from jld_explore.evaluation.refined_records import RefinedRecords
-from jld_explore.evaluation.rows import keys_of, statuses
+from jld_explore.evaluation.race_aims import BestAim, FieldRace, FrontAim, RaceAim, RaceResult, RequirementAim
+from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
+from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.study import Study

@@ -11,7 +11,7 @@ from jld_core.errors import ParameterError
 from jld_core.limit import SolveOptions
 from jld_core.parameters import near, require_field_types
 from jld_explore.drivers import Driver
-from jld_explore.evaluation.own_objective import OwnObjective
+from jld_explore.evaluation.cases import OwnObjective
 
 OBJECTIVES: Final = ("associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability")
 """What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below

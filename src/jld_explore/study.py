@@ -23,15 +23,13 @@ from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver
-from jld_explore.drivers.first import first_layout
+from jld_explore.drivers.choice import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
+from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
-from jld_explore.evaluation.pruning import IncumbentFront
-from jld_explore.evaluation.recorded import PendingEvaluations, RecordedEvaluator
-from jld_explore.evaluation.refined_records import RefinedRecords
+from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.standing import Standing, VoidStanding
-from jld_explore.evaluation.worker_tasks import WorkerSpec
-from jld_explore.evaluation.workers import HANG_SECONDS, Workers
+from jld_explore.evaluation.worker_pool import HANG_SECONDS, Workers, WorkerSpec
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
 from jld_explore.space.void import cut

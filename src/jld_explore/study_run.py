@@ -8,8 +8,7 @@ from typing import Final
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.models import cost_estimate
 from jld_explore.driver_choice import nothing_found
-from jld_explore.drivers.choice import bound_of_all
-from jld_explore.drivers.first import first_layout
+from jld_explore.drivers.choice import bound_of_all, first_layout
 from jld_explore.report import write_report
 from jld_explore.report.folder import write_tables
 from jld_explore.space.labelling import orbit_sizes

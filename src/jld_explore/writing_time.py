@@ -11,7 +11,7 @@ from typing import Final
 
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_explore.report.exploration import FIELD_PICTURE
+from jld_explore.report.reading import FIELD_PICTURE
 from jld_explore.settings import ExploreSettings
 
 LATENESS: Final = (2.0, 0.05)

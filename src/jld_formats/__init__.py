@@ -22,7 +22,7 @@ _WEIGHED: Final = (*OUTLINES, *WEIGHTS, "thickness", "elements.support")
 COMPAS: Final = Format(
     "compas",
     ".json",
-    by("jld_formats.read_compas", "read_compas"),
+    by("jld_formats.read_dem", "read_compas"),
     ("json",),
     write=of_text("jld_formats.write_compas", "compas_text"),
     cells=(2, 3),
@@ -44,7 +44,7 @@ COMPAS_DEM: Final = Format(
 GLTF: Final = Format(
     "gltf",
     ".glb",
-    write=of_text("jld_formats.write_gltf", "gltf_bytes"),
+    write=of_text("jld_formats.write_vtk", "gltf_bytes"),
     cells=(2, 3),
     unit="metres",
     analysed=True,
@@ -87,7 +87,7 @@ STEP: Final = Format(
 THREE_DEC: Final = Format(
     "3dec",
     ".dat",
-    write=of_text("jld_formats.write_3dec", "command_text"),
+    write=of_text("jld_formats.write_step", "command_text"),
     members=False,
     keeps=(*_WEIGHED, "name", "materials.gravity"),
 )

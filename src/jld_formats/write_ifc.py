@@ -11,15 +11,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.exchange.block_facts import BlockFacts, block_facts
+from jld_core.exchange.facts import BlockFacts, block_facts
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
-from jld_core.exchange.write_mesh import solids_of
+from jld_core.exchange.read_mesh import solids_of
 from jld_core.files import printable
 from jld_core.geometry.unions import Surface
 from jld_core.scene.units import METRES, NEWTONS
-from jld_formats.ifc_density import DENSITY
-from jld_formats.ifc_density import PROPERTIES as MATERIAL_PROPERTIES
+from jld_formats.read_ifc import DENSITY
+from jld_formats.read_ifc import PROPERTIES as MATERIAL_PROPERTIES
 
 # Namespace of the name-based identifiers of written objects
 _SPACE: Final = uuid.UUID("7046bc60-2e03-5556-92a4-4d5840e259ee")

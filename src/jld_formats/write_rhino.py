@@ -12,11 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.exchange.block_facts import block_facts
-from jld_core.exchange.facts import facts_of, scene_of
+from jld_core.exchange.facts import block_facts, facts_of, scene_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
-from jld_core.exchange.write_mesh import solids_of
+from jld_core.exchange.read_mesh import solids_of
 from jld_core.geometry.unions import Surface
 from jld_core.limit import displacement
 from jld_core.views.quantities import face_vectors, mechanism_scale, pressure_points, thrust_segments

@@ -10,8 +10,8 @@ from typing import Final
 
 from jld_core._version import __version__
 from jld_core.errors import InputError
+from jld_geometry.box_bound import BoxNode, ProvenBox
 from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, write
-from jld_geometry.box_search import BoxNode, ProvenBox
 from jld_geometry.boxes import check_boxes
 
 # Claimed bound above the one of the search, relative: rounding of its sums and of the load factors required

@@ -8,10 +8,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy.sparse as sp
+from scipy.spatial import ConvexHull, cKDTree
 
-from jld_core.arrays import Floats
+from jld_core import tolerances
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.geometry import Faces, solids
+from jld_core.linalg import components
 
 _ON: Final = 1e-9  # distance from a plane, relative to the size of a cell, below which a vertex lies on the plane
 
@@ -121,3 +125,207 @@ def subtract(cell: ConvexCell, planes: Sequence[Plane]) -> tuple[ConvexCell | No
         if outside is not None:
             parts.append(outside)
     return left, parts
+
+
+# Difference of distances of corners, relative to the larger element, up to which two elements are equal
+_EQUAL: Final = 1e-6
+
+
+def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
+    """Pair equal outlines corner by corner: the first of each kind with every further one.
+
+    Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
+    out.
+
+    outlines: vertices of the corners around each element. places: (v, 2) positions. changing: (n,) True for elements
+    with a vertex that moves. Each pair holds two equally long arrays of vertices.
+    """
+    kinds: list[list[tuple[int, Ints]]] = []
+    for element, outline in enumerate(outlines):
+        for kind in kinds:
+            match = _matched(places, kind[0][1], outline)
+            if match is not None:
+                kind.append((element, match))
+                break
+        else:
+            kinds.append([(element, outline)])
+    return [
+        (kind[0][1], other) for kind in kinds if any(changing[element] for element, _ in kind) for _, other in kind[1:]
+    ]
+
+
+def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
+    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal.
+
+    places: (v, 2) positions. one, other: vertices around two elements.
+    """
+    if len(one) != len(other):
+        return None
+    wanted = _distances(places[one])
+    for way in (other, other[::-1]):
+        for shift in range(len(way)):
+            turned = np.roll(way, -shift)
+            if abs(_distances(places[turned]) - wanted).max() <= _EQUAL * wanted.max():
+                return turned
+    return None
+
+
+def _distances(corners: Floats) -> Floats:
+    """Return the distances (k, k) between corners (k, 2)."""
+    return np.asarray(np.linalg.norm(corners[:, None] - corners[None], axis=2))
+
+
+class EqualShapes:
+    """Equations that keep pairs of outlines equal, by squared distances of corners.
+
+    Each equation keeps the difference of two squared distances as it is at the start.
+
+    Of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared.
+
+    pairs: equal outlines, corner by corner. places: (v, 2) positions at the start.
+    """
+
+    def __init__(self, pairs: list[tuple[Ints, Ints]], places: Floats) -> None:
+        rows = []
+        for one, other in pairs:
+            ends = [(k, (k + 1) % len(one)) for k in range(len(one))] + [(0, k) for k in range(2, len(one) - 1)]
+            rows += [[one[i], one[j], other[i], other[j]] for i, j in ends]
+        self._rows: Ints = np.array(rows, dtype=np.int64).reshape(-1, 4)
+        self._unit = np.linalg.norm(places[self._rows[:, 1]] - places[self._rows[:, 0]], axis=1) ** 2
+        self._start, _ = self._differences(places)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def at(self, places: Floats) -> tuple[Floats, sp.csr_array]:
+        """Return the values (r,) of the equations and their derivatives (r, 2v).
+
+        places: (v, 2) positions.
+        """
+        values, slopes = self._differences(places)
+        columns = (2 * self._rows[:, :, None] + np.arange(2)).reshape(len(self._rows), 8)
+        row = np.repeat(np.arange(len(self._rows)), 8)
+        entries = (slopes.ravel(), (row, columns.ravel()))
+        return values - self._start, sp.csr_array(entries, shape=(len(self._rows), places.size))
+
+    def _differences(self, places: Floats) -> tuple[Floats, Floats]:
+        """Compute differences (r,) of squared distances, relative to the start, and derivatives.
+
+        The derivatives (r, 4, 2) are by the positions of the four vertices of each equation. places: (v, 2) positions.
+        """
+        first, second = (places[self._rows[:, k + 1]] - places[self._rows[:, k]] for k in (0, 2))
+        values = ((first**2).sum(axis=1) - (second**2).sum(axis=1)) / self._unit
+        slopes = 2.0 * np.stack([-first, first, second, -second], axis=1) / self._unit[:, None, None]
+        return np.asarray(values), np.asarray(slopes)
+
+
+# Distance of two corners that are one vertex, relative to the longest edge of the scene
+_REACH: Final = 4.0 * tolerances.CONTACT
+
+_SHARE: Final = 0.1  # the same distance relative to the shortest edge, which it never exceeds
+
+
+@dataclass(frozen=True)
+class VertexMesh:
+    """Elements and interfaces of a planar assembly by the v vertices they share.
+
+    places: (v, 2) positions of the vertices, scene units. loops: vertices around each element, counter-clockwise, with
+    the ends of interfaces that lie on its edges. ends: (m, 2) first and last vertex p, q of each interface; q − p
+    points along e1.
+    """
+
+    places: Floats
+    loops: tuple[Ints, ...]
+    ends: Ints
+
+    def at(self, places: Floats) -> VertexMesh:
+        """Return the mesh with its vertices at the places (v, 2)."""
+        return VertexMesh(places, self.loops, self.ends)
+
+    @cached_property
+    def edges(self) -> tuple[Ints, Ints]:
+        """Element (k,) and vertices (k, 2) of every edge of every element."""
+        owner = np.repeat(np.arange(len(self.loops)), [len(loop) for loop in self.loops])
+        return owner, np.concatenate([np.column_stack([loop, np.roll(loop, -1)]) for loop in self.loops])
+
+    @cached_property
+    def on_outline(self) -> Bools:
+        """True (v,) for the vertices on the boundary of the structure."""
+        edges = self.edges[1]
+        known = {(int(i), int(j)) for i, j in edges}
+        found = np.zeros(len(self.places), dtype=bool)
+        for i, j in sorted(known):
+            if (j, i) not in known:
+                found[[i, j]] = True
+        return found
+
+
+def vertex_mesh(assembly: Assembly) -> VertexMesh:
+    """Find the vertices that the elements and interfaces of a planar assembly share.
+
+    Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
+    element becomes a vertex of its outline; a straight corner inside an interface is left out. Raises InputError for
+    an assembly with members, since nothing says how their points move.
+    """
+    assembly.members.refuse("a move of joints")
+    shapes, faces = assembly.elements.shape, assembly.interfaces
+    lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
+    lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
+    reach = min(_REACH * float(lengths.max()), _SHARE * float(lengths.min()))
+    number, places = merged_points([*shapes, *lines], reach)
+    count = np.cumsum([0, *(len(shape) for shape in shapes)])
+    ends = number[count[-1] :].reshape(-1, 2)
+    loops = []
+    for k in range(len(shapes)):
+        loop = number[count[k] : count[k + 1]]
+        loop = loop[loop != np.roll(loop, 1)]
+        own = np.flatnonzero((faces.a == k) | (faces.b == k))
+        loops.append(_refined(loop, ends[own], places, reach))
+    return VertexMesh(places, tuple(loops), ends)
+
+
+def _directed(polygon: Floats, along: Floats) -> Floats:
+    """Return the two ends (2, 2) of an interface in the direction of e1, `along`."""
+    return polygon if (polygon[1] - polygon[0]) @ along > 0.0 else polygon[::-1]
+
+
+def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
+    """Merge points within a distance `reach`, also by chains of such points, to vertices.
+
+    The result is the vertex (k,) of each of the k points of all groups in turn, and the places (v, d) of the vertices.
+    A vertex lies at the first of its points.
+    """
+    points = np.concatenate(groups)
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
+    number = components(len(points), pairs[:, 0], pairs[:, 1])
+    _, first = np.unique(number, return_index=True)
+    return number, points[first]
+
+
+def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
+    """Insert interface ends on a loop's edges, and remove its corners inside interfaces.
+
+    loop: (k,) vertices of an element. ends: (j, 2) vertices of its interfaces. places: (v, 2) positions. reach:
+    distance within which a vertex lies on an edge.
+    """
+    for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
+        start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]
+        length = np.linalg.norm(edge, axis=1)
+        arm = places[vertex] - start
+        share = np.einsum("ij,ij->i", arm, edge) / length**2
+        off = abs(arm[:, 0] * edge[:, 1] - arm[:, 1] * edge[:, 0]) / length
+        off = np.where((share > 0.0) & (share < 1.0), off, np.inf)
+        nearest = int(np.argmin(off))
+        if off[nearest] <= reach:
+            loop = np.insert(loop, nearest + 1, vertex)
+    free = sorted(set(loop.tolist()) - set(ends.ravel().tolist()))
+    inside = [vertex for vertex in free if any(_between(places[vertex], places[line], reach) for line in ends)]
+    return loop[~np.isin(loop, inside)]
+
+
+def _between(point: Floats, line: Floats, reach: float) -> bool:
+    """Return True if a point lies on a segment `line` (2, 2), ends within `reach` excluded."""
+    edge, arm = line[1] - line[0], point - line[0]
+    length = float(np.hypot(*edge))
+    along, off = float(arm @ edge) / length, abs(float(arm[0] * edge[1] - arm[1] * edge[0])) / length
+    return off <= reach and reach < along < length - reach

@@ -9,23 +9,171 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, Unpack
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.fields.adaptive import Fields
-from jld_core.fields.conic import ConeProgram
-from jld_core.fields.mesh import subdivide
+from jld_core.errors import InputError
+from jld_core.fields.bounds import Fields, FieldSetting
+from jld_core.fields.cone_pattern import ConeProgram
+from jld_core.fields.loads import Segment, loaded_mesh, loaded_segments, loads_on
+from jld_core.fields.mesh import Mesh, subdivide
+from jld_core.fields.problem import require_fields, units_of
 from jld_core.fields.weak_equilibrium import WeakEquilibrium
-from jld_geometry.field_mesh import FieldMesh
-from jld_geometry.search import GeometrySearch
+from jld_core.models import solve_rigid
+from jld_core.scene import Scene
+from jld_core.threads import one_thread
+from jld_geometry.convex_cells import VertexMesh
+from jld_geometry.evaluation import Evaluated
+from jld_geometry.optimise import MovedJoints, moved_result
+from jld_geometry.search import GeometrySearch, MoveOptions, MoveRun
 from jld_geometry.step import Region
-from jld_geometry.vertex_mesh import VertexMesh
+from jld_geometry.variables import SAME
+
+_ROUNDING: Final = 1e-12  # weights below this count as zero; weights of a node add up to 1
+
+
+@dataclass(frozen=True)
+class FieldMesh:
+    """Mesh of one load case whose nodes are affine functions of the vertices of joints.
+
+    setting: the case at the present positions. base: mesh that every finer one was refined from, at the present
+    positions, scene units. Loads are given over it. mesh: refined mesh at the present positions, scene units. follow:
+    (b, v) weights by which the b nodes of the base follow the v vertices. inside: (p, b) weights of the p nodes of the
+    refined mesh in triangles of the base. loaded: (k,) nodes of the base that are ends of loads and no vertices; they
+    follow the loads.
+    """
+
+    setting: FieldSetting
+    base: Mesh
+    mesh: Mesh
+    follow: sp.csr_array
+    inside: sp.csr_array
+    loaded: Ints
+
+    @classmethod
+    def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
+        """Return the coarsest mesh of one load case.
+
+        vertices: at the positions of the assembly. Raises InputError as `FieldSetting.of` does.
+        """
+        setting = FieldSetting.of(assembly)
+        base, _ = loaded_mesh(assembly)
+        distance, nearest = cKDTree(vertices.places).query(base.points)
+        nearest = np.asarray(nearest, dtype=np.int64)
+        own = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
+        ends = _ends(setting.loads.segments)
+        loaded = np.empty(0, dtype=np.int64)
+        if len(ends):
+            loaded = np.unique(np.asarray(cKDTree(base.points).query(ends)[1], dtype=np.int64))
+            loaded = loaded[~np.isin(loaded, own)]
+        follow = _weights(base, own, nearest[own], loaded, len(vertices.places))
+        return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
+
+    def refined(self, mesh: Mesh) -> FieldMesh:
+        """Return the same case on a mesh that was refined from the present one."""
+        return replace(self, mesh=mesh, inside=_interpolation(self.base, mesh))
+
+    @property
+    def motion(self) -> sp.csr_array:
+        """(2p, 2v) derivatives of the positions of nodes by those of vertices."""
+        return sp.csr_array(sp.kron(self.inside @ self.follow, sp.eye_array(2)))
+
+    def at(self, assembly: Assembly, moved: Floats) -> FieldMesh | None:
+        """Return the mesh with vertices moved by (v, 2); None where it is no longer valid.
+
+        Triangles may turn over, or loads may lose their faces. assembly: the load case at these positions.
+        """
+        old = self.setting
+        points = self.base.points + self.follow @ moved
+        try:
+            segments, rest = loaded_segments(assembly)
+            before, ends = _ends(old.loads.segments), _ends(segments)
+            if len(ends) != len(before):
+                return None
+            for node in self.loaded.tolist():
+                points[node] = ends[int(np.argmin(np.linalg.norm(before - self.base.points[node], axis=1)))]
+            base = replace(self.base, points=points)
+            loads = loads_on(assembly, base, segments, rest)
+        except InputError:  # a place that this search leaves out, as an element that turns over
+            return None
+        if not _covers(assembly, base):
+            return None
+        mesh = replace(self.mesh, points=self.inside @ points)
+        setting = FieldSetting(assembly, old.material, units_of(assembly, old.material), old.coarse, loads)
+        return replace(self, setting=setting, base=base, mesh=mesh)
+
+
+def _ends(segments: Sequence[Segment]) -> Floats:
+    """Return the ends (k, 2) of loaded segments."""
+    return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
+
+
+def _covers(assembly: Assembly, mesh: Mesh) -> bool:
+    """Return True if the triangles of each cell have the area of their element."""
+    area = np.bincount(mesh.cell, mesh.area, minlength=len(assembly.elements))
+    free = assembly.elements.free
+    real = assembly.elements.volume[free] / float(assembly.interfaces.l2[0])
+    return bool((abs(area[free] - real) <= SAME * real).all())
+
+
+def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
+    """Return the weights (c, v) by which nodes of a coarse mesh follow vertices.
+
+    own: (k,) nodes at the vertices `vertex` (k,). Ends of loads stay. Others on outlines follow the two neighbours
+    whose edge they halve, nodes inside cells the mean of all their neighbours.
+    """
+    size = len(mesh.points)
+    unique, _ = mesh.sides
+    # a node in the middle of an outline edge has two neighbours on the outline, and follows these alone
+    edges = mesh.edges
+    outer = (edges.b < 0) | (edges.tag >= 0)
+    ends = mesh.triangles[edges.a[outer][:, None], edges.corner_a[outer]]
+    on_outline = np.zeros(size, dtype=bool)
+    on_outline[ends.ravel()] = True
+    fixed = np.zeros(size, dtype=bool)
+    fixed[own] = fixed[loaded] = True
+    free = np.flatnonzero(~fixed)
+    pairs = np.concatenate([unique, unique[:, ::-1]])
+    outline_pairs = np.unique(np.sort(ends, axis=1), axis=0)
+    along = np.concatenate([outline_pairs, outline_pairs[:, ::-1]])
+    inside, outside = ~on_outline[pairs[:, 0]], on_outline[along[:, 0]]
+    rows = np.concatenate([pairs[inside], along[outside]])
+    length = np.linalg.norm(mesh.points[rows[:, 0]] - mesh.points[rows[:, 1]], axis=1)
+    near = sp.csr_array((1.0 / length, rows.T), shape=(size, size))
+    total = np.asarray(near.sum(axis=1)).ravel()
+    laplace = sp.csr_array(sp.diags_array(1.0 / np.where(total > 0.0, total, 1.0)) @ near)
+    placed = sp.csr_array((np.ones(len(own)), (own, vertex)), shape=(size, count))
+    if not len(free):
+        return placed
+    inner = sp.csc_matrix(sp.eye_array(len(free)) - laplace[free][:, free])
+    right = (laplace[free] @ placed).toarray()
+    found = splu(inner).solve(right)
+    found[abs(found) < _ROUNDING] = 0.0
+    spread = sp.csr_array((np.ones(len(free)), (free, np.arange(len(free)))), shape=(size, len(free)))
+    return sp.csr_array(placed + spread @ sp.csr_array(found))
+
+
+def _interpolation(coarse: Mesh, mesh: Mesh) -> sp.csr_array:
+    """Return the weights (p, c) of nodes of a mesh in the triangles of its coarser mesh."""
+    nodes, first = np.unique(mesh.triangles.ravel(), return_index=True)
+    root = mesh.root[first // 3]
+    away = mesh.points[nodes][:, None] - coarse.corners[root]
+    share = 1.0 + np.einsum("nki,nki->nk", away, coarse.gradient[root])
+    share[abs(share) < _ROUNDING] = 0.0
+    entries = (share.ravel(), (np.repeat(nodes, 3), coarse.triangles[root].ravel()))
+    found = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
+    found.eliminate_zeros()
+    return found
+
 
 # Predicted gain, relative to the objective, below which a point is stationary: meshes are not more exact
 _GAIN: Final = 1e-3
@@ -213,3 +361,119 @@ def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeP
     right = np.concatenate([right for group in groups for _, right in group])
     numbers = [sum(rows.shape[0] for rows, _ in group) for group in groups]
     return ConeProgram(objective, whole, right, (numbers[0], numbers[1], numbers[2] // 3)), start[-1], units[0]
+
+
+# Parts of each edge of the coarsest meshes, in the order of the search: a coarse optimum begins the finer search
+_PARTS: Final = (1, 2)
+
+_FIRST: Final = 0.5  # share of a limited time after which the first mesh is left: the second lies nearer to λ
+
+# Expected time of the first step on the second mesh, over that of one solve on the first: 8 solves, each 6 times
+_FINER: Final = 50.0
+
+
+@one_thread()
+def move_by_fields(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    **options: Unpack[MoveOptions],
+) -> MovedJoints:
+    """Move joints to raise λ of blocks that may crack anywhere (docs/method.md (11.9)).
+
+    Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
+    returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
+
+    Result: best geometry found. Bound it by `bounds_by_fields` to know what it carries. Raises InputError as
+    `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
+    """
+    run = MoveRun(**options)
+    if assembly.dimension != 2:
+        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
+    if scene.move is not None and scene.move.maximise != "load_factor":
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
+    if assembly.has_low_values:
+        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
+    require_fields(assembly)
+    search = GeometrySearch(scene, assembly, labels, run.trust)
+    fields = FieldSearch(search)
+    best: tuple[FieldPoint, str] | None = None
+    # the last point accepted: finer meshes refute what coarser ones found, so that it is the one to keep
+    last: FieldPoint | None = None
+
+    def report(number: int, point: FieldPoint, predicted: float, radius: float) -> None:
+        """Record an accepted point of a start, with predicted objective and trust radius."""
+        nonlocal last
+        last = point
+        bracket = fields.bracket(point) if run.watched else (math.nan, math.nan)
+        run.record(number, point.objective, bracket, predicted, radius, fields.solves)
+
+    for number, values in run.each_start(search):
+        if values is None:
+            continue
+        try:
+            end = _improve(fields, search, values, run.deadline, partial(report, number))
+        except KeyboardInterrupt:
+            point = best[0] if best is not None else last
+            if point is None:
+                raise
+            best = point, "interrupted"
+            break
+        if end is not None and (best is None or end[0].objective > best[0].objective):
+            best, run.best = end, end[0].values
+    if best is None:
+        problem = "blocks that crack anywhere do not stand, nor at any position of joints that was tried"
+        raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
+    found = search.evaluator.assembly(best[0].values)
+    result = None if found is None else solve_rigid(found, labels)
+    before = search.first()
+    value = math.nan if result is None else result.load_factor
+    return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)
+
+
+def _improve(
+    fields: FieldSearch,
+    search: GeometrySearch,
+    values: Floats,
+    deadline: float,
+    report: Callable[[FieldPoint, float, float], None],
+) -> tuple[FieldPoint, str] | None:
+    """Improve variables z (k,) on coarse, then finer meshes; return last point and reason.
+
+    Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
+    blocks stand nowhere on the way.
+    """
+    point = fields.start(values, _PARTS[0])
+    if point is None:
+        moved = _stood(search, values, deadline)
+        point = None if moved is None else fields.start(moved, _PARTS[0])
+    if point is None:
+        return None
+    end, spent = "time", 0.0
+    for parts in _PARTS:
+        if time.perf_counter() + _FINER * spent > deadline:  # too late for the finer mesh: spend what is left on this
+            return (point, end) if end != "time" else fields.improve(point, deadline, report)
+        began = time.perf_counter()
+        finer = point if parts == _PARTS[0] else fields.start(point.values, parts)
+        if finer is None:  # the finer mesh refutes this position: what the coarse one found stands for nothing
+            return None
+        report(finer, finer.objective, search.trust.first * search.unit)
+        now = time.perf_counter()
+        until = now + _FIRST * (deadline - now) if parts == _PARTS[0] and deadline < math.inf else deadline
+        solves = fields.solves
+        point, end = fields.improve(finer, until, report)
+        spent = (time.perf_counter() - began) / max(fields.solves - solves, 1)
+    return point, end
+
+
+def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | None:
+    """Return variables z (k,) at which the structure stands by faces, moved for a larger λ.
+
+    None where no such position is found in half of the time until `deadline`.
+    """
+    now = time.perf_counter()
+    until = now + 0.5 * (deadline - now)
+    first = search.evaluate(values, None) or search.standing(values, until)
+    if first is None:
+        return None
+    return search.improve(first, until, lambda *_: None, search.trust.coarse)[0].values

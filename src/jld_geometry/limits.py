@@ -15,9 +15,8 @@ from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import FaceLoad, LoadEntry
 from jld_core.scene.move import Move
-from jld_geometry.equal_shapes import EqualShapes, equal_corners
-from jld_geometry.planar_rates import AreaRates, area_rates
-from jld_geometry.vertex_mesh import VertexMesh
+from jld_geometry.convex_cells import EqualShapes, VertexMesh, equal_corners
+from jld_geometry.spatial_rates import AreaRates, area_rates
 
 EDGE: Final = 0.15
 """Default of the least length of an edge, relative to the mean edge of all free elements."""

@@ -10,8 +10,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.scene import Scene, parse_scene
+from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.variables import SAME
-from jld_geometry.vertex_mesh import VertexMesh
 
 
 class MovedScene:

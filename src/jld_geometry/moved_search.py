@@ -2,34 +2,147 @@
 
 from __future__ import annotations
 
+import html
+import json
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import joblib
 import numpy as np
+import pandas as pd
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.fields.requirements import require_fields
+from jld_core.fields.governing import governing_bounds
+from jld_core.fields.problem import require_fields
+from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
 from jld_explore.explore import explore
-from jld_explore.report import Exploration
+from jld_explore.report import Exploration, csv_of
 from jld_explore.settings import ExploreSettings
-from jld_explore.space import from_string, search_space
+from jld_explore.space import from_string, search_space, to_string
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 from jld_explore.writing_time import busy_factor
-from jld_geometry.moved_layout import MovedLayout, move_one, rank_key, refine_one
+from jld_geometry.convex_cells import vertex_mesh
+from jld_geometry.field_search import move_by_fields
+from jld_geometry.moved_scene import MovedScene
 from jld_geometry.search import GeometrySearch
+
+_MOVING: Final = 0.8  # share of a task's time in which joints move; first bounds by fields take the rest
+
+_FIRST: Final = 10.0  # longest time for the first bounds by fields of one layout, s
+
+_REFINED: Final = 120.0  # longest time for refined bounds by fields of one layout, s
+
+_NONE: Final = (-math.inf, math.inf)  # bounds where nothing is proven
+
+
+@dataclass(frozen=True, eq=False)
+class MovedLayout:
+    """One layout whose joints were moved.
+
+    number: round, from 1. row: row of the layout in the results of that round; 0 for the layout that the scene states.
+    labels: (m,) True = dry. start, load_factor: λ by faces before and after; NaN where the layout did not stand.
+    fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
+    infinite where there are none. end: reason why the optimisation ended, or why the joints cannot move. scene: scene
+    with the joints where the lower bound by fields is larger: at the end, or at the start. places, moved: (v, 2)
+    positions of the vertices of this scene, and how far each moved in this round.
+    """
+
+    number: int
+    row: int
+    labels: Bits
+    start: float
+    load_factor: float
+    fields_start: tuple[float, float]
+    fields: tuple[float, float]
+    end: str
+    scene: Scene
+    places: Floats
+    moved: Floats
+
+    @property
+    def low(self) -> float:
+        """Return the largest proven lower bound on λ by fields."""
+        return max(self.fields_start[0], self.fields[0])
+
+    @property
+    def high(self) -> float:
+        """Return the upper bound on λ by fields of the layout in `scene`; inf if there is none."""
+        return self.fields[1] if self.moved.any() else self.fields_start[1]
+
+
+@one_thread()
+def move_one(
+    scene: Scene, assembly: Assembly, labels: Bits, number: int, row: int, seconds: float, gap: float
+) -> MovedLayout:
+    """Move the joints of one layout, and bound λ by fields before and after.
+
+    The bounds before are computed only for the layout of the scene (row 0). labels: (m,) True = dry. number: of the
+    round. row: in the results of the round. seconds: time for all steps, s; inf for no limit. gap: relative width at
+    which bounds are narrow enough. If the joints cannot move, `end` of the result says why.
+    """
+    limit = min((1.0 - _MOVING) * seconds, _FIRST)
+    # the layout that the scene states is what a gain is measured by
+    before = _bounds(assembly, labels, limit, gap) if row == 0 else _NONE
+    mesh = vertex_mesh(assembly)
+    stated = MovedScene(scene, assembly, labels, mesh).at(mesh.places)
+    still = MovedLayout(
+        number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
+    )
+    try:
+        done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds)
+    except InputError as error:
+        # this layout stays where it is; the reason stands in the table
+        return replace(still, end=f"{error.where}: {error.problem}")
+    end, after = done.end, _NONE
+    try:
+        if done.after is not None:
+            after = _bounds(done.after.assembly, labels, limit, gap)
+    except InputError as error:  # a load may have lost the face on which it is spread
+        end = f"{error.where}: {error.problem}"
+    still = replace(still, start=done.start, load_factor=done.value, fields=after, end=end)
+    if not done.moved.any() or not after > before:
+        return still
+    return replace(still, scene=done.scene, places=done.places, moved=done.moved)
+
+
+def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
+    """Return a moved layout with refined bounds by fields.
+
+    seconds: largest time, s. gap: relative width at which refinement ends.
+    """
+    assembly = build_assembly(layout.scene)
+    low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
+    known = layout.fields if layout.moved.any() else layout.fields_start
+    best = (max(known[0], low), min(known[1], high))
+    return replace(layout, fields=best) if layout.moved.any() else replace(layout, fields_start=best)
+
+
+@one_thread()
+def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
+    """Return the bounds by fields on the governing factor of one layout.
+
+    labels: (m,) True = dry. seconds: time for all load cases, s. gap: relative width at which refinement ends.
+    """
+    return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
+
+
+def rank_key(layout: MovedLayout) -> tuple[float, int, int]:
+    """Return the sort key of a moved layout: by lower bound, then round, then row."""
+    return -layout.low, layout.number, layout.row
+
 
 _GAIN: Final = 0.01  # relative increase of the lower bound by fields below which a further round is no improvement
 
@@ -248,3 +361,121 @@ def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits
         if not any(np.array_equal(one, other) for _, other in found):
             found.append((int(row) + 1, one))
     return found
+
+
+FILES: Final = ("moved.csv", "moved.json", "moved.png", "moved.html")
+"""Files that a search of labels and geometry adds to the folder of its first round."""
+
+_PAGE: Final = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b; }}
+table {{ border-collapse: collapse; }} td, th {{ padding: .2rem .8rem; text-align: right; }}
+thead th {{ border-bottom: 1px solid #888; }} img {{ max-width: 100%; }}
+td:last-child, th:last-child {{ text-align: left; }}
+</style></head><body>
+<h1>{title}</h1>
+<p>{words}</p>
+<p><a href="moved.json">Scene of the best layout</a>, <a href="moved.csv">table</a>, searches of labels: {rounds}.</p>
+<img src="moved.png" alt="Best layout before and after its joints moved">
+<p>Layouts whose joints moved, ranked by the lower bound of λ by fields (blocks may crack anywhere). Row 0 is the
+layout that the scene states; a dash means that nothing is proven.</p>
+{table}
+</body></html>
+"""
+
+
+def moved_table(done: MovedSearch) -> pd.DataFrame:
+    """Return one row per moved layout, ranked by the lower bound of λ by fields."""
+    rows = []
+    for rank, one in enumerate(done.layouts, 1):
+        low, high = one.fields_start
+        moved_low, moved_high = one.fields
+        rows.append(
+            {
+                "rank": rank,
+                "round": one.number,
+                "row": one.row,
+                "start": one.start,
+                "load_factor": one.load_factor,
+                "fields_lo_start": low if math.isfinite(low) else math.nan,
+                "fields_hi_start": high if math.isfinite(high) else math.nan,
+                "fields_lo": moved_low if math.isfinite(moved_low) else math.nan,
+                "fields_hi": moved_high if math.isfinite(moved_high) else math.nan,
+                "end": one.end,
+                "labelling": to_string(one.labels),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def moved_facts(done: MovedSearch) -> dict[str, Any]:
+    """Return the entry "moved" of summary.json and of `jld explore --move --json`."""
+    best = done.best
+    stated = next((one for one in done.layouts if one.row == 0), None)
+    bounds = best.fields if best.moved.any() else best.fields_start
+    return {
+        "rounds": len(done.rounds),
+        "layouts": len(done.layouts),
+        "stated": None if stated is None else [_number(end) for end in stated.fields_start],
+        "fields_lo": _number(bounds[0]),
+        "fields_hi": _number(bounds[1]),
+        "round": best.number,
+        "row": best.row,
+        "labelling": to_string(best.labels),
+        "load_factor": _number(best.load_factor),
+        "stop": done.stop,
+        "scene": FILES[1],
+    }
+
+
+def words_of_move(facts: dict[str, Any]) -> str:
+    """Describe the best moved layout in one sentence."""
+    low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
+    found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
+    if facts["stated"] is not None:
+        least, most = (_said(end) for end in facts["stated"])
+        found += f"; the layout of the scene: {least} ≤ λ ≤ {most}"
+    return f"{found}; rounds: {facts['rounds']}, layouts moved: {facts['layouts']}, ended: {facts['stop']}"
+
+
+def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
+    """Write table, scene, picture and page of moved layouts; return the entry "moved".
+
+    folder: folder of the first search, whose summary also gets the entry. pictures: False omits picture and page.
+    """
+    table, facts, best = moved_table(done), moved_facts(done), done.best
+    write_text(folder / FILES[0], csv_of(table))
+    write_text(folder / FILES[1], best.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    summary = {**done.first.summary.to_json(), "moved": facts}
+    write_text(folder / "summary.json", json.dumps(summary, indent=1))
+    if not pictures:
+        return facts
+    from jld_core.views.figures import save_figure
+    from jld_core.views.moved_joints import figure_of_move
+
+    before, after = done.first.assembly, build_assembly(best.scene)
+    # vertices of later rounds start where the former round left them
+    moved = best.moved if best.number == 1 else np.zeros_like(best.moved)
+    bounds = f"{_said(facts['fields_lo'])} ≤ λ ≤ {_said(facts['fields_hi'])} by fields"
+    titles = ("layout of the scene", f"best moved layout: {bounds}")
+    figure = figure_of_move(before, after, best.labels, best.places, moved, titles, before.labels)
+    save_figure(figure, folder / FILES[2])
+    links = ", ".join(
+        f'<a href="{"" if k == 1 else f"round-{k}/"}report.html">round {k}</a>' for k in range(1, len(done.rounds) + 1)
+    )
+    shown = table.drop(columns=["labelling"]).to_html(index=False, float_format=_said, na_rep="–", border=0)
+    title = html.escape(f"{done.first.scene.name}: layouts with moved joints")
+    page = _PAGE.format(title=title, words=html.escape(words_of_move(facts)), rounds=links, table=shown)
+    write_text(folder / FILES[3], page)
+    return facts
+
+
+def _number(value: float) -> float | None:
+    """Return a float for JSON, None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _said(value: float | None) -> str:
+    """Return a number as text for the page and the picture."""
+    return "none" if value is None else f"{value:.5g}"

@@ -26,12 +26,11 @@ from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.study_state import Interrupted
-from jld_geometry.field_moves import move_by_fields
+from jld_geometry.field_search import move_by_fields
 from jld_geometry.move_output import json_number, value_text, write_move
-from jld_geometry.move_run import Point
 from jld_geometry.optimise import MovedJoints, move_joints
 from jld_geometry.proving_boxes import prove_positions
-from jld_geometry.search import GeometrySearch
+from jld_geometry.search import GeometrySearch, Point
 from jld_geometry.shaping import move_shape
 
 _FIELD_GAP: Final = 0.1  # relative width of brackets by fields, which check a gain where blocks may crack

@@ -15,8 +15,8 @@ from jld_core.errors import ParameterError
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_explore.cli.streams import say, warn
+from jld_geometry.box_bound import ProvenBox, prove_box
 from jld_geometry.box_proof import check_proof, write_box_certificate
-from jld_geometry.box_search import ProvenBox, prove_box
 from jld_geometry.move_output import json_number, value_text, write_move
 
 

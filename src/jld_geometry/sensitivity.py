@@ -10,10 +10,9 @@ from jld_core.limit.mechanism import face_jumps
 from jld_core.models.sensitivity import GeometrySensitivities
 from jld_core.parameters import require_kind
 from jld_core.threads import one_thread
-from jld_geometry import kinks
-from jld_geometry.planar_rates import length_rates, residual_rates
-from jld_geometry.spatial_rates import spatial_rates
-from jld_geometry.vertex_mesh import vertex_mesh
+from jld_geometry import optimise as kinks
+from jld_geometry.convex_cells import vertex_mesh
+from jld_geometry.spatial_rates import length_rates, residual_rates, spatial_rates
 
 
 @one_thread()

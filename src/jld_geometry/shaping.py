@@ -20,9 +20,8 @@ from jld_explore.cli.samples import write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
 from jld_explore.study_state import Interrupted
-from jld_geometry.joint_profiles import Incline, Key, Shape, Sine
+from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
 from jld_geometry.move_output import value_text
-from jld_geometry.shape_search import ShapedJoints, shape_joints
 
 # What `--joint` takes
 _FORMS: Final = "key:DEPTH,WIDTH,FLANK, sine:AMPLITUDE,WAVES (shares of the length of a face) or incline:SLOPE"

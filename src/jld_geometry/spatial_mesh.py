@@ -12,8 +12,8 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.scene import Scene, parse_scene
+from jld_geometry.convex_cells import merged_points
 from jld_geometry.moved_scene import move_with_points
-from jld_geometry.vertex_mesh import merged_points
 
 _MERGED: Final = 1e-2  # distance of two corners that are one vertex, relative to the shortest edge
 

@@ -18,9 +18,8 @@ from jld_core.geometry import spun
 from jld_core.scene.move import Move
 from jld_core.strengths import Route
 from jld_geometry.limits import EDGE, LEAST_AREA, LimitValues, mass_rows, relaxed, sparse_rows
-from jld_geometry.planar_rates import shape_loads
 from jld_geometry.spatial_mesh import SpatialMesh
-from jld_geometry.spatial_rates import face_motion, held_forces, volume_rates
+from jld_geometry.spatial_rates import face_motion, held_forces, shape_loads, volume_rates
 from jld_geometry.variables import Variables, ties_of, vertex_at
 
 _ROUTE: Final = Route("joints that move in space", frozenset({"friction"}))

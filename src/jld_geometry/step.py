@@ -14,11 +14,11 @@ import scipy.sparse as sp
 from jld_core.arrays import Bits, Floats
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
+from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.limits import LimitValues
-from jld_geometry.planar_rates import length_rates, residual_rates
 from jld_geometry.spatial_mesh import SpatialMesh
 from jld_geometry.spatial_program import spatial_residual_rates
-from jld_geometry.vertex_mesh import VertexMesh
+from jld_geometry.spatial_rates import length_rates, residual_rates
 
 Goal = Literal["load_factor", "friction", "thickness", "slack"]
 """Objective of a step: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""

@@ -12,7 +12,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.scene.move import Move, Path
-from jld_geometry.vertex_mesh import VertexMesh
+from jld_geometry.convex_cells import VertexMesh
 
 SAME: Final = 1e-6
 """Distance of a stated point from the vertex that it names, and of mirrored vertices, relative to the structure."""

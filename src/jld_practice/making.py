@@ -9,7 +9,8 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.exchange import Layout
-from jld_core.geometry import area_vector, polygons
+from jld_core.geometry import area_vector
+from jld_core.geometry import outlines as polygons
 from jld_core.geometry.outlines import different_lines
 from jld_core.scene.units import METRES
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+import shapely
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from jld_core._version import __version__
 from jld_core.arrays import Floats
 from jld_core.assembly_sequence import Laying
+from jld_core.build.assemble import cases_of_scene
 from jld_core.build.plausibility import weight_facts
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
@@ -28,8 +31,171 @@ from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.writing import as_written, write_numbers
 from jld_explore.report.languages import digits, localise, phrase_in, words_in
 from jld_practice.making import Making, Stone, factor_to, making_of, stones_of
-from jld_practice.printed_loads import finite, force_words, load_rows
-from jld_practice.printed_moulds import draw_mould
+
+_PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are printed as one
+
+
+def load_rows(
+    layout: Layout, factor: float, words: dict[str, str], stones: Sequence[Stone], language: str
+) -> list[list[str]]:
+    """Return the rows of the table of loads: case, load, and λ times it.
+
+    Parallel forces of a case, as those of a load that is spread, are one force at their common line of action. factor:
+    λ. words: texts of the language. stones: numbered stones of the layout, by which the place of a force is named.
+    """
+    scene, rows = layout.scene, []
+    cases = cases_of_scene(scene, layout.assembly.elements)
+    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
+        entries = [with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
+        for group in _groups(layout, entries):
+            told, times = _load(layout, group, factor, words, stones)
+            rows.append([textwrap.shorten(phrase_in(language, name), 24, placeholder="…"), told, times])
+    return rows
+
+
+def force_words(layout: Layout, value: float) -> str:
+    """Write a force in kN, or in the scene's unit where that is unknown."""
+    own = layout.scene.units.force
+    if own not in NEWTONS:
+        return f"{digits(value)} {own}"
+    return f"{digits(value * NEWTONS[own] / NEWTONS['kN'])} kN"
+
+
+def finite(value: float, write: Callable[[float], str]) -> str:
+    """Return a number as text by the function `write`, or a dash if it is not finite."""
+    return write(value) if math.isfinite(value) else "–"
+
+
+def _groups(layout: Layout, entries: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Return the entries of a case, parallel forces on elements in one group, the others alone."""
+    found: list[list[dict[str, Any]]] = []
+    for entry in entries:
+        alike = next((group for group in found if _parallel(layout, group[0], entry)), None)
+        if alike is None:
+            found.append([entry])
+        else:
+            alike.append(entry)
+    return found
+
+
+def _parallel(layout: Layout, one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Return True if two loads are forces on elements in one direction, without a moment."""
+    if not all("force" in entry and "moment" not in entry and _element(layout, entry) >= 0 for entry in (one, other)):
+        return False
+    a, b = (np.array(entry["force"], dtype=float) for entry in (one, other))
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return size > 0.0 and float(a @ b) >= (1.0 - _PARALLEL) * size
+
+
+def _element(layout: Layout, entry: dict[str, Any]) -> int:
+    """Return the index of the element of a load, -1 if it names none."""
+    return layout.assembly.elements.index.get(str(entry.get("element")), -1)
+
+
+def _load(
+    layout: Layout, group: list[dict[str, Any]], factor: float, words: dict[str, str], stones: Sequence[Stone]
+) -> tuple[str, str]:
+    """Describe one load or a group of parallel forces, and λ times it."""
+    entry = group[0]
+    if "body" in entry:
+        value = float(np.linalg.norm(entry["body"]))
+        vector = ", ".join(f"{one + 0.0:.4g}" for one in entry["body"])
+        return f"({vector}) {words['body']}", finite(factor * value, lambda x: f"{x:.4g}")
+    if "force" in entry:
+        value = sum(float(np.linalg.norm(one["force"])) for one in group)
+        told = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
+        where = _place(layout, group)
+        if where is not None:
+            told += f" {words['at']} ({', '.join(f'{x:.4g}' for x in where)}) {layout.scene.units.length}"
+        return textwrap.shorten(told, 66, placeholder="…"), finite(factor * value, lambda x: force_words(layout, x))
+    for key in ("pressure", "line", "traction"):
+        if key in entry:
+            return f"{words[key]} {entry[key]}", ""
+    return f"{words['moment']} {entry.get('moment')}", ""
+
+
+def _carriers(layout: Layout, group: list[dict[str, Any]], words: dict[str, str], stones: Sequence[Stone]) -> str:
+    """Name the stones on which forces act by their numbers, other elements by their ids."""
+    numbers = {stone.name: stone.number for stone in stones}
+    known, others = set[int](), set[str]()
+    for entry in group:
+        k = _element(layout, entry)
+        block = layout.blocks[int(layout.block_of[k])].name if k >= 0 else ""
+        if block in numbers:
+            known.add(numbers[block])
+        else:
+            others.add(str(entry.get("element", "")))
+    if others:
+        return f"{words['on']} {', '.join(sorted(others))}"
+    return words["on_stone" if len(known) == 1 else "on_stones"].format(numbers=", ".join(map(str, sorted(known))))
+
+
+def _place(layout: Layout, group: list[dict[str, Any]]) -> list[float] | None:
+    """Return the point at which forces act together, None where an entry states none."""
+    if any("at" not in entry for entry in group):
+        return None
+    sizes = np.array([float(np.linalg.norm(entry["force"])) for entry in group])
+    places = np.array([entry["at"] for entry in group], dtype=float)
+    return [float(x) + 0.0 for x in sizes @ places / sizes.sum()] if sizes.sum() > 0.0 else None
+
+
+_SIZE: Final = 5.5  # size of the letters, points
+
+_LETTER: Final = (0.62, 0.95)  # width and height of a digit, relative to the size of the letters
+
+_GAP: Final = 2.0  # distance of a length from its edge, points
+
+_MOULD_MARGIN: Final = 0.2  # margin on each side of a drawing, relative to the outline
+
+_SHORT: Final = 0.04  # length of an edge, relative to the outline, up to which it bears none
+
+_SHARES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # places of a length along its edge, in the order in which they are tried
+
+
+def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
+    """Draw the outline of a planar stone with the lengths of its edges.
+
+    A length lies outside beside the middle of its edge. Where it would lie on an edge or on another length it moves
+    along its edge, or inside. factor: from the unit of the scene to that of the lengths.
+    """
+    if stone.outline is None:
+        raise ValueError("a stone in space has no outline")
+    ring = factor * stone.outline
+    ax.fill(*ring.T, facecolor=tint, edgecolor=INK, linewidth=0.8)
+    ax.set_aspect("equal")
+    ax.margins(_MOULD_MARGIN)
+    ax.set_axis_off()
+    edges = np.roll(ring, -1, axis=0) - ring
+    lengths = np.hypot(*edges.T)
+    outward = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
+    point = _point(ax, ring)
+    outline = shapely.LinearRing(ring)
+    taken: list[shapely.Geometry] = []
+    # long edges first: they have room beside their middle
+    for k in np.argsort(-lengths, kind="stable").tolist():
+        if lengths[k] <= _SHORT * float(np.ptp(ring, axis=0).max()):
+            continue
+        text = f"{lengths[k]:.0f}" if lengths[k] >= 99.95 else f"{lengths[k]:.1f}"
+        half = 0.5 * point * _SIZE * np.array([_LETTER[0] * len(text), _LETTER[1]])
+        off = float(abs(outward[k]) @ half) + _GAP * point
+        places = [ring[k] + share * edges[k] + side * off * outward[k] for side in (1.0, -1.0) for share in _SHARES]
+        boxes = shapely.box(*(np.array(places) - half).T, *(np.array(places) + half).T)
+        free = [
+            not (outline.intersects(box) or any(box.intersects(other) for other in taken)) for box in boxes.tolist()
+        ]
+        best = free.index(True) if any(free) else 0
+        taken.append(boxes[best])
+        x, y = places[best].tolist()
+        ax.text(x, y, text, fontsize=_SIZE, ha="center", va="center")
+
+
+def _point(ax: Axes, ring: Floats) -> float:
+    """Return the length of a point on paper in the unit of an outline (k, 2) that fills its axes."""
+    # before an equal aspect shrinks the axes
+    box = ax.get_position(original=True).transformed(ax.figure.transSubfigure)
+    room = 72.0 / ax.figure.dpi * np.array([box.width, box.height])
+    return float((np.ptp(ring, axis=0) * (1.0 + 2.0 * _MOULD_MARGIN) / room).max())
+
 
 _PAPER: Final = (8.27, 11.69)  # size of a page, DIN A4, inches
 

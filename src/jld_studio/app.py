@@ -13,7 +13,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
-from jld_explore.report.page import asset, asset_names
+from jld_explore.report.page_data import asset, asset_names
 from jld_studio.api import Api
 from jld_studio.evaluation import evaluate
 from jld_studio.guard import Guard

@@ -14,11 +14,11 @@ from jld_core.errors import InputError
 from jld_core.limit import number
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
+from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_geometry.optimise import move_joints
 from jld_geometry.search import TrustRegion
 from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vertex_at
-from jld_geometry.vertex_mesh import VertexMesh, vertex_mesh
 
 SECONDS: Final = 3.0
 """Time limit of one improvement, s; a page waits for it."""

@@ -23,8 +23,8 @@ from jld_core.scene import Scene
 from jld_core.views import notebook
 from jld_core.views.small_pictures import png_of
 from jld_explore.report import Exploration, words
-from jld_explore.report.page import asset, page
 from jld_explore.report.page_contract import PageData
+from jld_explore.report.page_data import asset, page
 from jld_explore.report.page_of_study import result_data, study_data
 from jld_studio.notebook_kernel import LayoutSolver, bonded, structure_of
 

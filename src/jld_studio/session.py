@@ -22,8 +22,8 @@ from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.sub_assembly import faces_of, with_members
 from jld_core.threads import one_thread
+from jld_explore.report.columns import DIGITS, rounded
 from jld_explore.report.page_data import cases_of, loads_of, solution_of
-from jld_explore.report.rounding import DIGITS, rounded
 from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
 from jld_explore.space.reasons import reasons_against
 from jld_geometry.moved_scene import MovedScene

@@ -11,8 +11,7 @@ import pytest
 
 from command import Command
 from jld_core import build_assembly, samples
-from jld_core.assembly_sequence.blocks import blocks_of_labelling
-from jld_core.assembly_sequence.freedom import Freedom
+from jld_core.assembly_sequence.freedom import Freedom, blocks_of_labelling
 from jld_core.assembly_sequence.quick import order_without_stages
 from jld_core.assembly_sequence.standing import Parts
 from jld_core.deadline import DeadlinePassed

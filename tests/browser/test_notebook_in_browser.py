@@ -10,7 +10,7 @@ import pytest
 
 from browser_visits import Open, Visit, looks_like
 from jld_core import build_assembly, load_scene, samples, solve
-from jld_explore.report.page import asset
+from jld_explore.report.page_data import asset
 from jld_studio.notebook import NotebookPage
 from paths import SCENES
 

@@ -14,7 +14,7 @@ from jld_core import build_assembly, load_scene, parse_scene
 from jld_core.assembly import blocks_of
 from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import page as joined
+from jld_explore.report import page_data as joined
 from jld_explore.report import page_of_study, show_page
 from jld_explore.report.page_of_study import scene_page
 from paths import SCENES

@@ -24,9 +24,9 @@ ORDER = [
     ["jld_studio"],
     ["jld_explore"],
     ["jld_practice.design", "jld_practice.design_check"],
-    ["jld_geometry.moved_tables"],
+    ["jld_geometry.moved_search"],
     ["jld_geometry.moved_search", "jld_geometry.box_proof"],
-    ["jld_geometry.moved_layout"],
+    ["jld_geometry.moved_search"],
     ["jld_explore.explore"],
     ["jld_explore.study_run"],
     ["jld_studio.notebook"],
@@ -216,7 +216,7 @@ def test_the_tool_finds_the_home_of_a_name() -> None:
     text = "from jld_core.limit import Relaxation, Status\nfrom jld_core.scene.schema import Scene, Dry\n"
     assert rewritten(text, "jld_explore.study").splitlines() == [
         "from jld_core.limit import Status",
-        "from jld_core.limit.relaxation import Relaxation",
+        "from jld_core.limit.case_relaxation import Relaxation",
         "from jld_core.scene import Scene",
         "from jld_core.scene.schema import Dry",
     ]

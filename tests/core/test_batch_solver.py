@@ -20,16 +20,14 @@ from cases_spatial import SPATIAL
 from command import Command
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits
-from jld_core.batch import ConflictRequest, build, library, settings
-from jld_core.batch.batch_solver import BatchSolver
-from jld_core.batch.conflict_request import CARRIED, REFUTED, MinimizationOptions
-from jld_core.batch.parts import Graph, Joining
-from jld_core.batch.pattern import factor_pattern, number_of_products
-from jld_core.batch.rows import fits
-from jld_core.batch.settings import LARGE, LARGE_TRIES, NARROW, TRIES, samples
-from jld_core.batch.verdicts import CARRIES, OPEN, PROVEN
+from jld_core.batch import ConflictRequest, build
+from jld_core.batch import interface as library
+from jld_core.batch import interface as settings
+from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
+from jld_core.batch.interface import LARGE, LARGE_TRIES, NARROW, TRIES, samples
+from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
 from jld_core.errors import InputError
-from jld_core.limit.relaxation import Relaxation
+from jld_core.limit.case_relaxation import Relaxation
 from kernel_proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
 PLANAR = list(CASES)

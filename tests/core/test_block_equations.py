@@ -17,8 +17,8 @@ from jld_core.geometry import spun
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from jld_core.solvers.base import EARLY
-from jld_core.solvers.schur.block_equations import BlockEquations
-from jld_core.solvers.schur.interior_point import SchurSolver
+from jld_core.solvers.schur.compiled_fronts import BlockEquations
+from jld_core.solvers.schur.system import SchurSolver
 
 
 def cubes(edge: int) -> Assembly:

@@ -13,7 +13,7 @@ from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, sto
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.geometry import polygons
+from jld_core.geometry import outlines as polygons
 from jld_core.scene import parse_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -19,7 +19,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.assembly_sequence import assembly_order
 from jld_core.build.settlements import settlements_of
-from jld_core.limit.settlement import settle
+from jld_core.limit.force_range import settle
 from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import solve_by_fields
 from jld_core.views.path import PathValue

@@ -13,7 +13,7 @@ from studies.by_scheme import solve_zero_dilation
 
 import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_core.mechanics.prescribed_friction import PrescribedFriction
 from jld_core.models.effective_area import areas_under, frozen_areas, largest_area_change
 from jld_core.program import Template

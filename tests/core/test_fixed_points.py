@@ -21,11 +21,10 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.geometry.polygons import rectangle_torsion_length
-from jld_core.limit.reasons import reason_of
+from jld_core.geometry.outlines import rectangle_torsion_length
+from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
-from jld_core.models.central_path import CentralPath
-from jld_core.models.fixed_points import barrier_weights, load_axes
+from jld_core.models.central_path import CentralPath, barrier_weights, load_axes
 from jld_core.models.moving_rows import MovingRows, area_derivatives, areas_under, frozen_areas
 from jld_core.strengths import Route
 from paths import SCENES

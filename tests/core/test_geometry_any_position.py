@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from cases_spatial import box, prism, rotation, scene
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.geometry import polygons
-from jld_core.geometry.clean_regions import clean_parts
-from jld_core.geometry.overlay import intersections
+from jld_core.geometry import outlines as polygons
+from jld_core.geometry.clean_regions import clean_parts, intersections
 
 ELL = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]) * [1.0, 1.0]
 RING = {"outer": [[0, 0], [3, 0], [3, 3], [0, 3]], "inner": [[1, 1], [1, 2], [2, 2], [2, 1]]}

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from jld_core import InputError
-from jld_core.batch import build, interface, library
+from jld_core.batch import build, interface
+from jld_core.batch import interface as library
+from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED
 from jld_core.batch.blocks import SOLVED
-from jld_core.batch.conflict_request import CARRIED, REFUTED
-from jld_core.batch.verdicts import CARRIES, FALLS, LOCKED, OPEN, PROVEN
 
 STRUCTURES = {
     "JldFactorPattern": library.FactorPattern,

@@ -8,7 +8,7 @@ import pytest
 from cases_spatial import box, prism, scene
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.geometry.inside import distance_from_face
+from jld_core.geometry.polyhedra import distance_from_face
 from jld_core.refinement.cells import crack_cells
 
 

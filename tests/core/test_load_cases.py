@@ -15,8 +15,7 @@ from command import call
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import SolverError
 from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
-from jld_core.limit.case_relaxation import CaseRelaxation
-from jld_core.limit.relaxation import Relaxation
+from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
 from jld_core.models import require_model
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.program import Template

@@ -14,7 +14,7 @@ from jld_core.limit import result_of
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.models.labelling import FALLBACKS_BY_CONDENSE
+from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram
 from jld_core.solvers import SOLVERS, HighsSolver, RawSolution, Solver, installed_solvers
 

@@ -16,13 +16,11 @@ from jld_core.errors import SolverError
 from jld_core.limit import Prover
 from jld_core.limit.repair import Repair
 from jld_core.mechanics import scaling_of
-from jld_core.mechanics.yield_spatial import spatial_yield
-from jld_core.models.point_contacts import point_contact_assembly
+from jld_core.mechanics.yield_spatial_rows import spatial_yield
+from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make_solver
-from jld_core.solvers.schur.interior_point import SchurSolver
-from jld_core.solvers.schur.newton import Iterate, Newton
-from jld_core.solvers.schur.system import SchurSystem
+from jld_core.solvers.schur.system import Iterate, Newton, SchurSolver, SchurSystem
 from jld_explore.drivers import make_driver
 from jld_explore.space import search_space
 

@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from jld_core.geometry import polygons
+from jld_core.geometry import outlines as polygons
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import pytest
 
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector, merge_points, snap_solids
-from jld_core.geometry.snapping_solids import _FAR, _FLAT, _RANK
+from jld_core.geometry.snapping import _FAR, _FLAT, _RANK
 
 FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 TRIANGLES = tuple(part for a, b, c, d in FACES for part in ((a, b, c), (a, c, d)))

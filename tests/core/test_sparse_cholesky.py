@@ -7,8 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from jld_core.batch import chosen
-from jld_core.linalg.cholesky import Fronts
-from jld_core.linalg.dissection import nested_dissection
+from jld_core.linalg.cholesky import Fronts, nested_dissection
 from jld_core.solvers.schur.compiled_fronts import CompiledFronts, factorisation
 
 

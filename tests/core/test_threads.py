@@ -14,7 +14,7 @@ from jld_core import build_assembly, load_scene, solve
 from jld_core.limit import LimitAnalysis
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 from paths import ROOT
 
 

@@ -14,7 +14,7 @@ from cases import DOWN, grid_assembly, grid_document
 from jld_core.build import build_assembly
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
-from jld_core.limit.relaxation import Relaxation
+from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.yield_planar import PlanarYield
 from jld_core.scene import parse_scene
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks

@@ -14,7 +14,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.refinement import refine
-from jld_core.refinement.arcs import find_arcs
+from jld_core.refinement.voussoirs import find_arcs
 
 MATERIALS = {
     "density": 2000.0,

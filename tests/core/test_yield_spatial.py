@@ -19,8 +19,8 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.mechanics import InnerBending, scaling_of
-from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield
-from jld_core.models.point_contacts import point_contact_assembly
+from jld_core.mechanics.yield_spatial_rows import SpatialYield, spatial_yield
+from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.scene import parse_scene
 from jld_core.solvers import ClarabelSolver, RawStatus

@@ -17,18 +17,21 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.bounded_modes import BoundedModes
 from jld_core.models.zero_dilation.certificate import Certifier
 from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.loops import face_loops, has_opening
-from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
-from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
-from jld_core.models.zero_dilation.rlt_relaxation import Region, RltOptions, solve_rlt
-from jld_core.models.zero_dilation.statics import Statics, bound_velocities
-from jld_core.models.zero_dilation.sweep import BlockSweep
+from jld_core.models.zero_dilation.modes import (
+    BoundedModes,
+    Modes,
+    Statics,
+    bound_velocities,
+    face_loops,
+    has_opening,
+    modes_of,
+)
+from jld_core.models.zero_dilation.range import LowerBoundSearch
+from jld_core.models.zero_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
+from jld_core.models.zero_dilation.sweep import BlockSweep, MultiStartSearch
 from nondilatant import block
 
 

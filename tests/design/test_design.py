@@ -28,9 +28,8 @@ from jld_practice.design.loads import with_loads
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
-from jld_practice.design.screening import Screening
 from jld_practice.design.tessellations import Tessellation
-from jld_practice.design.trials import NONE, Design, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
 from solids import solid_of
 
 ROUTE = Route("a test")

@@ -15,7 +15,7 @@ from command import Command
 from jld_core import parse_scene
 from jld_core.errors import ParameterError
 from jld_practice.making import Stone
-from jld_practice.stock import Placed, least_number, stock_of
+from jld_practice.printing import Placed, least_number, stock_of
 
 
 def stone(number: int, *sides: float) -> Stone:

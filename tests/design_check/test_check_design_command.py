@@ -19,9 +19,8 @@ from jld_explore.report.languages import LANGUAGES
 from jld_explore.report.page_data import solution_of
 from jld_explore.report.page_of_study import path_pictures
 from jld_practice.design_check.check import design_check
-from jld_practice.design_check.languages import WORDS
 from jld_practice.design_check.page import html_of, path_of, sheet_of
-from jld_practice.design_check.tables import content_of, in_words, to_json
+from jld_practice.design_check.tables import WORDS, content_of, in_words, to_json
 
 WALL = {
     "name": "wall <1>",

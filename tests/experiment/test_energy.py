@@ -138,7 +138,7 @@ def test_threads_do_not_change_digits() -> None:
 
 def test_last_digits_of_eigenvalues_are_rounded_away() -> None:
     """Changes of 1e-14, as between two BLAS libraries, leave rounded numbers as they are."""
-    from jld_experiment.system import rounded
+    from jld_experiment.specimen import rounded
 
     values = np.random.default_rng(1).uniform(0.1, 9.0, 2000) * np.logspace(-6, 6, 2000)
     kept = rounded(values)

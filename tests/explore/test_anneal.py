@@ -17,7 +17,7 @@ from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.operators.following import Following
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.space import search_space
 from jld_explore.space.search_space import feasible
 

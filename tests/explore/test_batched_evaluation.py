@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from cases import CASES, grid_document
-from jld_core.batch import build, chosen, library
+from jld_core.batch import build, chosen
+from jld_core.batch import interface as library
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
@@ -20,12 +21,9 @@ from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.cases import CasesEvaluator, RobustEvaluator
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, RobustEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
-from jld_explore.evaluation.own_objective import OwnObjectiveEvaluator
-from jld_explore.evaluation.protocol import LabellingEvaluator
-from jld_explore.evaluation.void_cells import VoidCellsEvaluator
+from jld_explore.evaluation.protocol import Evaluator, LabellingEvaluator
 from jld_explore.report.tables import results_table
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import search_space

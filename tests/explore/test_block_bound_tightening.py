@@ -61,7 +61,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     space = search_space(scene, build_assembly(scene))
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._BLOCKS_PER_ELEMENT", 0)  # no tree
+    monkeypatch.setattr("jld_explore.drivers.exact.block_tree._BLOCKS_PER_ELEMENT", 0)  # no tree
     driver = Exact(space, search=0)
     found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
     assert driver._tightening is not None

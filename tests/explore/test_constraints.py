@@ -14,7 +14,7 @@ from jld_core.errors import InputError
 from jld_core.scene import parse_scene
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space import SearchSpace, from_string, search_space
-from jld_explore.space.count_values import counts
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import feasible

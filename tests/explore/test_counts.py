@@ -22,11 +22,10 @@ from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.report.pictures_of_three import front_picture
+from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, SearchSpace, Terms, register, registered, search_space, unregister
-from jld_explore.space.count_values import counts, values_until
-from jld_explore.space.limits import SHAPED
-from jld_explore.space.measures import MEASURES
+from jld_explore.space.counts import counts, values_until
+from jld_explore.space.limits import MEASURES, SHAPED
 from jld_explore.space.search_space import feasible
 from jld_explore.space.shapes import BlockShapes
 

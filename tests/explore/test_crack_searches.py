@@ -18,13 +18,13 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.adaptive import Fields, FieldSetting
+from jld_core.fields.bounds import Fields, FieldSetting
 from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
-from jld_explore.evaluation import task_pool
+from jld_explore.evaluation import worker_pool as task_pool
 from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.evaluation.field_race import FieldRace
+from jld_explore.evaluation.race_aims import FieldRace
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string

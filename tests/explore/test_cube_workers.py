@@ -25,13 +25,12 @@ from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.context import ProofContext
-from jld_explore.drivers.exact.cube_workers import CubeWorkers
+from jld_explore.drivers.exact.cube_workers import CubeWorkers, TaskResult
 from jld_explore.drivers.exact.cubes import EVERYTHING, split_cube
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.drivers.exact.worker_tasks import TaskResult
 from jld_explore.report import Exploration
 from jld_explore.space import search_space
 from jld_explore.verification import verify
@@ -113,7 +112,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS, **how)
     for called, jobs in ((False, 2), (True, 3)):
         if called:
-            monkeypatch.setattr("jld_explore.drivers.exact.conflict_sources.SOLO_RELAXATIONS", (60, 1))
+            monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
         assert driver._sources is not None
         assert (driver._sources.solves > 0) is called

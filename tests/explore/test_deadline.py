@@ -31,18 +31,18 @@ from jld_explore import Driver, ExploreSettings, explore, field_check
 from jld_explore.cli.command import main
 from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
+from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.drivers.first import first_layout
 from jld_explore.evaluation import EvaluatorSettings, raise_deferred
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
 from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
-from jld_explore.space.measures import Range
+from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 

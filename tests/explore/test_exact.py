@@ -425,8 +425,8 @@ def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: py
     """However often and early the search is resumed, the optimum and its proof are the same."""
     rows, options = [*["aaaa"] * 3, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
     whole = search(rows, options, tmp_path / "whole", "exact").summary.facts
-    monkeypatch.setattr("jld_explore.drivers.exact.schedules._FIRST_INTERVAL", 20)
-    monkeypatch.setattr("jld_explore.drivers.exact.schedules._LABELLINGS_PER_RELAXATION", (0.5, 0.5))
+    monkeypatch.setattr("jld_explore.drivers.exact.context._FIRST_INTERVAL", 20)
+    monkeypatch.setattr("jld_explore.drivers.exact.context._LABELLINGS_PER_RELAXATION", (0.5, 0.5))
     found = search(rows, options, tmp_path / "often", "exact", search=1).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(whole["best"], rel=1e-6)

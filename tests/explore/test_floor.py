@@ -14,9 +14,8 @@ from jld_core.limit import SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.evaluation import BOUND
-from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.evaluation.pruning import IncumbentFront
+from jld_explore.evaluation.cases import IncumbentFront
+from jld_explore.evaluation.protocol import BOUND, Evaluator
 from jld_explore.evaluation.ranking import comparison_value, sort_key, status_ranks
 from jld_explore.space import search_space
 from paths import SCENES

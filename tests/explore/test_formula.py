@@ -14,7 +14,7 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import SearchSpace, count_named, search_space, values_of
-from jld_explore.space.measures import Range
+from jld_explore.space.limits import Range
 
 
 def space_of(count: str) -> SearchSpace:

@@ -8,11 +8,9 @@ import pytest
 from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import load_scene
-from jld_explore.drivers.genetic import Genetic
-from jld_explore.drivers.nondominated import crowding_of, fronts_of
+from jld_explore.drivers.genetic import Genetic, crowding_of, fronts_of
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.evaluation import FAILED
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import FAILED, Evaluator
 from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
 from jld_explore.space import search_space
 from paths import SCENES

@@ -17,7 +17,7 @@ from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.space import labelling
 from jld_explore.space.labelling import blocks_of, connectivity, slits
-from jld_explore.space.measures import block_sizes
+from jld_explore.space.limits import block_sizes
 
 
 def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int]]) -> list[int]:

@@ -16,7 +16,7 @@ from jld_core.exchange import Layout
 from jld_core.scene import Scene, parse_scene
 from jld_explore import explore
 from jld_explore.space import search_space
-from jld_explore.space.count_values import counts
+from jld_explore.space.counts import counts
 from jld_explore.space.search_space import feasible
 from jld_practice.making import making_of, stones_of
 

@@ -189,7 +189,7 @@ def _void() -> None:
 
 def _settlement() -> None:
     from jld_core.build.settlements import settlements_of
-    from jld_core.limit.settlement import settle
+    from jld_core.limit.force_range import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))

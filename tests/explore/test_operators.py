@@ -20,7 +20,7 @@ from jld_explore.drivers import BufferedRandom, Register, operators
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.segmentations import Segmentations
 from jld_explore.space import SearchSpace, keys, search_space
-from jld_explore.space.count_values import counts
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.search_space import feasible
 

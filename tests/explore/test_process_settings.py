@@ -12,11 +12,8 @@ from joblib.externals.loky import process_executor
 
 from cases import CASES, grid_assembly
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
-from jld_explore.evaluation.processes import Processes
-from jld_explore.evaluation.worker_pool import LOST, WorkerPool
-from jld_explore.evaluation.worker_tasks import WorkerSpec
-from jld_explore.evaluation.workers import Workers
+from jld_explore.evaluation.process_settings import Processes, ignored_warning, switch_interval
+from jld_explore.evaluation.worker_pool import LOST, WorkerPool, Workers, WorkerSpec
 
 
 def settings() -> tuple[float, list[Any]]:

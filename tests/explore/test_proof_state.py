@@ -19,9 +19,8 @@ from cases import grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest, chosen
-from jld_core.batch.conflict_request import MinimizationOptions
-from jld_core.limit.case_relaxation import relaxation_of
-from jld_core.limit.relaxation import Relaxation
+from jld_core.batch.batch_solver import MinimizationOptions
+from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.driver import Exact

@@ -21,14 +21,14 @@ from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.evaluation import BOUND
+from jld_explore.evaluation.protocol import BOUND
+from jld_explore.evaluation.ranking import record_type, rows_of
 from jld_explore.evaluation.records import RECORDS_FILE
-from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
 from jld_explore.space import search_space, unpack
-from jld_explore.space.count_values import counts
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity
-from jld_explore.space.measures import block_sizes
+from jld_explore.space.limits import block_sizes
 from paths import SCENES
 
 HEADER = {"scene": "a", "seed": 1}

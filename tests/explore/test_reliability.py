@@ -19,13 +19,11 @@ from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
 from jld_core.strengths import Route
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, structure_of
+from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
 from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
-from jld_practice.reliability.exploration import explore_failures
 from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
-from jld_practice.reliability.structure import RandomStructure, random_structure
-from jld_practice.reliability.variables import Variables
+from jld_practice.reliability.structure import RandomStructure, Variables, random_structure
 
 ROUTE = Route("a test")
 

@@ -17,8 +17,7 @@ from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation.record_file import recorded_driver
-from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.study_state import Interrupted
 
 

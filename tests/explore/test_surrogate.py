@@ -8,7 +8,7 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.pool import Pool
+from jld_explore.drivers.searcher import Pool
 from jld_explore.drivers.surrogate import SLOTS, Surrogate
 from jld_explore.space import SearchSpace, keys, search_space
 

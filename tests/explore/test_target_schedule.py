@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from jld_explore.drivers.exact.schedules import TargetSchedule
+from jld_explore.drivers.exact.context import TargetSchedule
 
 
 def test_without_a_bound_or_near_the_goal_the_step_covers_the_whole_gap() -> None:

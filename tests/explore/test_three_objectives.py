@@ -15,7 +15,7 @@ from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import read_folder, words
-from jld_explore.report.front import on_front
+from jld_explore.report.tables import on_front
 
 FRONT = {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}
 

@@ -26,15 +26,14 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers.exact.trimming import refutation
+from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.space import search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim
 from jld_explore.verification.labellings import Labellings
-from jld_explore.verification.refutation import follows
-from jld_explore.verification.verify import Checker
+from jld_explore.verification.verify import Checker, follows
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 

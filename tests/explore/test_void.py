@@ -92,7 +92,7 @@ def test_a_layout_with_cells_left_out_equals_the_scene_without_them(every: Any) 
             assert row["load_factor"] == pytest.approx(result.load_factor, rel=1e-6)
         space = search_space(scene, assembly)
         assert row["mass"] == pytest.approx(float(assembly.elements.mass[assembly.elements.free].sum()))
-        from jld_explore.space.count_values import counts
+        from jld_explore.space.counts import counts
 
         for name, values in counts(assembly, labels[None], space.graph, space.limits.block_shapes).items():
             assert row[name] == pytest.approx(float(values[0])), name

@@ -14,8 +14,7 @@ from command import Command
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.adaptive import FieldSetting
-from jld_core.fields.bounds import Stresses, Velocities
+from jld_core.fields.bounds import FieldSetting, Stresses, Velocities
 from jld_core.fields.mesh import Mesh, subdivide
 from jld_core.views.field_figures import draw_cracks, draw_stresses, figure_of_fields
 from jld_core.views.trajectories import averaged, principal, trajectories

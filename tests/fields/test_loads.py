@@ -12,8 +12,8 @@ from jld_core import Assembly, InputError, build_assembly, load_scene, parse_sce
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
-from jld_core.fields.material import material_of
 from jld_core.fields.mesh import Mesh
+from jld_core.fields.problem import material_of
 
 
 def column(live: list[Any], *, dead: list[Any] | None = None, **inner: Any) -> Assembly:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from jld_core import build_assembly, load_scene
-from jld_core.fields.adaptive import FieldSetting
-from jld_core.fields.conic import Answer, ConeProgram
+from jld_core.fields.bounds import FieldSetting
+from jld_core.fields.cone_pattern import Answer, ConeProgram
 from jld_core.fields.lower import LowerBound
+from jld_core.fields.opening import Settling
 from jld_core.fields.problem import Problem
-from jld_core.fields.settled import Settling
 from jld_core.fields.upper import UpperBound
 
 SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"

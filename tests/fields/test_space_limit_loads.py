@@ -12,12 +12,10 @@ from cases_spatial import box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
-from jld_core.fields.material import material_of
-from jld_core.fields.space_adaptive import stress_power
-from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds
+from jld_core.fields.problem import material_of
+from jld_core.fields.space_bounds import SpatialBounds, SpatialLowerBound, spatial_bounds, stress_power
+from jld_core.fields.space_joints import spatial_problem, spatial_units
 from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.space_lower import SpatialLowerBound
-from jld_core.fields.space_problem import spatial_problem, spatial_units
 from jld_core.fields.space_upper import SpatialUpperBound
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}

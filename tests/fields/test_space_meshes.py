@@ -10,12 +10,10 @@ import pytest
 from cases import all_inner
 from cases_spatial import box, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
-from jld_core.fields.space_adaptive import SpatialSetting
-from jld_core.fields.space_bounds import spatial_bounds
+from jld_core.fields.space_bounds import SpatialSetting, spatial_bounds
 from jld_core.fields.space_joints import RigidBlocks, fitted_joints, rigid_balance
-from jld_core.fields.space_layers import layers_of
+from jld_core.fields.space_layers import layers_of, surface_of
 from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.space_surface import surface_of
 
 
 def scene(elements: list[dict[str, Any]], live: list[Any], label: str, **materials: Any) -> Assembly:

@@ -12,12 +12,12 @@ from scipy.optimize import linprog
 from cases_spatial import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
-from jld_core.fields.material import Material, material_of
+from jld_core.fields.problem import Material, material_of
+from jld_core.fields.space_bounds import SpatialLowerBound
 from jld_core.fields.space_cones import normal_map, tensors
+from jld_core.fields.space_joints import SpatialProblem, spatial_problem, spatial_units
+from jld_core.fields.space_layers import SolidMesh, bisect, split_at_centroids
 from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.space_lower import SpatialLowerBound
-from jld_core.fields.space_mesh import SolidMesh, bisect, split_at_centroids
-from jld_core.fields.space_problem import SpatialProblem, spatial_problem, spatial_units
 from jld_core.fields.space_upper import SpatialUpperBound
 
 TENSION = 0.7

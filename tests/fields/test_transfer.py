@@ -9,7 +9,7 @@ import pytest
 
 from cases import grid_assembly
 from jld_core import Assembly
-from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting
 
 PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0.3, -1], "at": [0.15, 0.3]}]
 KINDS: dict[str, dict[str, Any]] = {

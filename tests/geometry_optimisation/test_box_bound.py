@@ -15,7 +15,7 @@ from command import Command
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.strengths import Route
-from jld_geometry.box_search import _Search, prove_box
+from jld_geometry.box_bound import _Search, prove_box
 
 ROUTE = Route("a test")
 

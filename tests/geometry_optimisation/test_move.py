@@ -13,7 +13,7 @@ from structures import HEIGHT, Document, block, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, samples, solve
-from jld_geometry.equal_shapes import EqualShapes, equal_corners
+from jld_geometry.convex_cells import EqualShapes, equal_corners
 from jld_geometry.optimise import MovedJoints, move_joints
 from jld_geometry.search import GeometrySearch
 

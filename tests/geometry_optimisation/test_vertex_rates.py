@@ -14,9 +14,9 @@ from structures import Document, block
 from command import Command
 from jld_core import Assembly, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_core.arrays import Floats
+from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_geometry.sensitivity import GeometrySensitivities
-from jld_geometry.vertex_mesh import vertex_mesh
 
 
 def rates_of(document: Document) -> GeometrySensitivities:

@@ -19,12 +19,13 @@ from tools.page_contract import joined as with_contract
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import page as joined
-from jld_explore.report import page_of_study, page_table
+from jld_explore.report import page_data as joined
+from jld_explore.report import page_data as page_table
+from jld_explore.report import page_of_study
+from jld_explore.report.columns import rounded
 from jld_explore.report.page_contract import page_schema
 from jld_explore.report.page_data import page_data, solution_of, structure_of
 from jld_explore.report.page_of_study import scene_page, study_page
-from jld_explore.report.rounding import rounded
 from jld_explore.space import from_string
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene

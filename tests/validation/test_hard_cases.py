@@ -31,7 +31,7 @@ from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, pars
 from jld_core.program import Template
 from jld_core.solvers import is_large
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.evaluator import Evaluator
+from jld_explore.evaluation.protocol import Evaluator
 from reference_planar import reference_load_factor
 
 

@@ -15,7 +15,7 @@ from command import call
 from jld_core import build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
 from jld_core.limit import Settled
-from jld_core.limit.settlement import reactions, settle
+from jld_core.limit.force_range import reactions, settle
 from jld_core.scene import Scene
 
 SPREAD = {

@@ -9,11 +9,9 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.blocks import blocks_of_labelling
-from jld_core.assembly_sequence.freedom import Bodies, Freedom
-from jld_core.assembly_sequence.order import GROUP, Laying, Move, Step
+from jld_core.assembly_sequence.freedom import Bodies, Freedom, blocks_of_labelling
+from jld_core.assembly_sequence.order import GROUP, Laying, LayingStart, Move, Step, turn_of
 from jld_core.assembly_sequence.standing import Stage
-from jld_core.assembly_sequence.start import LayingStart, turn_of
 from jld_core.deadline import checkpoint
 
 

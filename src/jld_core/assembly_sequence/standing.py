@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.blocks import Blocks
-from jld_core.assembly_sequence.stations import Stations
+from jld_core.assembly_sequence.freedom import Blocks
+from jld_core.assembly_sequence.solids import Stations
 from jld_core.deadline import checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack

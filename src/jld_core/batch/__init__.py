@@ -4,8 +4,8 @@
 - `chosen`: return the variant of the batch solver in use
 """
 
-from jld_core.batch.conflict_request import ConflictRequest
-from jld_core.batch.library import chosen
+from jld_core.batch.batch_solver import ConflictRequest
+from jld_core.batch.interface import chosen
 
 __all__ = [
     "ConflictRequest",

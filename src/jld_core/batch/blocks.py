@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.batch import interface, library
-from jld_core.batch.pattern import factor_pattern
+from jld_core.batch import interface
+from jld_core.batch import interface as library
+from jld_core.batch.rows import factor_pattern
 
 SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]
 """State of a choice whose multipliers are accurate enough to give a bound (`BlockAnswers.state`)."""

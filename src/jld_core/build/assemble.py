@@ -12,16 +12,14 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase
 from jld_core.build import materials
-from jld_core.build.bond import with_bond
-from jld_core.build.elements import Geometry, faces_of_pairs, weighed
+from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, weighed
 from jld_core.build.fill import Backing
+from jld_core.build.materials import with_bond
 from jld_core.build.members import with_members
 from jld_core.build.moving import PlacedCase, cases_of
-from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible, not_judged
 from jld_core.build.pressure import Boundary
 from jld_core.build.pushes import cases_of_pushes
-from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from jld_core.exchange.formats import FORMATS, Format
 from jld_core.exchange.layout import Block, Layout
+from jld_core.exchange.libraries import import_file
 from jld_core.exchange.options import Imported, ImportOptions, Report
-from jld_core.exchange.readers import import_file
 from jld_core.exchange.writers import blocks_csv, export
 
 __all__ = [

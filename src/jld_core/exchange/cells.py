@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from math import log
 from typing import Final
 
 import numpy as np
 import shapely
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.drawn import MOST, Cell
+from jld_core.exchange.drawn_loads import MOST, Cell
 from jld_core.exchange.options import ImportOptions, Notes, several
 from jld_core.exchange.paths import Path
+from jld_core.geometry import Faces, area_vector
+from jld_core.geometry import outlines as polygons
 from jld_core.geometry.snapping import Snapped
+from jld_core.geometry.unions import triangulate_region
+from jld_core.geometry.vectors import across
+from jld_core.scene.units import METRES
 
 _CHUNK, _CROSSINGS = 64, 5
 """Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
@@ -325,3 +333,76 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
     halves = [cell.intersection(shapely.box(a, y0, b, y1)) for a, b in ((x0, middle), (middle, x1))]
     parts = [part for half in halves for part in shapely.get_parts(half) if part.geom_type == "Polygon"]
     return [piece for part in parts for piece in _without_holes(part)]
+
+
+def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) -> Faces:
+    """Return a plane face as loops of corners without holes, in the sense of its outline.
+
+    points: (k, 3). loops: indices of corners, of the outline and of each hole in any order and sense; the largest is
+    the outline. title: words for the solid in messages. The face itself where it has no hole, else triangles between
+    its own corners. Raises InputError where a hole reaches beyond the outline, or they lie in no common plane.
+    """
+    if len(loops) == 1:
+        return (tuple(loops[0]),)
+    areas = [area_vector(points[list(loop)]) for loop in loops]
+    order = sorted(range(len(loops)), key=lambda k: -float(np.linalg.norm(areas[k])))
+    outline, *holes = [loops[k] for k in order]
+    length = float(np.linalg.norm(areas[order[0]]))
+    corners = points[[index for loop in loops for index in loop]]
+    size = float(np.ptp(corners, axis=0).max())
+    normal = areas[order[0]] / length if length > 0.0 else np.zeros(3)
+    if length == 0.0 or np.ptp(corners @ normal) > tolerances.FACE * size:
+        raise InputError(title, "a face with a hole is no plane", "plane faces")
+    flat = points @ across(normal).T
+    region = shapely.Polygon(flat[list(outline)], [flat[list(hole)] for hole in holes])
+    triangles = triangulate_region(flat, [outline, *holes]) if region.is_valid else []
+    covered = sum(float(np.linalg.norm(area_vector(points[list(triangle)]))) for triangle in triangles)
+    if not triangles or abs(covered - region.area) > 1e-9 * length:
+        raise InputError(title, "a hole of a face crosses its outline or another hole", "holes inside, apart")
+    return tuple(triangles)
+
+
+# Least and largest extent of a structure that passes without a word, m: models on a table to long bridges
+_WHOLE: Final = (0.05, 300.0)
+
+_BLOCK: Final = 3.0  # largest usual block, m, in a structure larger than `_LONG`
+
+_LONG: Final = 20.0  # extent of a structure, m, up to which blocks may be outlines that are still to be cut
+
+_USUAL: Final = (3.0, 0.35)  # usual extent of a structure and of a block, m, by which the likely unit is chosen
+
+_COMMON: Final = ("mm", "cm", "m", "in", "ft")  # units that are proposed
+
+
+def hardly_meant(size: float) -> bool:
+    """Return True if a largest extent, m, is that of no structure."""
+    return not _WHOLE[0] <= size <= _WHOLE[1]
+
+
+def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
+    """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
+
+    size: largest extent, scene units. outlines: (k, 2) corners of each free element. unit: unit of the scene. drawn_in:
+    unit of the file, of which size and outlines were converted.
+    """
+    if unit != "m" or not outlines:
+        return
+    block = float(np.median([abs(polygons.area(outline[None])[0]) ** 0.5 for outline in outlines]))
+    if not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
+        return
+    per_unit = 1.0 / METRES[drawn_in]
+
+    def strangeness(name: str) -> float:
+        """Return the sum of |log(size / usual size)| of structure and block, in unit `name`."""
+        factor = METRES[name] * per_unit
+        return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
+
+    likely = min(_COMMON, key=strangeness)
+    factor = METRES[likely] * per_unit
+    what = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
+    if likely == drawn_in:
+        notes.doubtful.append(what)
+        return
+    notes.doubtful.append(
+        f"{what}: in {likely} it is {size * factor:.3g} m and {block * factor:.3g} m, --unit {likely}"
+    )

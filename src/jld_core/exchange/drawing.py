@@ -12,9 +12,8 @@ import numpy as np
 import shapely
 
 from jld_core.errors import InputError
-from jld_core.exchange.cells import find_cells, say_large
-from jld_core.exchange.drawn import MOST, Cell, Drawing, Mark
-from jld_core.exchange.drawn_loads import Structure, drawn_loads
+from jld_core.exchange.cells import find_cells, say_large, say_size
+from jld_core.exchange.drawn_loads import MOST, Cell, Drawing, Mark, Structure, drawn_loads
 from jld_core.exchange.options import (
     CLOSED,
     EDGE,
@@ -30,8 +29,8 @@ from jld_core.exchange.options import (
     several,
 )
 from jld_core.exchange.paths import Path, flatten, without_repeats
-from jld_core.exchange.sizes import say_size
-from jld_core.geometry import find_planar_contacts, polygons
+from jld_core.geometry import find_planar_contacts
+from jld_core.geometry import outlines as polygons
 from jld_core.geometry.snapping import Snapped, snap_paths, straight
 from jld_core.scene.units import METRES
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from jld_core import plugins
-from jld_core.exchange.drawn import Drawing
+from jld_core.exchange.drawn_loads import Drawing
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.solids import Solids
@@ -147,7 +147,7 @@ _OWN: Final = (
             f".{kind}",
             by("jld_core.exchange.read_mesh", "read_mesh"),
             (kind,),
-            write=of_text("jld_core.exchange.write_mesh", f"{kind}_text"),
+            write=of_text("jld_core.exchange.read_mesh", f"{kind}_text"),
             cells=(2, 3),
             unit="any",
         )

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_core.exchange.drawn import MOST, Drawing
+from jld_core.exchange.drawn_loads import MOST, Drawing
 from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.paths import Path

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_core.exchange.drawn import MOST, Drawing, Mark
+from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
 from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed

@@ -16,7 +16,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.drawn import MOST, Drawing, Mark
+from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, parsing, text_of
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path

@@ -13,31 +13,172 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import check_supports
-from jld_core.exchange.drawn import MOST, SolidMark
-from jld_core.exchange.options import (
-    LOWEST,
-    SNAP,
-    Imported,
-    ImportOptions,
-    Notes,
-    complete,
-    listed,
-    rounded,
-    several,
-)
-from jld_core.exchange.solid_contacts import contacts_of, given_contacts, labels_of
-from jld_core.exchange.solid_loads import solid_loads
+from jld_core.exchange.drawn_loads import MOST, SolidMark
+from jld_core.exchange.forces import parse_force
+from jld_core.exchange.options import LOWEST, SNAP, Imported, ImportOptions, Notes, complete, listed, rounded, several
 from jld_core.geometry import (
     Faces,
     area_vector,
     facets_of,
+    find_spatial_contacts,
     merge_points,
+    near_pairs,
     snap_solids,
 )
 from jld_core.geometry import solids as closed_solids
-from jld_core.geometry.snapping_solids import SnappedSolids
+from jld_core.geometry.snapping import SnappedSolids
+from jld_core.geometry.spatial_contacts import SpatialContact
 from jld_core.linalg import components
 from jld_core.scene.units import METRES
+
+
+def given_contacts(
+    contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
+) -> list[dict[str, Any]]:
+    """Convert interfaces stated by a file to scene entries, projected onto best-fit planes.
+
+    contacts: (name, name, corners (k, 3)) in file units. names: ids in the scene by those names. scale: scene units per
+    file unit. size: of the structure, scene units.
+    """
+    entries = []
+    for a, b, corners in contacts:
+        points = scale * corners
+        middle = points.mean(axis=0)
+        normal = np.linalg.svd(points - middle)[2][2]
+        flat = points - np.outer((points - middle) @ normal, normal)
+        entries.append({"elements": [names[a], names[b]], "polygon": rounded(flat, size)})
+    return entries
+
+
+def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> list[SpatialContact]:
+    """Find the contacts between solids; note their number, and pairs with several contacts.
+
+    vertices, faces: of each solid. A label given to a pair holds for all its contacts.
+    """
+    lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
+    pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
+    contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
+    of_pair: dict[tuple[int, int], int] = {}
+    for contact in contacts:
+        of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
+    many = [count for count in of_pair.values() if count > 1]
+    notes.found.append(f"{several(len(contacts), 'contact')} of {several(len(of_pair), 'pair')}")
+    if many:
+        verb = "touches" if len(many) == 1 else "touch"
+        held = "a label given to the pair holds for all of them"
+        notes.found.append(f"{several(len(many), 'pair')} {verb} along {sum(many)} facets: {held}")
+    return contacts
+
+
+def labels_of(
+    contacts: list[SpatialContact], names: list[str], drawn: list[tuple[str, Floats]], reach: float, notes: Notes
+) -> dict[str, list[list[str]]]:
+    """Return the labels of pairs of solids on whose contacts a face with a label is drawn.
+
+    drawn: role "dry" or "inner", and corners (k, 3). reach: largest distance between the centroids of a contact and of
+    the face drawn on it. Raises InputError where a pair has faces with different labels.
+    """
+    found: dict[tuple[str, str], str] = {}
+    lost = 0
+    places = np.array([contact.polygon.mean(axis=0) for contact in contacts]).reshape(-1, 3)
+    for role, corners in drawn:
+        away = np.linalg.norm(places - corners.mean(axis=0), axis=1) if len(places) else np.zeros(0)
+        if not len(away) or away.min() > reach:
+            lost += 1
+            continue
+        contact = contacts[int(np.argmin(away))]
+        pair = names[contact.a], names[contact.b]
+        if found.setdefault(pair, role) != role:
+            raise InputError(f"elements {pair[0]!r} and {pair[1]!r}", "faces of both labels are drawn", "one label")
+    counted = ", ".join(f"{sum(word == role for word in found.values())} {role}" for role in ("dry", "inner"))
+    notes.found.append(f"labels of pairs by drawn faces: {counted}")
+    notes.skip("drawn faces", lost, "they lie on no contact")
+    return {role: [list(pair) for pair, word in found.items() if word == role] for role in ("inner", "dry")}
+
+
+def solid_loads(
+    marks: list[SolidMark],
+    names: list[str],
+    vertices: list[Floats],
+    supports: list[bool],
+    options: ImportOptions,
+    notes: Notes,
+) -> dict[str, Any]:
+    """Return the entry "loads" of a scene from the marks of a spatial file, scene units.
+
+    A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
+    nearest one. A force acts on the free element whose box is nearest. Raises InputError for a text that is no force.
+    """
+    loads: dict[str, Any] = {}
+    for role, key in (("load", "live"), ("dead", "dead")):
+        own = [mark for mark in marks if options.role(mark.layer) == role]
+        texts = [mark for mark in own if mark.tail is None and mark.text]
+        taken: set[int] = set()
+        for mark in own:
+            if mark.tail is None and not mark.text:
+                notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
+            if mark.tail is not None:
+                loads.setdefault(key, []).append(_entry(_arrow(mark, texts, taken), mark.at, names, vertices, supports))
+        for number, mark in enumerate(texts):
+            if number not in taken:
+                loads.setdefault(key, []).append(_entry(_written(mark), mark.at, names, vertices, supports))
+        for entry in loads.get(key, []):
+            size, at = (", ".join(f"{value:.9g}" for value in entry[part]) for part in ("force", "at"))
+            notes.found.append(f"{key} force ({size}) N on element {entry['element']!r} at ({at})")
+    if loads:
+        notes.found.append(f"loads on layers {listed(sorted({m.layer for m in marks if options.role(m.layer)}))}")
+    return loads
+
+
+def _written(mark: SolidMark) -> Floats:
+    """Return the force (3,) of a text; a magnitude alone acts downwards."""
+    try:
+        written = parse_force(mark.text or "", dimension=3)
+    except InputError as error:
+        raise error.within(f"layer {mark.layer!r}") from None
+    return np.array(written.values if written.components else (0.0, 0.0, -written.values[0]))
+
+
+def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
+    """Return the force (3,) of an arrow: the magnitude of its text along its direction.
+
+    The text is its own or the nearest one, at most its length from its middle. texts: marks with a text. taken: indices
+    of used texts, to which one is added. Raises InputError without a text, and for one that is no magnitude.
+    """
+    tail = mark.at if mark.tail is None else mark.tail
+    along = mark.at - tail
+    length = float(np.linalg.norm(along))
+    text = mark.text
+    if text is None:
+        near = [(float(np.linalg.norm(one.at - 0.5 * (mark.at + tail))), k) for k, one in enumerate(texts)]
+        close = [pair for pair in near if pair[1] not in taken and pair[0] <= length]
+        if not close or not length:
+            raise InputError(f"layer {mark.layer!r}", "a line has no text that says its force", "a text beside it")
+        taken.add(min(close)[1])
+        text = texts[min(close)[1]].text
+    try:
+        written = parse_force(text or "", dimension=3)
+    except InputError as error:
+        raise error.within(f"layer {mark.layer!r}") from None
+    if written.components or not length:
+        raise InputError(f"layer {mark.layer!r}", f"the text {text!r} beside an arrow states components", "its size")
+    return np.asarray(written.values[0] * along / length)
+
+
+def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], supports: list[bool]) -> dict[str, Any]:
+    """Return the load entry of a force on the nearest free element, by bounding boxes.
+
+    Of equally near elements the smallest one is taken. force, at: (3,) vector and place. names, vertices, supports: of
+    all elements.
+    """
+
+    def away(k: int) -> tuple[float, float, int]:
+        low, high = vertices[k].min(axis=0), vertices[k].max(axis=0)
+        outside = np.maximum(np.maximum(low - at, at - high), 0.0)
+        return round(float(np.linalg.norm(outside)), 9), float((high - low).max()), k
+
+    chosen = min((k for k, support in enumerate(supports) if not support), key=away)
+    return {"element": names[chosen], "force": (force + 0.0).tolist(), "at": (at + 0.0).tolist()}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.read_dxf import FACTS
 from jld_core.files import printable
-from jld_core.geometry import polygons
+from jld_core.geometry import outlines as polygons
 
 # Codes of the header variable $INSUNITS by length unit
 _UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.fields.conic import Answer, ConeProgram, Rows
+from jld_core.fields.cone_pattern import Answer, ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
 # Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats
-from jld_core.fields.conic import Answer
+from jld_core.fields.cone_pattern import Answer
 
 ROOT_TWO = float(np.sqrt(2.0))
 """√2, factor of the shear entries in the vector of a tensor."""

@@ -14,9 +14,9 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.fields.conic import Answer, Rows
+from jld_core.fields.cone_pattern import Answer, Rows
 from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map, solve_cones
-from jld_core.fields.space_problem import SpatialProblem
+from jld_core.fields.space_joints import SpatialProblem
 
 # Margins of opening to every flow rule, scaled, at live work one, in the order tried. The first whose answer passes the
 # check is taken.

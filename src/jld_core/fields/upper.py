@@ -14,10 +14,9 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.fields.conic import Answer
-from jld_core.fields.opening import opening_motion
+from jld_core.fields.cone_pattern import Answer
+from jld_core.fields.opening import Settling, opening_motion
 from jld_core.fields.problem import Problem
-from jld_core.fields.settled import Settling
 from jld_core.fields.velocity_program import VelocityProgram
 
 # Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual

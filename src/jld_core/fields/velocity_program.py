@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.fields.conic import Answer, ConeProgram, Rows
+from jld_core.fields.cone_pattern import Answer, ConeProgram, Rows
 from jld_core.fields.problem import Problem
 
 Entries = list[tuple[Ints, Floats]]

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.fields.conic import ConeProgram, Rows
+from jld_core.fields.cone_pattern import ConeProgram, Rows
 from jld_core.fields.problem import Problem
 from jld_core.fields.upper import UpperBound
 

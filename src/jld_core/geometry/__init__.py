@@ -18,13 +18,12 @@
 
 from __future__ import annotations
 
-from jld_core.geometry.merging import merge_points
+from jld_core.geometry.clean_regions import area_of
 from jld_core.geometry.outlines import Outlines, reach_of
-from jld_core.geometry.overlay import area_of
 from jld_core.geometry.planar_contacts import find_planar_contacts
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
-from jld_core.geometry.snapping_solids import snap_solids
-from jld_core.geometry.spatial_contacts import find_spatial_contacts, near_pairs
+from jld_core.geometry.snapping import snap_solids
+from jld_core.geometry.spatial_contacts import find_spatial_contacts, merge_points, near_pairs
 from jld_core.geometry.vectors import area_vector, moment_about, spun
 
 __all__ = [

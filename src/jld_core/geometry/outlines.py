@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -11,14 +11,379 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry.rings import PLACE, SNAP, beside, straightened
-from jld_core.geometry.skin import Facet, facets_of, skin
 from jld_core.geometry.vectors import across, area_vector
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
+
+
+def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]:
+    """Yield stacks of polygons with equally many corners, fewest corners first.
+
+    polygons: m arrays (k, d). Yields the positions (n,) in the sequence and the stack (n, k, d).
+    """
+    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    for count in np.unique(counts):
+        chosen = np.flatnonzero(counts == count)
+        yield chosen, np.array([polygons[i] for i in chosen.tolist()])
+
+
+def area(polygons: Floats) -> Floats:
+    """Compute the signed areas (n,) of polygons (n, k, 2), positive when counter-clockwise."""
+    # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
+    p = polygons - polygons[:, :1]
+    q = np.roll(p, -1, axis=1)
+    return np.asarray(0.5 * (p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]).sum(axis=1))
+
+
+def centroid(polygons: Floats) -> Floats:
+    """Compute the centroids (n, 2) of simple polygons (n, k, 2) with an area.
+
+    Both senses of rotation are allowed.
+    """
+    p = polygons - polygons[:, :1]
+    q = np.roll(p, -1, axis=1)
+    cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
+    return np.asarray(polygons[:, 0] + ((p + q) * cross[..., None]).sum(axis=1) / (3.0 * cross.sum(axis=1))[:, None])
+
+
+def second_moments(polygons: Floats) -> Floats:
+    """Compute the second moments of area of polygons about their centroids.
+
+    polygons: (n, k, 2), counter-clockwise. The result (n, 2, 2) holds ∫ x xᵀ dA of each.
+    """
+    p = polygons - centroid(polygons)[:, None]
+    q = np.roll(p, -1, axis=1)
+    cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
+    total = p + q
+    outer = np.einsum("nk,nki,nkj->nij", cross, p, p) + np.einsum("nk,nki,nkj->nij", cross, q, q)
+    return np.asarray((outer + np.einsum("nk,nki,nkj->nij", cross, total, total)) / 24.0)
+
+
+def torsion_length(polygons: Floats) -> Floats:
+    """Compute the torsion length c_T, the mean distance from the centroid, of polygons.
+
+    polygons: (n, k, 2), simple and counter-clockwise. The result (n,) is c_T = (1/A) ∫ r dA, a length, docs/method.md
+    (1.6). It is exact: the sum over triangles from the centroid to each edge. The edge has signed distance d, and its
+    ends lie at s0 and s1 along it. Each triangle contributes, taken from s0 to s1,
+
+        ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)].
+    """
+    p = polygons - centroid(polygons)[:, None]
+    edge = np.roll(p, -1, axis=1) - p
+    length = np.hypot(edge[..., 0], edge[..., 1])
+    along = edge / np.where(length > 0.0, length, 1.0)[..., None]
+    distance = p[..., 0] * along[..., 1] - p[..., 1] * along[..., 0]
+    start = p[..., 0] * along[..., 0] + p[..., 1] * along[..., 1]
+    total = _radial(distance, start + length) - _radial(distance, start)
+    return np.asarray((distance * total).sum(axis=1) / (6.0 * area(polygons)))
+
+
+def _radial(d: Floats, s: Floats) -> Floats:
+    """Evaluate s √(s² + d²) + d² asinh(s/|d|), whose limit for d → 0 is s |s|."""
+    apart = np.abs(d)
+    through = apart <= 1e-150 * np.abs(s)
+    ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
+    return np.asarray(s * np.hypot(s, d) + np.where(through, 0.0, d * d * np.arcsinh(ratio)))
+
+
+def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
+    """Compute the torsion length c_T, the mean distance from the centroid, of rectangles.
+
+    l1, l2: (n,) side lengths, scene units. Returns (n,): c_T in closed form, scene units; 0.382598 for the unit square.
+    Source: docs/method.md (1.5).
+    """
+    diagonal = np.hypot(l1, l2)
+    ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
+    return np.asarray(diagonal / 6.0 + ends)
+
+
+def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
+    """Return a mask (n,) of the polygons that are rectangles.
+
+    polygons: (n, k, d), without corners in straight edges. A rectangle has four corners, and equal diagonals that halve
+    one another. tolerance: allowed difference of the diagonals' lengths, and twice the allowed distance of their
+    middles, relative to the length of the first diagonal.
+    """
+    if polygons.shape[1] != 4:
+        return np.zeros(len(polygons), dtype=bool)
+    first, second = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
+    long, other = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
+    middle = np.linalg.norm(polygons[:, 0] + polygons[:, 2] - polygons[:, 1] - polygons[:, 3], axis=1)
+    return np.asarray((middle <= tolerance * long) & (np.abs(long - other) <= tolerance * long))
+
+
+def sizes(polygons: Floats) -> Floats:
+    """Return the extents l1 and l2 (n, 2) of polygons (n, k, 2) along the axes e1 and e2."""
+    return np.asarray(np.ptp(polygons, axis=1))
+
+
+def corners(polygon: Floats, tolerance: float) -> Floats:
+    """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes.
+
+    polygon: simple, without bridges to holes. The order of the remaining corners is kept. tolerance: distance from the
+    line of both neighbours up to which a corner is removed. A corner is the tip of a spike if one of its edges lies
+    within this distance of the other.
+    """
+    points = np.asarray(polygon)
+    while len(points) > 3:
+        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
+        off = np.minimum(off, _off_segment(before, points, after))
+        # Remove the corner with the smallest distance first, so that the result does not depend on the first corner.
+        least = int(np.argmin(off))
+        if off[least] > tolerance:
+            break
+        points = np.delete(points, least, axis=0)
+    return points
+
+
+def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
+    """Join a polygon and its holes to one closed outline, by bridges between nearest corners.
+
+    shell: (k, d) outer corners. holes: corners of each hole, in the opposite sense of rotation. The outline runs along
+    each bridge both ways. Integrals over the outline are therefore those of the area without its holes.
+    """
+    outline, left = shell, list(holes)
+    while left:
+        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
+        nearest = int(np.argmin([table.min() for table in apart]))
+        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        hole = left.pop(nearest)
+        around = np.concatenate([hole[there:], hole[: there + 1]])
+        outline = np.concatenate([outline[: here + 1], around, outline[here:]])
+    return outline
+
+
+def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
+    """Remove corners in straight edges and tips of spikes from polygons (k, d).
+
+    Polygons without such corners, the common case, are recognised in stacks and returned unchanged.
+    tolerance: distance from the line of the neighbours, relative to each polygon's largest extent.
+    """
+    plain = list(polygons)
+    for chosen, stack in by_corner_count(polygons):
+        size = np.ptp(stack, axis=1).max(axis=1)
+        chord = np.roll(stack, -1, axis=1) - np.roll(stack, 1, axis=1)
+        arm = stack - np.roll(stack, 1, axis=1)
+        length = np.linalg.norm(chord, axis=2)
+        along = np.einsum("nkj,nkj->nk", arm, chord) / np.where(length > 0.0, length, 1.0)
+        off = np.sqrt(np.maximum(np.einsum("nkj,nkj->nk", arm, arm) - along**2, 0.0))
+        # A wide first test, so that rounding of the square root does not hide candidates of the exact test.
+        for index in chosen[np.any(off <= 2.0 * max(tolerance, 1e-7) * size[:, None], axis=1)].tolist():
+            plain[index] = corners(polygons[index], tolerance * float(np.ptp(polygons[index], axis=0).max()))
+    return plain
+
+
+def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Compute the distances (k,) of points (k, d) from the segments between `start` and `end`."""
+    chord, arm = end - start, points - start
+    length = np.einsum("ij,ij->i", chord, chord)
+    share = np.clip(np.einsum("ij,ij->i", arm, chord) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(arm - share[:, None] * chord, axis=1))
+
+
+def hull(polygon: Floats) -> Floats:
+    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise.
+
+    Points on its edges are left out. The first corner is the one of least x1, then of least x2.
+    """
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
+    # Distances of points from an edge below this relative limit are rounding.
+    found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
+    return np.roll(found, -int(np.lexsort((found[:, 1], found[:, 0]))[0]), axis=0)
+
+
+def hulls(polygons: Sequence[Floats]) -> list[Floats]:
+    """Return the convex hulls of counter-clockwise polygons (k, 2).
+
+    Convex polygons, the common case, are recognised in stacks and returned unchanged.
+    """
+    found = list(polygons)
+    for chosen, stack in by_corner_count(polygons):
+        edge = np.roll(stack, -1, axis=1) - stack
+        onward = np.roll(edge, -1, axis=1)
+        turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
+        size = np.ptp(stack, axis=1).max(axis=1)
+        # A star polygon also has left turns only; its turning angle exceeds one revolution.
+        angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
+        convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
+        for index in chosen[~convex].tolist():
+            found[index] = hull(polygons[index])
+    return found
+
+
+def hull_rows(hull_: Floats) -> Floats:
+    """Return rows that keep a compressive resultant within a convex hull, one per edge.
+
+    hull_: (h, 2) corners about the section's centroid, counter-clockwise. The rows (h, 3) act on (N, M1, M2) and are
+    all ≥ 0 where the centre of pressure lies within the hull. It has coordinates x1 = −M2/N and x2 = M1/N. The
+    condition a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
+    """
+    edge = np.roll(hull_, -1, axis=0) - hull_
+    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
+    distance = np.einsum("hi,hi->h", hull_, outward)
+    return np.column_stack([distance, -outward[:, 1], outward[:, 0]])
+
+
+def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
+    """Return rows that compute the elastic normal stress at hull corners, times the area.
+
+    hull_: (h, 2) corners about the centroid. area_: A. moments: (2, 2) tensor S of second moments, so that e1, e2 need
+    not be principal axes. The rows (h, 3) act on (N, M1, M2), with compression positive: σ(x) A = N + A x·S⁻¹(−M2, M1).
+    An inner face of kern form requires rows ≥ −σt A: docs/method.md (2.6).
+    """
+    slope = area_ * np.linalg.solve(moments, hull_.T).T
+    return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])
+
+
+SNAP: Final = 1e-3
+"""Grid width for uniting the elements of a block, relative to `reach_of(assembly)`."""
+
+PLACE: Final = 0.37
+"""Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side."""
+
+
+def beside(points: Floats) -> tuple[Floats, Floats]:
+    """Return the previous and the next corners, (k, 2) each, of the corners of a ring (k, 2).
+
+    It takes a fifth of the time of `numpy.roll`.
+    """
+    return np.concatenate((points[-1:], points[:-1])), np.concatenate((points[1:], points[:1]))
+
+
+def straightened(points: Floats, reach: float) -> Floats:
+    """Remove corners of a ring (k, 2) that lie within `reach` of the line of their neighbours."""
+    exact = True  # corners in line up to rounding are removed together first: on a grid these are nearly all
+    while len(points) > 3:
+        before, after = beside(points)
+        chord = after - before
+        length = np.hypot(*chord.T)
+        arm = points - before
+        off = abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.where(length > 0.0, length, 1.0)
+        idle = off <= reach
+        if not idle.any():
+            return points
+        if exact:
+            exact, told = False, off <= SNAP * reach
+            if 3 <= len(points) - int(told.sum()) < len(points):
+                points = points[~told]
+                continue
+        # Neighbours may both lie in line: remove one corner at a time, the one with the smallest distance first.
+        kept = np.ones(len(points), dtype=bool)
+        kept[int(np.argmin(np.where(idle, off, np.inf)))] = False
+        points = points[kept]
+    return points
+
+
+@dataclass(frozen=True)
+class Facet:
+    """Face of a solid element, prepared for the union of elements.
+
+    ring: (k, 3) corners in order, scene units. normal: (3,) unit normal, outwards. offset: distance of the plane from
+    the origin along the normal. area: area, scene units. corners: corners in grid steps: equal for a face of a
+    neighbour that covers this one exactly.
+    """
+
+    ring: Floats
+    normal: Floats
+    offset: float
+    area: float
+    corners: frozenset[tuple[int, ...]]
+
+    @property
+    def length(self) -> float:
+        """Return the length of the boundary, scene units."""
+        return float(np.linalg.norm(np.diff(self.ring, axis=0, append=self.ring[:1]), axis=1).sum())
+
+
+def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) -> list[Facet]:
+    """Prepare the faces of a solid element.
+
+    corners: (k, 3). faces: corners of each face in order. step: grid width to which corners are rounded.
+    """
+    places = [tuple(place) for place in np.floor(corners / step + PLACE).astype(np.int64).tolist()]
+    found = []
+    for loop in faces:
+        ring = corners[list(loop)]
+        vector = area_vector(ring)
+        area = float(np.linalg.norm(vector))
+        normal = vector / area
+        offset = float(ring.mean(axis=0) @ normal)
+        found.append(Facet(ring, normal, offset, area, frozenset(places[k] for k in loop)))
+    return found
+
+
+def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
+    """Compute the boundary loops (k, 3) of the outer faces of a union of solids.
+
+    facets: faces of all solids. Parts of faces that two solids share are left out, and so are corners in straight
+    edges. reach: distance from the line of its neighbours within which a corner is left out, and width up to which a
+    face is.
+    """
+    seen: dict[frozenset[tuple[int, ...]], Facet] = {}
+    for facet in facets:
+        # two solids that share a whole face have it with opposite normals
+        other = seen.get(facet.corners)
+        if other is not None and other.normal @ facet.normal < 0.0:
+            del seen[facet.corners]
+        else:
+            seen[facet.corners] = facet
+    found: list[Floats] = []
+    for members in _planes(list(seen.values()), reach):
+        if len(members) > 1:
+            found += _united(members, reach)
+        elif members[0].area > reach * members[0].length:
+            plane = across(members[0].normal)
+            flat = straightened(members[0].ring @ plane.T, reach)
+            found.append(flat @ plane + members[0].offset * members[0].normal)
+    return found
+
+
+def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
+    """Group facets by the plane they lie in, with normals of either sense.
+
+    reach: largest distance of the middle of a facet from the plane of the first one.
+    """
+    normals = np.array([facet.normal for facet in facets])
+    middles = np.array([facet.ring.mean(axis=0) for facet in facets])
+    found, left = [], np.ones(len(facets), dtype=bool)
+    for k, facet in enumerate(facets):
+        if not left[k]:
+            continue
+        parallel = abs(abs(normals @ facet.normal) - 1.0) < 1e-9
+        here = left & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
+        here[k] = True
+        left &= ~here
+        found.append([facets[j] for j in np.flatnonzero(here).tolist()])
+    return found
+
+
+def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
+    """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions.
+
+    Regions where facets of opposite normals meet lie inside the union of solids and are left out. reach: see `skin`.
+    """
+    normal, offset, grid = facets[0].normal, facets[0].offset, SNAP * reach
+    plane = across(normal)
+    members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
+    for facet in facets:
+        members[int(facet.normal @ normal < 0.0)].append(shapely.Polygon(facet.ring @ plane.T))
+    front, back = (shapely.union_all(side, grid_size=grid) for side in members)
+    outer = [front]
+    if members[1]:
+        outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
+    found = []
+    for part in [part for region in outer for part in shapely.get_parts(region)]:
+        if part.geom_type != "Polygon" or part.area <= reach * part.length:
+            continue
+        for ring in [part.exterior, *part.interiors]:
+            flat = straightened(shapely.get_coordinates(ring)[:-1], reach)
+            found.append(flat @ plane + offset * normal)
+    return found
+
 
 # Distance within which corners of congruent blocks coincide, relative to the size of the structure
 _REACH: Final = 1e-6

@@ -6,16 +6,23 @@ faces where a file splits its quadrilaterals. Arrays run flat over all elements 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
+import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
+from jld_core.geometry import outlines as measures
+from jld_core.geometry.clean_regions import area_of
 from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 
@@ -355,3 +362,152 @@ def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, 
             found.append((float(area_vector(points) @ vector), points))
     found.sort(key=lambda entry: -entry[0])
     return tuple(points for _, points in found)
+
+
+PARALLEL: Final = 1e-9
+"""Tolerance for parallel sides (sine of the angle) and for rectangles (share of the diagonals)."""
+
+
+@dataclass(frozen=True)
+class FacetFrames:
+    """Two axes in the plane of each of f facets, and which facets are rectangles.
+
+    e1: (f, 3) unit vectors along the longest edge. e2: (f, 3) normal × e1. rectangle: (f,) True for rectangles without
+    holes, within the tolerance `PARALLEL`.
+    """
+
+    e1: Floats
+    e2: Floats
+    rectangle: Bools
+
+    @classmethod
+    def on(cls, facets: Facets) -> FacetFrames:
+        """Compute the axes of all facets."""
+        e1 = np.empty((len(facets), 3))
+        rectangle = np.zeros(len(facets), dtype=bool)
+        for chosen, stack in measures.by_corner_count([loops[0] for loops in facets.loops]):
+            e1[chosen] = longest_edge(stack)
+            simple = np.array([len(facets.loops[index]) == 1 for index in chosen])
+            rectangle[chosen] = simple & measures.is_rectangle(stack, PARALLEL)
+        e1 = unit_vectors(e1 - np.einsum("ij,ij->i", e1, facets.normal)[:, None] * facets.normal)
+        return cls(e1, np.cross(facets.normal, e1), rectangle)
+
+
+def unit_vectors(vectors: Floats) -> Floats:
+    """Scale vectors (…, d) to unit length; none of them may be zero."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def longest_edge(polygons: Floats) -> Floats:
+    """Return the unit direction (n, 3) of the longest edge of each polygon (n, k, 3).
+
+    Among edges of equal length the first one counts.
+    """
+    edge = np.roll(polygons, -1, axis=1) - polygons
+    length = np.linalg.norm(edge, axis=2)
+    first = np.argmax(length >= (1.0 - 1e-9) * length.max(axis=1)[:, None], axis=1)
+    return unit_vectors(edge[np.arange(len(edge)), first])
+
+
+def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
+    """Return facets as shapely polygons in the planes of other facets.
+
+    which: (k,) indices of the facets to convert. plane: (k,) index of the facet whose axes give the coordinates of
+    each. Holes are kept. Invalid polygons are replaced by the polygons that their area consists of.
+    """
+    shells = [facets.loops[index][0] for index in which]
+    count = np.array([len(shell) for shell in shells])
+    owner = np.repeat(np.arange(len(which)), count)
+    flat = project(np.concatenate(shells), facets, frames, plane[owner])
+    regions = shapely.polygons(shapely.linearrings(flat, indices=owner))
+    for position in [k for k, index in enumerate(which) if len(facets.loops[index]) > 1]:
+        at = plane[position]
+        rings = [project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]]
+        regions[position] = shapely.Polygon(rings[0], rings[1:])
+    for position in np.flatnonzero(~shapely.is_valid(regions)).tolist():
+        # Remaining lines and points have no area, and shapely does not intersect them together with polygons.
+        regions[position] = area_of(regions[position])
+    return regions  # type: ignore[no-any-return]
+
+
+def project(points: Floats, facets: Facets, frames: FacetFrames, plane: Ints) -> Floats:
+    """Project points to coordinates (k, 2) in the planes of facets.
+
+    points: (k, 3). plane: (k,) index of the facet for each point; its origin and axes in `frames` give the coordinates.
+    """
+    arm = points - facets.origin[plane]
+    return np.column_stack([np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])])
+
+
+_Loops = tuple[tuple[int, ...], ...]
+
+
+def contains(shape: Floats, faces: _Loops, point: Floats, reach: float) -> bool:
+    """Return True if a point (d,) lies in a polygon or polyhedron, or near its boundary.
+
+    shape, faces: as in `distance_to`. reach: distance up to which a point counts as near.
+    """
+    return distance_to(shape, faces, point) <= reach
+
+
+def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
+    """Return the distance of a point (d,) from a polygon or polyhedron, 0 inside.
+
+    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane.
+    """
+    if shape.shape[1] == 2:
+        ends = np.roll(shape, -1, axis=0)
+        one, two = shape - point, ends - point
+        turn = np.arctan2(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0], np.einsum("ij,ij->i", one, two))
+        return 0.0 if abs(turn.sum()) > np.pi else float(_off_segments(point, shape, ends).min())
+    corners = np.array([[loop[0], *pair] for loop in faces for pair in pairwise(loop[1:])])
+    triangles = shape[corners] - point
+    # Solid angle of each triangle seen from the point; see van Oosterom and Strackee 1983, eq. (8).
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    angle = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
+    return 0.0 if abs(angle.sum()) > 2.0 * np.pi else min(_off_triangle(triangle) for triangle in triangles)
+
+
+def point_in_face(faces: Interfaces, face: int) -> Floats:
+    """Return a point (d,) inside a face; its centroid may lie outside, for example around a corner."""
+    if faces.origin.shape[1] == 2:
+        return np.asarray(faces.origin[face])
+    flat = shapely.get_coordinates(shapely.point_on_surface(_region(faces, face)))[0]
+    return np.asarray(faces.origin[face] + flat @ np.array([faces.e1[face], faces.e2[face]]))
+
+
+def distance_from_face(faces: Interfaces, face: int, point: Floats) -> float:
+    """Return the distance of a point (d,) from a face, 0 inside it."""
+    if len(point) == 2:
+        return float(shapely.LineString(faces.polygon[face]).distance(shapely.Point(point)))
+    arm = point - faces.origin[face]
+    flat = shapely.Point(float(arm @ faces.e1[face]), float(arm @ faces.e2[face]))
+    return float(np.hypot(_region(faces, face).distance(flat), arm @ faces.normal[face]))
+
+
+def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
+    """Return the polygons of a spatial face in its plane, about its centroid."""
+    arm = np.asarray(faces.polygon[face], dtype=float) - faces.origin[face]
+    return area_of(shapely.Polygon(arm @ np.array([faces.e1[face], faces.e2[face]]).T))
+
+
+def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:
+    """Return the distances (k,) of a point from segments, given by their ends (k, d)."""
+    along = end - start
+    length = np.maximum(np.einsum("ij,ij->i", along, along), np.finfo(float).tiny)
+    share = np.clip(np.einsum("ij,ij->i", point - start, along) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + share[:, None] * along - point, axis=1))
+
+
+def _off_triangle(triangle: Floats) -> float:
+    """Return the distance of the origin from a triangle (3, 3)."""
+    edge = float(_off_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
+    normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+    size = float(np.linalg.norm(normal))
+    if size == 0.0:
+        return edge
+    foot = (triangle[0] @ normal) / size**2 * normal
+    sides = [np.cross(triangle[k - 2] - triangle[k], foot - triangle[k]) @ normal for k in range(3)]
+    return min(edge, abs(float(triangle[0] @ normal)) / size) if min(sides) >= 0.0 else edge

@@ -6,6 +6,7 @@ comparison, all other facets by shapely in the plane of contact.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,11 +15,20 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.geometry.clean_regions import clean_parts
-from jld_core.geometry.facet_planes import PARALLEL, FacetFrames, regions_in_planes
-from jld_core.geometry.misfits import NearMiss
-from jld_core.geometry.overlay import intersections
-from jld_core.geometry.polyhedra import Facets, spread
+from jld_core.assembly import Interfaces
+from jld_core.geometry import outlines as measures
+from jld_core.geometry.clean_regions import clean_parts, intersections
+from jld_core.geometry.polyhedra import (
+    PARALLEL,
+    FacetFrames,
+    Facets,
+    longest_edge,
+    regions_in_planes,
+    spread,
+    unit_vectors,
+)
+from jld_core.geometry.stated_fit import NearMiss, Overlap, refuse_overlaps
+from jld_core.linalg import components
 
 # Cosine between two facet normals above which the facets cannot be in contact within the tolerance.
 _OPPOSITE = -0.999
@@ -318,3 +328,217 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
             contact = SpatialContact(int(facets.element[a]), int(facets.element[b]), points + lift, normal, inner)
             found.append((position, contact))
     return found
+
+
+def merge_points(points: Floats, tolerance: float) -> Ints:
+    """Assign points to numbered nodes; a point joins the first node within the tolerance.
+
+    Nodes are more than the tolerance apart, and no point is further than the tolerance from its node: chains of
+    points do not merge.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        Coordinates.
+    tolerance : float
+        Length; 0 merges equal points only.
+
+    Returns
+    -------
+    (n,) int array
+        Node of each point, numbered by first appearance.
+    """
+    unique, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[order] = np.arange(len(first))
+    point = rank[inverse.reshape(-1)]
+    if tolerance <= 0.0:
+        return point
+    ordered = unique[order]
+    cluster = _clusters(ordered, tolerance)
+    leader = np.unique(cluster, return_index=True)[1][cluster]
+    # Points all within the tolerance of the first one of their cluster join it.
+    chain = np.zeros(len(leader), dtype=bool)
+    chain[leader[np.linalg.norm(ordered - ordered[leader], axis=1) > tolerance]] = True
+    chained = np.flatnonzero(chain[leader])
+    leader[chained] = chained[_first_within(ordered[chained], tolerance)]
+    return np.unique(leader, return_inverse=True)[1][point]
+
+
+def _clusters(points: Floats, tolerance: float) -> Ints:
+    """Return the cluster (n,) of each point; clusters are further apart than the tolerance.
+
+    points: (n, d). Clusters are numbered by their first points.
+    """
+    one, two = [], []
+    # Coordinates that differ by less than half a box lie in one box of one of two grids shifted by half a box.
+    with np.errstate(over="ignore"):
+        scaled = points / max(2.01 * tolerance, 1e-300)
+    for shift in itertools.product((0.0, 0.5), repeat=points.shape[1]):
+        box = np.floor(scaled + np.array(shift))
+        order = np.lexsort(box.T)
+        same = np.flatnonzero(np.all(box[order[1:]] == box[order[:-1]], axis=1))
+        one.append(order[same])
+        two.append(order[same + 1])
+    return components(len(points), np.concatenate(one), np.concatenate(two))
+
+
+def _first_within(points: Floats, tolerance: float) -> Ints:
+    """Return the index (n,) of the point (n, d) that each point joins, one after the other.
+
+    A point joins the first one within the tolerance that joined none, else it joins none and keeps its own index.
+    """
+    width = max(tolerance, 1e-300)
+    # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
+    boxes: dict[tuple[int, ...], list[int]] = {}
+    joined = np.arange(len(points))
+    around = np.array(np.meshgrid(*[[-1, 0, 1]] * points.shape[1])).reshape(points.shape[1], -1).T
+    for index, point in enumerate(points):
+        with np.errstate(over="ignore"):
+            box = np.floor(point / width)
+        near = [k for step in around for k in boxes.get(tuple(box + step), ())]
+        close = [k for k in near if np.linalg.norm(points[k] - point) <= tolerance]
+        if close:
+            joined[index] = min(close)
+        else:
+            boxes.setdefault(tuple(box), []).append(index)
+    return joined
+
+
+def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints]) -> None:
+    """Refuse convex polyhedra that share a volume.
+
+    Pairs with a polyhedron that is not convex are not checked.
+
+    ids: names of the n elements. vertices: vertices of each element, scene units. facets: facets of all elements.
+    pairs: elements whose bounding boxes touch. Raises InputError: elements overlap; the message names the pairs, depth
+    and place.
+
+    Two elements are apart where all of one lies in front of a facet of the other. For the few remaining pairs, a linear
+    program finds the largest ball within both.
+    """
+    lower = np.array([v.min(axis=0) for v in vertices])
+    upper = np.array([v.max(axis=0) for v in vertices])
+    span = (upper - lower).max(axis=1)
+    a, b = pairs
+    reach = tolerances.FACE * np.minimum(span[a], span[b])
+    deep = np.all(np.minimum(upper[a], upper[b]) - np.maximum(lower[a], lower[b]) > reach[:, None], axis=1)
+    a, b, reach = a[deep], b[deep], reach[deep]
+    if not len(a):
+        return
+    points = np.concatenate(vertices)
+    corners = np.array([len(v) for v in vertices])
+    first_corner = np.concatenate([[0], np.cumsum(corners)])[:-1]
+    count = np.bincount(facets.element, minlength=len(ids))
+    start = np.concatenate([[0], np.cumsum(count)])[:-1]
+
+    def heights(facet: Ints, other: Ints) -> tuple[Floats, Floats]:
+        """Return the least and greatest height of an element's vertices above each facet's plane."""
+        owner, corner = spread(first_corner[other], corners[other])
+        height = np.einsum("ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]])
+        begin = np.concatenate([[0], np.cumsum(corners[other])])[:-1]
+        return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
+
+    bulge = np.concatenate(
+        [
+            heights(part, facets.element[part])[1]
+            for part in np.array_split(np.arange(len(facets)), 1 + len(facets) // 50_000)
+        ]
+    )
+    convex = np.maximum.reduceat(bulge, start) <= tolerances.FACE * span
+    both = convex[a] & convex[b]
+    found = []
+    a, b, reach = a[both], b[both], reach[both]
+    for part in np.array_split(np.arange(len(a)), 1 + len(a) // 10_000):
+        apart = np.zeros(len(part), dtype=bool)
+        for one, two in ((a[part], b[part]), (b[part], a[part])):
+            if len(part):
+                owner, facet = spread(start[one], count[one])
+                lowest = heights(facet, two[owner])[0]
+                apart |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
+        for index in part[~apart].tolist():
+            planes = np.flatnonzero((facets.element == a[index]) | (facets.element == b[index]))
+            radius, place = _ball(facets, planes)
+            if radius > 0.5 * reach[index]:
+                found.append(Overlap(ids[a[index]], ids[b[index]], 2.0 * radius, place))
+    refuse_overlaps(found, "elements that touch along faces at the most")
+
+
+def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
+    """Return radius and centre of the largest ball behind all planes.
+
+    The radius is negative where no such ball exists.
+    """
+    normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
+    behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
+    rows = np.column_stack([normal, np.ones(len(planes))])
+    from scipy.optimize import linprog  # loaded on first use: it takes longer than reading most scenes
+
+    answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=behind, bounds=[(None, None)] * 4)
+    place = middle if answer.x is None else middle + answer.x[:3]
+    return -float(answer.fun or 0.0), np.asarray(place)
+
+
+def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
+    """Compute local frames and sections of plane contacts.
+
+    The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1.
+
+    contacts: the m contacts. Result: interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those
+    of other polygons are extents along e1 and e2. Sections are those of the area without its holes.
+
+    Source: docs/method.md (1.2), (2.2).
+    """
+    count = len(contacts)
+    normal = np.array([c.normal for c in contacts]).reshape(-1, 3)
+    polygons = [measures.keyhole(c.polygon, c.holes) for c in contacts]
+    solid = np.array([not c.holes for c in contacts], dtype=bool)
+    e1, rectangle = np.empty((count, 3)), np.zeros(count, dtype=bool)
+    plain = measures.without_idle_corners([c.polygon for c in contacts], tolerances.FACE)
+    for chosen, stack in measures.by_corner_count(plain):
+        e1[chosen] = longest_edge(stack)
+        rectangle[chosen] = measures.is_rectangle(stack, tolerances.FACE) & solid[chosen]
+    e1 = unit_vectors(e1 - np.einsum("ij,ij->i", e1, normal)[:, None] * normal)
+    e2 = np.cross(normal, e1)
+    origin = np.empty((count, 3))
+    l1, l2, area, c_t = (np.empty(count) for _ in range(4))
+    for chosen, stack in measures.by_corner_count(polygons):
+        base = stack[:, :1]
+        frame = np.stack([e1[chosen], e2[chosen], normal[chosen]], axis=1)
+        local = np.einsum("nkj,nij->nki", stack - base, frame)
+        signed = measures.area(local[..., :2])
+        turned = signed < 0.0
+        local[turned] = local[turned][:, ::-1]
+        flat = local[..., :2]
+        middle = np.column_stack([measures.centroid(flat), local[..., 2].mean(axis=1)])
+        origin[chosen] = base[:, 0] + np.einsum("ni,nij->nj", middle, frame)
+        area[chosen] = np.abs(signed)
+        c_t[chosen] = measures.torsion_length(flat)
+        l1[chosen], l2[chosen] = measures.sizes(flat).T
+        for index in chosen[turned]:
+            polygons[index] = polygons[index][::-1]
+    for chosen, stack in measures.by_corner_count([plain[i] for i in np.flatnonzero(rectangle)]):
+        which = np.flatnonzero(rectangle)[chosen]
+        one, two = (
+            stack[:, 1] - stack[:, 0] + stack[:, 2] - stack[:, 3],
+            stack[:, 2] - stack[:, 1] + stack[:, 3] - stack[:, 0],
+        )
+        along = np.abs(np.einsum("nj,nj->n", one, e1[which])) > np.abs(np.einsum("nj,nj->n", two, e1[which]))
+        first, second = 0.5 * np.linalg.norm(one, axis=1), 0.5 * np.linalg.norm(two, axis=1)
+        l1[which], l2[which] = np.where(along, first, second), np.where(along, second, first)
+        c_t[which] = measures.rectangle_torsion_length(l1[which], l2[which])
+    return Interfaces(
+        a=np.array([c.a for c in contacts], dtype=np.int64),
+        b=np.array([c.b for c in contacts], dtype=np.int64),
+        origin=origin,
+        normal=normal,
+        e1=e1,
+        e2=e2,
+        l1=l1,
+        l2=l2,
+        area=area,
+        c_t=c_t,
+        rectangle=rectangle,
+        polygon=tuple(polygons),
+    )

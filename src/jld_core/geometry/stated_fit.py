@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -12,10 +12,12 @@ import numpy as np
 import shapely
 
 from jld_core import tolerances
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
-from jld_core.geometry.overlay import area_of, intersections
-from jld_core.geometry.polygons import area
+from jld_core.geometry import outlines as measures
+from jld_core.geometry.clean_regions import area_of, intersections
+from jld_core.geometry.outlines import area
+from jld_core.geometry.polyhedra import FacetFrames, Facets, project, regions_in_planes, spread
 from jld_core.geometry.vectors import across
 
 _ALONG: Final = 0.95  # cosine of the angle between two normals from which a stated contact can lie on a face (18°)
@@ -173,3 +175,149 @@ def _cover(one: Floats, other: Floats) -> bool:
     axes = across(normal)
     regions = [area_of(shapely.Polygon((points - one[0]) @ axes.T)) for points in (one, other)]
     return bool(intersections(regions[:1], regions[1:])[0].area > reach * size)
+
+
+_NAMED: Final = 10  # largest number of pairs named in an error message
+_SHOWN: Final = 3  # largest number of pairs named in a warning
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Two elements that share an area or a volume.
+
+    a, b: names of the elements. depth: depth of the overlap, length. place: (d,) a point of the overlap.
+    """
+
+    a: str
+    b: str
+    depth: float
+    place: Floats
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """Two elements with faces that nearly touch.
+
+    a, b: indices of the elements. gap: largest distance of the faces, length. place: (d,) a point between them.
+    angle: between faces that touch at one end and open towards the other, degrees; else 0.
+    """
+
+    a: int
+    b: int
+    gap: float
+    place: Floats
+    angle: float = 0.0
+
+
+def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
+    """Raise InputError if elements overlap, naming up to ten pairs with depth and place.
+
+    pairs: overlaps found; nothing happens where there are none. expected: remedy, for the message.
+    """
+    if not pairs:
+        return
+    named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
+    first = pairs[0]
+    rest = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
+    more = len(pairs) - _NAMED
+    problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(rest) if rest else "")
+    problem += f" and {more} more pairs" if more > 0 else ""
+    deepest = max(pair.depth for pair in pairs)
+    raise InputError(
+        f"elements {first.a!r} and {first.b!r}", problem, f'{expected}, or a "tolerance" above {deepest:.2g}'
+    )
+
+
+def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
+    """Describe near misses in one sentence, with their number and the first places.
+
+    misses: near misses. ids: names of the elements. unit: unit of length.
+    """
+    if not misses:
+        return ()
+    shown = ", ".join(f"{ids[m.a]!r} and {ids[m.b]!r} {_gap(m, unit)}" for m in misses[:_SHOWN])
+    widest = max(miss.gap for miss in misses)
+    count = (
+        f"{len(misses)} pairs of faces nearly touch and are"
+        if len(misses) > 1
+        else "a pair of faces nearly touches and is"
+    )
+    more = ", …" if len(misses) > _SHOWN else ""
+    return (f'{count} not joined: {shown}{more}; "tolerance": {1.1 * widest:.2g} closes such gaps',)
+
+
+def _gap(miss: NearMiss, unit: str) -> str:
+    """Describe width and place of a gap, or of a joint that opens from one end."""
+    if miss.angle > 0.0:
+        return f"touch at one end and open by {miss.gap:.3g} {unit} ({miss.angle:.2g}°) at ({_point(miss.place)})"
+    return f"are {miss.gap:.3g} {unit} apart at ({_point(miss.place)})"
+
+
+def _point(place: Floats) -> str:
+    """Format the coordinates (d,) of a point, with more digits far from the origin."""
+    return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)
+
+
+def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
+    """Compute the unit normals of stated contacts, out of element a of each.
+
+    The stated polygon gives the direction. The face of a that it lies on only gives the sign.
+
+    polygons: corners of the m contacts in order, k ≥ 3. a: (m,) index of the first element of each contact. facets:
+    facets of all elements. where: maps the index of a contact to its key in the scene, for error messages. Returns (m,
+    3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
+    """
+    normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
+    for chosen, stack in measures.by_corner_count(polygons):
+        arm = stack - stack[:, :1]
+        vector = 0.5 * np.cross(arm, np.roll(arm, -1, axis=1)).sum(axis=1)
+        amount = np.linalg.norm(vector, axis=1)
+        extent = np.ptp(stack, axis=1).max(axis=1)
+        for index in chosen[~(2.0 * amount > tolerances.FACE * extent**2)][:1]:
+            raise InputError(f"{where(int(index))}.polygon", "it has no area", "three or more corners in order")
+        normal[chosen] = vector / amount[:, None]
+        height = np.abs(np.einsum("nkj,nj->nk", stack - stack.mean(axis=1)[:, None], normal[chosen])).max(axis=1)
+        for index in chosen[height > tolerances.FACE * extent][:1]:
+            raise InputError(f"{where(int(index))}.polygon", "its corners do not lie in a plane", "a plane polygon")
+        place[chosen], size[chosen] = stack.mean(axis=1), extent
+    return normal * _sides(normal, place, size, a, facets)[:, None]
+
+
+def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
+    """Return the sense (m,) of each contact's normal: +1 if it points out of element a, or −1.
+
+    The nearest face of a decides. normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts,
+    lengths. a: (m,) element of each contact.
+    """
+    count = np.bincount(facets.element)
+    start = np.concatenate([[0], np.cumsum(count)])[:-1]
+    owner, facet = spread(start[a], count[a])
+    cosine = np.einsum("ij,ij->i", normal[owner], facets.normal[facet])
+    off = np.abs(np.einsum("ij,ij->i", place[owner] - facets.origin[facet], facets.normal[facet]))
+    outside = np.maximum(facets.lower[facet] - place[owner], place[owner] - facets.upper[facet]).max(axis=1)
+    # A body may have faces of both directions in one plane: count the distance of the place from a face's box too.
+    far = np.where(np.abs(cosine) < 0.9, np.inf, off + np.maximum(outside, 0.0))
+    best = np.minimum.reduceat(far, np.concatenate([[0], np.cumsum(count[a])])[:-1])
+    close = far <= (best + tolerances.FACE * size)[owner]
+    vote = np.where(close & np.isfinite(far), np.sign(cosine), 0.0)
+    plus = np.bincount(owner, weights=np.maximum(vote, 0.0), minlength=len(a))
+    minus = np.bincount(owner, weights=np.maximum(-vote, 0.0), minlength=len(a))
+    side = np.where(plus >= minus, 1.0, -1.0)
+    unclear = np.flatnonzero((plus > 0.0) == (minus > 0.0)).tolist()
+    if not unclear:
+        return side
+    frames = FacetFrames.on(facets)
+    for index in unclear:
+        # Boxes are ambiguous here: measure distances to the faces themselves, of any direction if none is parallel.
+        rows = np.flatnonzero(owner == index)
+        distance = []
+        for row in rows:
+            which = facet[[row]]
+            spot = project(place[[index]], facets, frames, which)
+            region = regions_in_planes(facets, frames, which, which)[0]
+            distance.append(
+                off[row] + shapely.distance(region, shapely.Point(spot[0])) + size[index] * (1.0 - abs(cosine[row]))
+            )
+        nearest = rows[int(np.argmin(distance))]
+        side[index] = 1.0 if cosine[nearest] >= 0.0 else -1.0
+    return np.asarray(side)

@@ -33,28 +33,27 @@
 
 from __future__ import annotations
 
-from jld_core.limit.admissible import Motion, State
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import BatchAnalysis
-from jld_core.limit.bounds import Prover
-from jld_core.limit.brackets import exceeds, load_scale, relative_width
-from jld_core.limit.governing import CaseBounds, governing
+from jld_core.limit.bounds import Motion, Prover, State, exceeds, load_scale, relative_width
+from jld_core.limit.force_range import Settled
 from jld_core.limit.mechanism import displacement
-from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
 from jld_core.limit.options import (
     FIELD_SECONDS,
     FLOOR_SECONDS,
+    CaseBounds,
     Condense,
     Contacts,
+    EffectiveAreas,
     Friction,
     Model,
     SolveOptions,
+    Status,
+    ZeroDilation,
+    governing,
 )
 from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, Result, number, stands_in_words
-from jld_core.limit.result_building import governing_result, result_of
-from jld_core.limit.settlement import Settled
-from jld_core.limit.status import Status
+from jld_core.limit.result import LimitAnalysisResult, Result, governing_result, number, result_of, stands_in_words
 
 __all__ = [
     "FIELD_SECONDS",

@@ -13,18 +13,14 @@ from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.batch.rows import fits
-from jld_core.limit.admissible import State
 from jld_core.limit.batch_results import FACES_WHERE_BATCH_IS_FASTER
-from jld_core.limit.bounds import Prover
-from jld_core.limit.brackets import load_scale, relative_width
+from jld_core.limit.bounds import Prover, State, load_scale, relative_width
 from jld_core.limit.fallbacks import FALLBACKS, Fallback, run_fallbacks
-from jld_core.limit.options import Model
+from jld_core.limit.options import Model, Status
 from jld_core.limit.proof import Proof
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.limit.repair import Repair
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.result_building import result_of
-from jld_core.limit.status import Status
+from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.mechanics import InnerBending, require_materials, scaling_of, yield_set
 from jld_core.program import Template
 from jld_core.solvers import (

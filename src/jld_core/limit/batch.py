@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.batch.batch_solver import BatchSolver
-from jld_core.batch.verdicts import FALLS, LOCKED
+from jld_core.batch.batch_solver import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.brackets import crossed
-from jld_core.limit.status import Status
+from jld_core.limit.bounds import crossed
+from jld_core.limit.options import Status
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.batch.verdicts import LOCKED, BatchResults
-from jld_core.limit.admissible import Motion
-from jld_core.limit.bounds import Prover
+from jld_core.batch.batch_solver import LOCKED, BatchResults
+from jld_core.limit.bounds import Motion, Prover
 from jld_core.limit.proof import Proof
 
 FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)

@@ -2,15 +2,239 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.limit.block_parts import BlockParts, Q
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.batch.blocks import BlockColumns
+from jld_core.limit.bounds import Motion
+from jld_core.mechanics import YieldSet
 from jld_core.mechanics.yield_set import CoulombWedge
-from jld_core.program import ConicProgram, pack
+from jld_core.program import ConicProgram, Template, pack
+
+
+class BlockFaces(Protocol):
+    """Interface to the margins and dissipation of scaled jumps at faces under one label.
+
+    A face may occur several times, once for each block that it touches.
+    """
+
+    def margin(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the least slack (k,) of the conditions for finite dissipation of jumps.
+
+        jumps: (k, q). faces: (k,) index of the face of each jump.
+        """
+
+    def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the dissipation (k,) of jumps (k, q) with non-negative margin, at faces (k,)."""
+
+    def strength(self, faces: Ints) -> Floats:
+        """Return the largest growth (k,) of the dissipation of faces (k,) per unit of jump size."""
+
+
+@dataclass(frozen=True)
+class YieldSetFaces:
+    """Margins and dissipation at faces of any yield set under one label; see `BlockFaces`.
+
+    sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
+    """
+
+    sets: YieldSet
+    dry: bool
+    strengths: Floats
+
+    @classmethod
+    def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
+        """Create the faces of a template under one label.
+
+        dry: True for the dry label, False for the inner one.
+        """
+        labels = np.full(len(template.assembly.interfaces), dry)
+        return cls(template.yield_set, dry, template.yield_set.strength(labels))
+
+    def margin(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the margins (k,) of jumps (k, q) at faces (k,), see `BlockFaces.margin`."""
+        return self._each(self.sets.margin, jumps, faces)
+
+    def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the dissipation (k,) of jumps (k, q) at faces (k,), see `BlockFaces.dissipation`."""
+        return self._each(self.sets.dissipation, jumps, faces)
+
+    def strength(self, faces: Ints) -> Floats:
+        """Return the strengths (k,) of faces (k,), see `BlockFaces.strength`."""
+        return np.asarray(self.strengths[faces])
+
+    def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
+        """Evaluate a margin or dissipation of jumps (k, q) at faces (k,).
+
+        measure: function of jumps (m, q) and labels (m,). It evaluates all faces at once, so every pass holds at most
+        one jump per face.
+        """
+        found = np.empty(len(faces))
+        count = len(self.strengths)
+        labels = np.full(count, self.dry)
+        order = np.argsort(faces, kind="stable")
+        turn = np.arange(len(faces)) - np.searchsorted(faces[order], faces[order])
+        for each in range(int(turn.max(initial=-1)) + 1):
+            here = order[turn == each]
+            table = np.zeros((count, jumps.shape[1]))
+            table[faces[here]] = jumps[here]
+            found[here] = measure(table, labels)[faces[here]]
+        return found
+
+
+Q: Final = 3
+"""Number of equations per element, and of resultants per face, in planar assemblies; spatial ones have 6."""
+
+
+@dataclass(frozen=True)
+class BlockParts:
+    """Struct of arrays over the parts, sides and joints of p possible blocks.
+
+    All values are scaled as in `Template`. A part is an element of a block. A side is a part and a face around its
+    block. A joint is a face inside a block. Counts: k parts, s sides, j joints, n free elements, f faces between two
+    free elements; q = 3, in space 6.
+
+    blocks, elements, shared: counts p, n and f. part_block, part_element: (k,) block of each part, and index of its
+    element among the free elements. side_part, side_face, side_block: (s,) part, face and block of each side.
+    side_shared: (s,) index of the side's face among the f shared faces; −1 where the other side is a support. sign:
+    (s,) 1 where the part is element a of its face, −1 where it is element b. arm: (s, q, q) matrix from the resultants
+    of the face to the equilibrium of the part. joint_block, joint_face: (j,) block and face of each joint. joint_a,
+    joint_b: (j,) parts on either side of each joint. arm_a, arm_b: (j, q, q) matrices from the resultants of the joint
+    to the equilibrium of both parts. dead, live: (k, q) loads on the parts.
+    """
+
+    blocks: int
+    elements: int
+    shared: int
+    part_block: Ints
+    part_element: Ints
+    side_part: Ints
+    side_face: Ints
+    side_block: Ints
+    side_shared: Ints
+    sign: Floats
+    arm: Floats
+    joint_block: Ints
+    joint_face: Ints
+    joint_a: Ints
+    joint_b: Ints
+    arm_a: Floats
+    arm_b: Floats
+    dead: Floats
+    live: Floats
+
+    def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
+        """Compute half jumps (s, q) at the sides and jumps (j, q) at the joints.
+
+        A half jump is the jump between a part and the face beside it, which has a velocity of its own. velocity: (k, q)
+        of the parts. wall: (f, q) of the shared faces; those to supports do not move.
+        """
+        still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # Index −1 stands for supports, which do not move.
+        half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
+        inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
+        inner += np.einsum("kij,ki->kj", self.arm_b, velocity[self.joint_b])
+        return half, inner
+
+    def own(self, velocity: Floats) -> Floats:
+        """Compute the half jumps (s, q) at the sides while all faces stand still.
+
+        velocity: (k, q) of the parts.
+        """
+        return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
+
+    def halved(self, motion: Motion) -> tuple[Floats, Floats]:
+        """Convert a motion to velocities of parts (k, q) and of shared faces (f, q).
+
+        Each face moves halfway between its two sides. motion: of the whole assembly, scaled.
+        """
+        q = self.dead.shape[1]
+        velocity = motion.velocity.reshape(-1, q)[self.part_element]
+        wall, known = np.zeros((self.shared, q)), self.side_shared >= 0
+        away = self.sign[:, None] * (0.5 * motion.jumps[self.side_face] - self.own(velocity))
+        wall[self.side_shared[known]] = away[known]
+        return velocity, wall
+
+    def speed(self, velocity: Floats) -> Floats:
+        """Return the sum of the absolute terms (j,) of the jump at each joint.
+
+        It bounds the rounding error of the jump. velocity: (k, q) of the parts.
+        """
+        size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
+        return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
+
+
+def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
+    """Create the parts, sides and joints of possible blocks.
+
+    template: supplies the assembly, the equilibrium matrix and the loads. members: elements of each block. inside:
+    faces inside each block. Result: parts in the order of blocks and of their elements.
+    """
+    assembly = template.assembly
+    q = assembly.freedoms
+    free, faces = assembly.elements.free, assembly.interfaces
+    place = np.full(len(assembly.elements), -1, dtype=np.int64)
+    place[free] = np.arange(len(free))
+    around: dict[int, list[int]] = {int(e): [] for e in free}
+    for face, pair in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
+        for e in pair:
+            if e in around:
+                around[e].append(face)
+    parts: list[tuple[int, int]] = []
+    sides: list[tuple[int, int]] = []
+    joints: list[tuple[int, int, int, int]] = []
+    for p, (elements, within) in enumerate(zip(members, inside, strict=True)):
+        number = {e: len(parts) + i for i, e in enumerate(elements)}
+        parts += [(p, int(place[e])) for e in elements]
+        hidden = set(within)
+        sides += [(number[e], face) for e in elements for face in around[e] if face not in hidden]
+        joints += [(p, face, number[int(faces.a[face])], number[int(faces.b[face])]) for face in within]
+    part_block, part_element = np.array(parts, dtype=np.int64).reshape(-1, 2).T
+    side_part, side_face = np.array(sides, dtype=np.int64).reshape(-1, 2).T
+    joint_block, joint_face, joint_a, joint_b = np.array(joints, dtype=np.int64).reshape(-1, 4).T
+    both = (place[faces.a] >= 0) & (place[faces.b] >= 0)
+    shared = np.full(len(faces), -1, dtype=np.int64)
+    shared[both] = np.arange(int(both.sum()))
+    matrix = sp.csr_array(template.matrix)
+    return BlockParts(
+        blocks=len(members),
+        elements=len(free),
+        shared=int(both.sum()),
+        part_block=part_block,
+        part_element=part_element,
+        side_part=side_part,
+        side_face=side_face,
+        side_block=part_block[side_part],
+        side_shared=shared[side_face],
+        sign=np.where(place[faces.a[side_face]] == part_element[side_part], 1.0, -1.0),
+        arm=_arms(matrix, part_element[side_part], side_face, q),
+        joint_block=joint_block,
+        joint_face=joint_face,
+        joint_a=joint_a,
+        joint_b=joint_b,
+        arm_a=_arms(matrix, part_element[joint_a], joint_face, q),
+        arm_b=_arms(matrix, part_element[joint_b], joint_face, q),
+        dead=template.dead.reshape(-1, q)[part_element],
+        live=template.live.reshape(-1, q)[part_element],
+    )
+
+
+def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
+    """Return the matrices (k, q, q) from resultants of faces to the equilibrium of elements.
+
+    matrix: scaled A_eq. element, face: (k,) pairs; elements are indices among the free elements.
+    """
+    if not len(element):
+        return np.zeros((0, q, q))
+    rows = (q * element[:, None] + np.arange(q))[:, :, None]
+    columns = (q * face[:, None] + np.arange(q))[:, None, :]
+    rows, columns = np.broadcast_arrays(rows, columns)
+    return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, q, q)
+
 
 LEAST: Final = 0.5
 """Share of the threshold that the λ of every block must reach.
@@ -231,3 +455,279 @@ class SparseEntries:
         """Return row indices, column indices and values (nnz,) of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+Column = tuple[list[int], list[float]]
+"""Rows and values of the entries of one column."""
+
+
+def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
+    """Create the columns of every possible block, in the form that the batch solver takes.
+
+    Shared rows: three for each shared face, then three for each element, namely its cover, its share of λ, and one
+    unused. parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either
+    label. The result is None where a joint has no shear strength without compression.
+    """
+    if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
+        return None
+    of_part, of_side, of_joint = (
+        np.split(np.arange(len(block)), np.searchsorted(block, np.arange(1, parts.blocks)))
+        for block in (parts.part_block, parts.side_block, parts.joint_block)
+    )
+    return [_Block(parts, dry, inner, *lists).columns() for lists in zip(of_part, of_side, of_joint, strict=True)]
+
+
+class _Block:
+    """Builder of the columns of one block.
+
+    own, sides, joints: indices of its parts (k,), sides (s,) and joints (j,) in `BlockParts`.
+    """
+
+    def __init__(
+        self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, own: Ints, sides: Ints, joints: Ints
+    ) -> None:
+        self._parts, self._dry, self._inner = parts, dry, inner
+        self._own, self._sides, self._joints = own, sides, joints
+        self._place = {int(k): Q * i for i, k in enumerate(own)}
+        cohesive = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
+        self._cohesive = {int(s): Q * len(own) + i for i, s in enumerate(cohesive)}
+        self._bent = {int(j): Q * len(own) + len(cohesive) + i for i, j in enumerate(joints)}
+        self._rows = Q * len(own) + len(cohesive) + len(joints)
+        shared = sorted({int(f) for f in parts.side_shared[sides] if f >= 0})
+        elements = [int(e) for e in parts.part_element[own]]
+        rows = [Q * f + k for f in shared for k in range(Q)]
+        rows += [Q * (parts.shared + e) + k for e in elements for k in (0, 1)]
+        self._shared = {row: self._rows + i for i, row in enumerate(rows)}
+        self._columns: list[Column] = []
+
+    def columns(self) -> BlockColumns:
+        """Create the columns of the block: those of each side, then those of each joint."""
+        parts = self._parts
+        for side in self._sides.tolist():
+            self._add_side(side)
+        total = self._rows + len(self._shared)
+        of_x, of_load = np.zeros(total), np.zeros(total)
+        for part in self._own.tolist():
+            at, element = self._place[part], Q * (parts.shared + int(parts.part_element[part]))
+            of_x[at : at + Q] += parts.dead[part]
+            of_load[at : at + Q] += parts.live[part]
+            of_x[self._shared[element]] = 1.0
+            of_load[self._shared[element + 1]] = 1.0
+        for joint in self._joints.tolist():
+            self._add_joint(joint, of_x)
+        for row in (*self._cohesive.values(), *self._bent.values()):
+            of_x[row] = -1.0
+        columns = tuple((np.array(rows, dtype=np.int64), np.array(values)) for rows, values in self._columns)
+        return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
+
+    def _add_side(self, side: int) -> None:
+        """Add the columns of a dry side: normalised rays, and shear ±c if it has cohesion.
+
+        side: index in `BlockParts`.
+        """
+        face = int(self._parts.side_face[side])
+        mu = float(self._dry.friction[face])
+        size = max(1.0, mu)
+        for slip, tip in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            self._push(side, np.array([1.0 / size, slip * mu / size, tip / size]))
+        if side in self._cohesive:
+            for sign in (1.0, -1.0):
+                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._cohesive[side])
+
+    def _push(self, side: int, force: Floats, row: int | None = None) -> None:
+        """Add the column of a force at a side: its part in equilibrium and on the shared face.
+
+        side: index in `BlockParts`. force: (3,) resultants. row: row that also gets an entry 1; None for none.
+        """
+        parts = self._parts
+        at = self._place[int(parts.side_part[side])]
+        found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
+        face = int(parts.side_shared[side])
+        if face >= 0:
+            known = self._shared[Q * face]
+            found += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
+        self._keep(found, row)
+
+    def _add_joint(self, joint: int, of_x: Floats) -> None:
+        """Add the columns of a joint, an inner face of the block.
+
+        They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
+        whose entries are `of_x`.
+        """
+        inner, face = self._inner, int(self._parts.joint_face[joint])
+        lean, mu = 1.0 / inner.bending, float(inner.friction[face])
+        strength = float(inner.cohesion[face] - mu * inner.tension[face])
+        for slip in (1.0, -1.0) if mu > 0.0 else (0.0,):
+            for tip in (lean, -lean):
+                self._keep(self._bending(joint, np.array([1.0, slip * mu, tip])))
+        for sign in (1.0, -1.0):
+            self._keep(self._bending(joint, np.array([0.0, sign * strength, 0.0])), self._bent[joint])
+        for row, value in self._bending(joint, np.array([-float(inner.tension[face]), 0.0, 0.0])):
+            of_x[row] += value
+
+    def _bending(self, joint: int, force: Floats) -> list[tuple[int, float]]:
+        """Return the entries (row, value) of a force at a joint in the equilibrium of both parts."""
+        parts = self._parts
+        ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
+        found: dict[int, float] = {}
+        for part, arm in ends:
+            at = self._place[int(part[joint])]
+            for k, value in enumerate((arm[joint] @ force).tolist()):
+                found[at + k] = found.get(at + k, 0.0) + value
+        return list(found.items())
+
+    def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
+        """Store a column without its zero entries.
+
+        found: entries (row, value) of the column. row: row that also gets an entry 1; None for none.
+        """
+        found = sorted([*found, *([] if row is None else [(row, 1.0)])])
+        found = [(at, value) for at, value in found if value != 0.0]
+        self._columns.append(([at for at, _ in found], [value for _, value in found]))
+
+
+@dataclass(frozen=True)
+class _Copies:
+    """Copies of faces under one label, each for one block that the face touches.
+
+    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) True if a
+    resultant is used.
+    """
+
+    face: Ints
+    block: Ints
+    column: Ints
+    active: Bools
+
+
+class ConeProgram(AllBlocksProgram):
+    """Program min −λ of the block relaxation for any yield set.
+
+    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; resultants and extra variables of each side,
+    then of each joint; λ of each block times x; λ. Rows: cover of every element, equal shares of λ, equal forces on
+    shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`,
+    `equal_forces`, `balance`: as in `BlockProgram`.
+
+    template: scaled programs of one assembly. parts: parts, sides and joints of the possible blocks. Raises TypeError
+    if cones have different sizes.
+    """
+
+    def __init__(self, template: Template, parts: BlockParts) -> None:
+        self._template, self._parts, self._entries = template, parts, SparseEntries()
+        pattern, q = template.yield_set.pattern, template.assembly.freedoms
+        count = len(template.assembly.interfaces)
+        every = np.ones(count, dtype=bool)
+        p, n = np.arange(parts.blocks), parts.elements
+        columns, rows = OwnedIndices(), OwnedIndices()
+        self.x = columns.of(p)
+        self._own_columns = _lists(pattern.face, pattern.column, count, q)
+        sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(every))
+        joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~every))
+        own = columns.of(p)
+        load = columns.append_unowned(1)
+        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
+        self.equal_forces = rows.append_unowned(q * parts.shared).reshape(-1, q)
+        self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
+        self._equalities = len(rows)
+
+        add, vectors = self._entries.add, self._entries.add_vectors
+        add(self.cover[parts.part_element], parts.part_block, 1.0)
+        add(self.share[parts.part_element], own[parts.part_block], 1.0)
+        add(self.share, np.repeat(load, n), -1.0)
+        vectors(self.balance, parts.part_block, parts.dead)
+        vectors(self.balance, own[parts.part_block], parts.live)
+        for copies, part, arm in (
+            (sides, parts.side_part, parts.arm),
+            (joints, parts.joint_a, parts.arm_a),
+            (joints, parts.joint_b, parts.arm_b),
+        ):
+            for turn in range(q):
+                vectors(self.balance[part], copies.column[:, turn], arm[:, :, turn] * copies.active[:, turn, None])
+        known = np.flatnonzero(parts.side_shared >= 0)
+        meets = self.equal_forces[parts.side_shared[known]]
+        add(
+            meets.ravel(),
+            sides.column[known].ravel(),
+            (parts.sign[known, None] * sides.active[known]).ravel(),
+        )
+        most, least, above_zero = rows.of(p), rows.of(p), rows.of(np.concatenate([p, p]))
+        add(most, own, 1.0)
+        self._most = add(most, self.x, -1.0)
+        add(least, own, -1.0)
+        self._least = add(least, self.x, 1.0)
+        add(above_zero, np.concatenate([self.x, own]), -1.0)
+        for linear in (True, False):
+            for copies, dry in ((sides, True), (joints, False)):
+                self._sets(rows, copies, dry=dry, linear=linear)
+            if linear:
+                self._linear = len(rows)
+        self.shape = len(rows), len(columns)
+        self._rhs = np.zeros(len(rows))
+        self._rhs[self.cover] = 1.0
+        self._table = self._entries.arrays()
+        self._row_block, self._column_block = rows.owner, columns.owner
+        sizes = set(pattern.cones)
+        if len(sizes) > 1:
+            raise TypeError("cones of more than one size")
+        self._cone = sizes.pop() if sizes else 1
+
+    def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
+        """Create the columns of copies of faces (k,), each for one block.
+
+        They are the resultants, and the extra variables of those faces. columns: receives them. face, block: (k,) face
+        and block of each copy. active: (m, q) True for resultants that are used.
+        """
+        q = self._template.assembly.freedoms
+        number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
+        given = columns.of(np.repeat(block, number))
+        begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
+        # The resultants come first among the columns of a face.
+        return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
+
+    def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
+        """Add the yield rows h x − G F of copies of faces: either the linear rows or the cones.
+
+        h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
+        resultants. rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear:
+        True for linear rows.
+        """
+        pattern = self._template.yield_set.pattern
+        count = len(self._template.assembly.interfaces)
+        values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
+        wanted = (np.arange(len(rhs)) < pattern.linear) == linear
+        if linear:  # Leave out rows that this label does not use.
+            wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
+        own_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
+        place_row = np.zeros(len(rhs), dtype=np.int64)
+        place_column: dict[int, int] = {}
+        for listed in own_rows:
+            place_row[listed] = np.arange(len(listed))
+        for listed in self._own_columns:
+            place_column |= {int(column): k for k, column in enumerate(listed)}
+        used = wanted[pattern.row] & (values != 0.0)
+        entries = _lists(pattern.face[used], np.flatnonzero(used), count)
+        number = np.array([len(one) for one in own_rows], dtype=np.int64)[copies.face]
+        given = rows.of(np.repeat(copies.block, number))
+        begin = (given[0] if len(given) else 0) + np.cumsum(number) - number
+        local = np.array([place_column[int(column)] for column in pattern.column], dtype=np.int64)
+        for face in np.unique(copies.face).tolist():
+            mine = np.flatnonzero(copies.face == face)
+            which, own = entries[face], own_rows[face]
+            row = begin[mine][:, None] + place_row[pattern.row[which]]
+            column = copies.column[mine, 0][:, None] + local[which]
+            self._entries.add(row.ravel(), column.ravel(), np.tile(values[which], len(mine)))
+            tall = own[rhs[own] != 0.0]
+            row = begin[mine][:, None] + place_row[tall]
+            self._entries.add(row.ravel(), np.repeat(copies.block[mine], len(tall)), np.tile(-rhs[tall], len(mine)))
+
+
+def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
+    """Group integer values by face: for each face its distinct values (k,), ascending.
+
+    face, value: (pairs,) a face and a value that belongs to it. count: number of faces. freedoms: number of resultants
+    per face. If above 0, the values of face f also include the indices freedoms · f to freedoms · (f + 1) − 1.
+    """
+    face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
+    value = np.concatenate([value, np.arange(count * freedoms)])
+    pairs = np.unique(np.column_stack([face, value]), axis=0)
+    return np.split(pairs[:, 1], np.searchsorted(pairs[:, 0], np.arange(1, count)))

@@ -9,11 +9,10 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.limit.admissible import Motion
 from jld_core.limit.auxiliary_programs import (
     interior_motion,
 )
-from jld_core.limit.bounds import Prover
+from jld_core.limit.bounds import Motion, Prover
 from jld_core.program import Template
 from jld_core.strengths import Route
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
@@ -163,3 +165,257 @@ def _is_number(value: object) -> bool:
 def _shown(value: object) -> str:
     """Return a number in short, and any other object as Python writes it."""
     return f"{value:g}" if _is_number(value) else repr(value)
+
+
+@dataclass(frozen=True)
+class ZeroDilation:
+    """Evidence that a solution without dilation was found, and the range of such solutions.
+
+    λ is not unique without dilation. The fields from `lowest_found` on are None unless the range was computed
+    (`range=True`). Load factors are in scene units.
+
+    Attributes
+    ----------
+    associative_load_factor : float or None
+        λ with associative friction: the only upper bound on every solution. None where there is none.
+    friction_violation : float or None
+        max(|V| − μN)⁺ / max N over dry faces; None if no solution was found.
+    complementarity_gap : float or None
+        Complementarity gap divided by the dissipation; None if no solution was found.
+    dilation : float or None
+        Largest opening of faces in compression divided by the largest slip; None if no solution was found.
+    converged : bool
+        True if the search ended with a solution.
+    iterations : int
+        Number of programs solved in the search.
+    lowest_found, highest_found : float or None
+        Lowest and highest λ of certified solutions.
+    solutions_found : int or None
+        Number of certified solutions with different λ.
+    lowest_proven : float or None
+        Proven lower bound on λ of all solutions with λ ≥ 0; None without a bound above zero.
+    lowest_bound : float or None
+        Highest lower bound, which may depend on a solver.
+    bound_tolerance : float or None
+        Relative tolerance to which `lowest_bound` depends on a solver.
+    proven : bool or None
+        True if `lowest_bound` is proven.
+    closed : bool or None
+        True if `lowest_bound` meets `lowest_found` within 1e-6.
+    """
+
+    associative_load_factor: float | None
+    friction_violation: float | None
+    complementarity_gap: float | None
+    dilation: float | None
+    converged: bool
+    iterations: int
+    lowest_found: float | None = None
+    highest_found: float | None = None
+    solutions_found: int | None = None
+    lowest_proven: float | None = None
+    lowest_bound: float | None = None
+    bound_tolerance: float | None = None
+    proven: bool | None = None
+    closed: bool | None = None
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> ZeroDilation | None:
+        """Return the evidence in the facts of a result; None for associative friction.
+
+        Parameters
+        ----------
+        facts : mapping of str to object
+            Facts of the model, as in the JSON output and in `LimitAnalysisResult.facts`.
+        """
+        if "complementarity_gap" not in facts:
+            return None
+        named = {name: facts[name] for name in cls.__dataclass_fields__ if name in facts}
+        return cls(**named, iterations=facts["zero_dilation_iterations"])
+
+
+@dataclass(frozen=True)
+class EffectiveAreas:
+    """Agreement of the torsion limits of dry faces with their areas in compression.
+
+    Attributes
+    ----------
+    change : float or None
+        Largest change of effective areas from those assumed in the proof to those under the forces found. It is the
+        change of c_T,e / c_T or of x / c_T, see docs/method.md (2.14); 0 at a proven fixed point. None without forces.
+    load_factor_whole_faces : float or None
+        λ with torsion on whole faces, scene units; None where there is none.
+    """
+
+    change: float | None
+    load_factor_whole_faces: float | None
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> EffectiveAreas | None:
+        """Return the convergence in the facts of a result; None without effective areas.
+
+        Parameters
+        ----------
+        facts : mapping of str to object
+            Facts of the model, as in the JSON output.
+        """
+        if "effective_area" not in facts:
+            return None
+        areas = facts["effective_area"]
+        return cls(None if areas is None else areas["fixed_point"], facts.get("load_factor_whole_faces"))
+
+
+class Status(StrEnum):
+    """Outcome of a limit analysis, backed by a proof where it is conclusive.
+
+    Attributes
+    ----------
+    COLLAPSE
+        Both bounds on λ are proven.
+    LOCKED
+        Every larger λ is admissible, by proof (docs/method.md (3.14)).
+    UNSTABLE
+        No λ ≥ 0 is admissible, by proof (docs/method.md (3.15)).
+    UNCERTIFIED
+        A bound is missing.
+    FAILED
+        The analysis ended without a result.
+    """
+
+    COLLAPSE = "collapse"
+    LOCKED = "locked"
+    UNSTABLE = "unstable"
+    UNCERTIFIED = "uncertified"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class CaseBounds:
+    """Status and bounds of one load case.
+
+    Attributes
+    ----------
+    status : Status
+        Outcome of the case.
+    low, high : float
+        Proven bounds on λ; NaN where a bound is missing.
+    load_factor : float
+        λ of the case; NaN where there is none.
+    """
+
+    status: Status
+    low: float
+    high: float
+    load_factor: float
+
+
+@dataclass(frozen=True)
+class Governing:
+    """Status and bounds of the governing factor of a structure.
+
+    status: outcome of the structure. low, high: proven bounds on the governing factor; NaN where a bound is missing.
+    load_factor: governing factor; NaN where there is none. case: index of the governing case. Of several cases with
+    overlapping brackets it is the first. Two solution methods that find the same λ thus name the same case.
+    """
+
+    status: Status
+    low: float
+    high: float
+    load_factor: float
+    case: int
+
+
+def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governing:
+    """Compute the governing factor of a labelling from the bounds of its load cases.
+
+    The first of these statuses that applies counts: failed if any case is, unstable if any case is, locked if all cases
+    are, collapse if both bounds are known and the case of least lower bound has this status or lacks an upper bound,
+    uncertified. A locked case carries any load and never governs. The lower bound is the least of all cases,
+    missing if one case has none. The upper bound is the least of those that are known.
+
+    Parameters
+    ----------
+    cases : sequence of CaseBounds
+        Status and bounds of each case; at least one.
+    required : sequence of float
+        Required factor of each case.
+
+    Returns
+    -------
+    Governing
+        Status, bounds, value and index of the governing case.
+    """
+    nan, inf = math.nan, math.inf
+    for status in (Status.FAILED, Status.UNSTABLE):
+        for position, case in enumerate(cases):
+            if case.status is status:
+                return Governing(status, nan, nan, nan, position)
+    lows, highs, values = [], [], []
+    for case, factor in zip(cases, required, strict=True):
+        locked = case.status is Status.LOCKED
+        lows.append(inf if locked else -inf if math.isnan(case.low) else case.low / factor)
+        highs.append(inf if locked or math.isnan(case.high) else case.high / factor)
+        values.append(inf if locked else nan if math.isnan(case.load_factor) else case.load_factor / factor)
+    if all(case.status is Status.LOCKED for case in cases):
+        least = [case.low / factor for case, factor in zip(cases, required, strict=True)]
+        position = min(range(len(cases)), key=lambda k: math.inf if math.isnan(least[k]) else least[k])
+        return Governing(Status.LOCKED, least[position], nan, nan, position)
+    first = min(range(len(cases)), key=lambda k: (lows[k], highs[k]))
+    position = min(range(len(cases)), key=lambda k: (highs[k], lows[k]))
+    low, high = lows[first], highs[position]
+    proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
+    if proven[first] and math.isfinite(low) and math.isfinite(high):
+        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high)
+        value = min((value for value in values if not math.isnan(value)), default=low)
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike))
+    known = [value for value in values if not math.isnan(value)]
+    both = math.isfinite(low) and math.isfinite(high)
+    guess = 0.5 * (low + high) if both else min(known, default=nan)
+    if not math.isfinite(guess):
+        guess = nan
+    return Governing(
+        Status.UNCERTIFIED, low if math.isfinite(low) else nan, high if math.isfinite(high) else nan, guess, position
+    )
+
+
+def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
+    """Explain which bound of a result is missing, and why, or how far its bounds are apart.
+
+    status: outcome of the analysis. bracket: (float, float) lower and upper bound, NaN where missing. gap: relative
+    width of the bracket. gap_limit: relative width that was aimed at. extra: further facts of the model, as in the JSON
+    output. Result: one sentence without a full stop; "" where nothing is missing and the bracket is as narrow as asked.
+    """
+    apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
+    if status is not Status.UNCERTIFIED:
+        return apart if status is Status.COLLAPSE and gap > gap_limit else ""
+    low, high = (math.isfinite(end) for end in bracket)
+    lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
+    upper = (
+        f"no upper bound: no mechanism was found whose jumps all faces allow, within rounding ({tolerances.EXACT:.0e})"
+    )
+    areas = extra.get("effective_area")
+    if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
+        at = f", most at face {areas['face']}" if "face" in areas else ""
+        change, least = areas["fixed_point"], tolerances.FIXED_POINT
+        return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {least:.0e})"
+    if isinstance(areas, dict) and "above" in areas:
+        above = areas["above"]
+        stays = f"stays {above:.1e} above the forces (asked {gap_limit:.0e})"
+        return f"effective areas: the bound of the frozen areas {stays}"
+    if "effective_area" in extra and areas is None:
+        return (
+            "effective areas: with whole faces no forces are in balance at any λ, so that there are none to begin from"
+        )
+    if not low and not high:
+        return f"{lower}; {upper}"
+    if not low:
+        return lower
+    if not high and isinstance(areas, dict):
+        return f"{upper}, nor forces that grow without end within the effective areas they ask for"
+    if not high:
+        return upper
+    if isinstance(areas, dict) and gap <= gap_limit:
+        return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"
+    if gap <= gap_limit:
+        return "the evidence that this model asks for is missing, see the numbers beside λ"
+    return apart

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from jld_core import tolerances
-from jld_core.limit.admissible import Motion, State
-from jld_core.limit.brackets import relative_width
-from jld_core.limit.status import Status
+from jld_core.limit.bounds import Motion, State, relative_width
+from jld_core.limit.options import Status
 
 
 @dataclass

@@ -11,7 +11,6 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit.admissible import Motion, State
 from jld_core.limit.auxiliary_programs import (
     largest_slack_program,
     largest_support,
@@ -22,11 +21,10 @@ from jld_core.limit.auxiliary_programs import (
     slack_rows,
     without_small_components,
 )
-from jld_core.limit.bounds import Prover
-from jld_core.limit.equilibrium import usable
-from jld_core.limit.facial_reduction import FacialReduction
+from jld_core.limit.bounds import Motion, Prover, State
+from jld_core.limit.facial_reduction import FacialReduction, SelfStress
 from jld_core.limit.opening_motions import OpeningMotions
-from jld_core.limit.self_stress import SelfStress
+from jld_core.limit.reduced_rows import usable
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.member_results import members_to_json
-from jld_core.limit.model_facts import EffectiveAreas, ZeroDilation
-from jld_core.limit.options import SolveOptions
-from jld_core.limit.reasons import reason_of
-from jld_core.limit.status import Status
+from jld_core.geometry import spun
+from jld_core.limit.bounds import load_scale, relative_width
+from jld_core.limit.options import CaseBounds, EffectiveAreas, SolveOptions, Status, ZeroDilation, governing, reason_of
+from jld_core.limit.proof import Proof
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_short, cracks_to_json
 
 if TYPE_CHECKING:
@@ -23,6 +23,88 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jld_core.scene.cracks import CrackModel
+
+
+def without_idle(assembly: Assembly, forces: Floats) -> Floats:
+    """Set the resultants that a member cannot carry to zero, and subtract the bond from N.
+
+    forces: (m, q) resultants, scene units; the result has the same shape. A bar carries only axial force; a pin carries
+    shear, and axial force only where it states a capacity. The program leaves the other numbers free. Bond is the
+    constant force of joints with tensile strength.
+    """
+    members, found = assembly.members, forces
+    if members.bond is not None:
+        found = forces.copy()
+        found[: assembly.faces, 0] -= members.bond
+    for k in np.flatnonzero(members.face >= 0).tolist():
+        found = forces.copy() if found is forces else found
+        row = found[members.face[k]]
+        if not members.axial[k]:
+            row[0] = 0.0
+        row[1 if members.kinds[k] != "pin" else assembly.dimension :] = 0.0
+    return found
+
+
+def elongations(assembly: Assembly, velocity: Floats) -> Floats:
+    """Return the rates of elongation (k,) of all members in a mechanism.
+
+    velocity: (n, q) velocities of the elements about their centroids, in any unit; the result has the same unit.
+    """
+    d, centroid = assembly.dimension, assembly.elements.centroid
+    rates = []
+    for k in range(len(assembly.members)):
+        held, points, forces = assembly.members.push(k)
+        moves = velocity[held, :d] + spun(velocity[held, d:], points - centroid[held])
+        rates.append(float(np.einsum("ij,ij->", forces, moves)))
+    return np.array(rates)
+
+
+def tensions(assembly: Assembly, forces: Floats) -> Floats:
+    """Return the tension (k,) of all members with prestress; compression is negative.
+
+    forces: (m, q) resultants, scene units, as is the result.
+    """
+    members = assembly.members
+    varying = members.face >= 0
+    found = members.prestress.copy()
+    found[varying] -= forces[members.face[varying], 0]
+    return found
+
+
+def effects(assembly: Assembly, forces: Floats) -> Floats:
+    """Return a force (k,) per member for pictures: tension of bars, shear of pins.
+
+    Bars are ties and tendons. forces: (m, q) resultants, scene units, as is the result.
+    """
+    members, found = assembly.members, tensions(assembly, forces)
+    pins = np.array([kind == "pin" for kind in members.kinds], dtype=bool)
+    found[pins] = np.linalg.norm(forces[members.face[pins], 1 : assembly.dimension], axis=1)
+    return found
+
+
+def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
+    """Return the JSON objects of all members: name, kind, elements, forces and elongation.
+
+    The force is positive in tension; pins also have a shear. forces: (m, q) resultants; None leaves the forces None.
+    mechanism: (n, q) velocities; None leaves the elongations None.
+    """
+    members, ids = assembly.members, assembly.elements.ids
+    force = None if forces is None else tensions(assembly, forces)
+    rate = None if mechanism is None else elongations(assembly, mechanism)
+    found: list[dict[str, Any]] = []
+    for k, name in enumerate(members.names):
+        one: dict[str, Any] = {
+            "name": name,
+            "kind": members.kinds[k],
+            "elements": [ids[e] for e in members.elements[k]],
+            "force": None if force is None else float(force[k]),
+        }
+        if members.kinds[k] == "pin":
+            across = slice(1, assembly.dimension)
+            one["shear"] = None if forces is None else float(np.linalg.norm(forces[members.face[k], across]))
+        one["elongation"] = None if rate is None else float(rate[k])
+        found.append(one)
+    return found
 
 
 class Result(NotebookRepr):
@@ -399,3 +481,138 @@ def number(value: float) -> float | None:
         The value; None for NaN and infinities.
     """
     return float(value) if np.isfinite(value) else None
+
+
+def result_of(
+    template: Template, labels: Bits, options: SolveOptions, proof: Proof, *, assemble: float = 0.0, elapsed: float
+) -> LimitAnalysisResult:
+    """Convert a proof about the assembly of a template to a result in scene units.
+
+    Parameters
+    ----------
+    template : Template
+        Template of the proof; supplies the assembly and the scaling.
+    labels : (m,) bool array
+        Labels, True = dry.
+    options : SolveOptions
+        Options to record in the result.
+    proof : Proof
+        Bounds and status, scaled.
+    assemble : float
+        Seconds spent on building the analysis.
+    elapsed : float
+        Seconds since then.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        The result, scene units.
+    """
+    scaling, (low, high), status = template.scaling, proof.bracket, proof.status
+    scale = load_scale(template.assembly) / scaling.load
+    held, motion = proof.found or proof.state, proof.motion
+    forces = None if held is None or status is Status.UNSTABLE else _scene(template, held.forces)
+    moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
+    mechanism = element_velocities(template, motion.velocity) if motion is not None and moves else None
+    width = relative_width(low, high, scale)
+    nothing = status in (Status.UNSTABLE, Status.LOCKED)
+    ray = proof.ray if status is Status.LOCKED else None
+    return LimitAnalysisResult(
+        assembly=template.assembly,
+        labels=labels,
+        status=status,
+        load_factor=proof.load_factor * scaling.load,
+        bracket=(low * scaling.load, high * scaling.load),
+        gap=math.nan if nothing else width,
+        stands_at_zero=proof.stands,
+        forces=forces,
+        mechanism=mechanism,
+        iterations=proof.solves,
+        solve_log=tuple(proof.solve_log),
+        seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
+        model=options,
+        facts=proof.extra,
+        notes=tuple(proof.notes),
+        instability_mechanism=_instability_mechanism(template, proof),
+        unbounded_forces=None if ray is None else _scene(template, ray.forces, ray=True),
+    )
+
+
+def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
+    """Convert scaled resultants (m, q) to scene units, and subtract the bond from normal forces.
+
+    Resultants of members that cannot occur become zero, see `without_idle`. ray: True for forces that grow with λ; no
+    bond is subtracted from these.
+    """
+    assembly = template.assembly
+    if ray and assembly.members.bond is not None:
+        assembly = replace(assembly, members=replace(assembly.members, bond=None))
+    return without_idle(assembly, forces * template.scaling.face)
+
+
+def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
+    """Return the velocities (n, q) that prove an instability, scaled to a largest value of 1.
+
+    That value is the largest displacement, or the largest rotation if nothing is displaced. The result is None if the
+    proof has no such velocities.
+    """
+    motion = proof.collapse_below_zero or proof.motion
+    if proof.status is not Status.UNSTABLE or motion is None:
+        return None
+    velocity = element_velocities(template, motion.velocity)
+    d = template.assembly.dimension
+    largest = float(np.linalg.norm(velocity[:, :d], axis=1).max()) or float(abs(velocity).max())
+    return velocity / largest if largest > 0.0 else None
+
+
+def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
+    """Combine the results of load cases into the result of the structure.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with load cases; supplies the required factors.
+    cases : dict of str to LimitAnalysisResult
+        Result of each case by name, in the order of the assembly's cases.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Governing factor with its bracket; forces and mechanism are those of the governing case.
+    """
+    found = list(cases.values())
+    known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in found]
+    decided = governing(known, assembly.required.tolist())
+    first = found[decided.case]
+    scale = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
+    width = relative_width(decided.low, decided.high, scale)
+    stands = [one.stands_at_zero for one in found]
+    ends = [[end / factor for end in one.least_bracket] for one, factor in zip(found, assembly.required, strict=True)]
+    least = (float(np.max([low for low, _ in ends])), float(np.max([high for _, high in ends])))
+    return replace(
+        first,
+        assembly=assembly,
+        status=decided.status,
+        load_factor=decided.load_factor,
+        bracket=(decided.low, decided.high),
+        gap=math.nan if decided.status in (Status.UNSTABLE, Status.LOCKED) else width,
+        stands_at_zero=False if False in stands else None if None in stands else True,
+        iterations=sum(one.iterations for one in found),
+        seconds={key: sum(one.seconds[key] for one in found) for key in first.seconds},
+        cases=cases,
+        least_bracket=least,
+        governing=list(cases)[decided.case],
+    )
+
+
+def element_velocities(template: Template, velocity: Floats) -> Floats:
+    """Convert scaled velocities of the free elements to scene units with b_λ·u = 1.
+
+    template: supplies the assembly and the scaling. velocity: (q·free,) scaled velocities with scaled live work 1.
+    Returns (n, q): velocities about the centroids of all elements, scene units; zero for supports.
+    """
+    assembly, scaling = template.assembly, template.scaling
+    full = np.zeros((len(assembly.elements), assembly.freedoms))
+    free = scaling.load * velocity / scaling.row.ravel()
+    full[assembly.elements.free] = free.reshape(-1, assembly.freedoms)
+    return full

@@ -14,7 +14,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.mechanics.frictional import Frictional
+from jld_core.mechanics.bending import Frictional
 from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
 _STEPS: Final = 257  # number of points on a parabola at which `_interaction_planes` evaluates tangent planes

@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.mechanics.frictional import Frictional, scaled_strengths
+from jld_core.mechanics.bending import Frictional, scaled_strengths
 from jld_core.mechanics.hull import hull_rows, parabolic_hull
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, RowPattern, Rows, used

@@ -27,11 +27,11 @@ from jld_core.lazy_exports import export_lazily
 if TYPE_CHECKING:
     from jld_core.limit import Model, SolveOptions
     from jld_core.models.by_fields import solve_by_fields
+    from jld_core.models.case_analysis import solve, solve_by_elements, solve_cracked, solve_rigid
     from jld_core.models.costs import cost_estimate, require_memory
     from jld_core.models.crack_models import rigid, under
-    from jld_core.models.labelling import limit_analysis, require_model, solve_labelling
+    from jld_core.models.rigid_blocks import limit_analysis, require_model, solve_labelling
     from jld_core.models.sensitivity import geometry_sensitivities, sensitivities
-    from jld_core.models.solve import solve, solve_by_elements, solve_cracked, solve_rigid
 
 __all__ = [
     "Model",
@@ -58,8 +58,8 @@ export_lazily(
         "by_fields": ["solve_by_fields"],
         "costs": ["cost_estimate", "require_memory"],
         "crack_models": ["rigid", "under"],
-        "labelling": ["Model", "SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
+        "rigid_blocks": ["Model", "SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
         "sensitivity": ["geometry_sensitivities", "sensitivities"],
-        "solve": ["solve", "solve_by_elements", "solve_cracked", "solve_rigid"],
+        "case_analysis": ["solve", "solve_by_elements", "solve_cracked", "solve_rigid"],
     },
 )

@@ -17,7 +17,7 @@ from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing, number, stands_in_words
-from jld_core.limit.governing import Governing
+from jld_core.limit.options import Governing
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
 

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final, ParamSpec, TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Proof, Status, governing_result, result_of
+from jld_core.build import build_assembly
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import ParameterError, error_context
+from jld_core.limit import (
+    FIELD_SECONDS,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Model,
+    Proof,
+    Result,
+    Status,
+    governing_result,
+    result_of,
+)
 from jld_core.mechanics import require_materials
-from jld_core.models.labelling import limit_analysis, require_solver_accepts, solve_labelling
+from jld_core.models.crack_models import require_cracks, rigid, under
+from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
+from jld_core.scene import Scene, load_scene
+from jld_core.sub_assembly import with_members
+from jld_core.threads import one_thread
 
 
 class CaseAnalysis:
@@ -123,3 +146,264 @@ def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Pr
             break
         at = 2.0 * ends[1]
     return found
+
+
+Structure = str | Path | Mapping[str, Any] | Scene | Assembly
+"""What can be solved: a scene file, a dict as in the file, a scene or an assembly."""
+
+Labels = str | ArrayLike
+"""One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
+
+_LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in results.csv
+
+
+def assembly_of(structure: Structure) -> Assembly:
+    """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
+
+    structure: a text is the name of a scene file. Raises InputError if the file or the scene cannot be used, or the
+    object is none of these.
+    """
+    if isinstance(structure, Assembly):
+        return structure
+    if isinstance(structure, Scene):
+        return build_assembly(structure)
+    if isinstance(structure, Mapping):
+        return build_assembly(structure)
+    if not isinstance(structure, str | Path):
+        problem = f"{type(structure).__name__!r} is no structure"
+        raise ParameterError("structure", problem, "the name of a scene file, a dict, a Scene or an Assembly")
+    scene = load_scene(Path(structure))
+    with error_context(structure):
+        return build_assembly(scene)
+
+
+def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
+    """Return one labelling as a checked bool array.
+
+    labels: (m,) true, 1 or "d" = dry; False, 0 or "i" = inner. Default: the labels of the scene. Returns (m,). Raises
+    InputError if the number of labels is wrong, or a label has another value.
+    """
+    if labels is None:
+        return assembly.labels
+    return with_members(assembly, _checked(_values(labels), assembly, "labels"))
+
+
+def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
+    """Return several labellings as a checked bool array.
+
+    labellings: (k, m) each row as in `labels_of`. Returns (k, m). Raises InputError if a row has a wrong number of
+    labels, or a label has another value.
+    """
+    expected = f"rows of {assembly.faces} labels"
+    if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:
+        if labellings.shape[1] not in (assembly.faces, len(assembly.interfaces)):
+            raise ParameterError("labellings", f"rows have {labellings.shape[1]} labels", expected)
+        return with_members(assembly, labellings)
+    if isinstance(labellings, str) or not isinstance(labellings, Iterable):
+        raise ParameterError("labellings", f"{labellings!r} is no sequence of labellings", expected)
+    rows = [_checked(_values(row), assembly, f"labellings[{k}]") for k, row in enumerate(labellings)]
+    return with_members(assembly, np.array([row[: assembly.faces] for row in rows]).reshape(len(rows), assembly.faces))
+
+
+def _values(labels: Labels) -> NDArray[np.generic]:
+    """Return labels as an array of numbers, truth values or letters, without any check."""
+    if isinstance(labels, str):
+        return np.array(list(labels), dtype="U1")
+    try:
+        return np.asarray(labels)
+    except ValueError:  # rows of different lengths
+        return np.asarray(labels, dtype=object)
+
+
+def _checked(values: NDArray[np.generic], assembly: Assembly, parameter: str) -> Bits:
+    """Return labels as truth values (m,); raise InputError for a wrong number or value.
+
+    values: labels as given. parameter: name of the parameter, for the message.
+    """
+    faces = assembly.faces
+    expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
+    if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
+        found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
+        raise ParameterError(parameter, found, expected)
+    if values.dtype == np.bool_:
+        return np.asarray(values, dtype=bool)
+    items: Sequence[object] = values.tolist()
+    for place, item in enumerate(items):
+        if item not in ((*_LETTERS,) if isinstance(item, str) else (0, 1)):
+            raise ParameterError(parameter, f"label {place} is {item!r}", expected)
+    return np.array([_LETTERS[item] if isinstance(item, str) else bool(item) for item in items], dtype=bool)
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def model_of(model: Model | None, options: dict[str, Any]) -> Model:
+    """Return a model with some of its fields replaced.
+
+    model: model, None for the defaults. options: values of fields of the model, by name. Raises InputError: a name is
+    no field of the model, or a value is not allowed.
+    """
+    if model is not None and not isinstance(model, Model):
+        raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
+    names = [one.name for one in fields(Model)]
+    for name in options:
+        if name not in names:
+            close = get_close_matches(name, names, 1)
+            expected = f"`{close[0]}`" if close else ", ".join(names)
+            raise ParameterError(name, "a model has no such field", expected)
+    return replace(model or Model(), **options)
+
+
+def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
+
+    function: function whose last parameter is `**options`. Result: the same function.
+    """
+    signature = inspect.signature(function)
+    own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    kind = inspect.Parameter.KEYWORD_ONLY
+    stated = [inspect.Parameter(one.name, kind, default=one.default, annotation=one.type) for one in fields(Model)]
+    function.__dict__["__signature__"] = signature.replace(parameters=own + stated)
+    return function
+
+
+@options_of_model
+def solve(
+    structure: Structure, labels: Labels | None = None, model: Model | None = None, **options: Any
+) -> LimitAnalysisResult:
+    """Compute the collapse load factor of one labelling, with a two-sided bracket.
+
+    Blocks crack as the scene says, unless the model names another crack model.
+
+    Parameters
+    ----------
+    structure : str, Path, dict, Scene or Assembly
+        Scene file, dict as in such a file, scene or assembly, planar or spatial, with or without load cases.
+    labels : (m,) array or str, optional
+        Labels in the order of the interfaces: True or 1 = dry, False or 0 = inner, or a text of the letters d and i.
+        Default: the labels of the scene.
+    model : Model, optional
+        Crack model, friction, contact, bending, solver. Default: associative friction on whole faces.
+    **options
+        Fields of `Model`, which replace those of `model`.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Result in scene units. For a structure with load cases: the governing factor, with the result of each case in
+        `cases`. By fields it is a `FieldResult`: it has what every `Result` has, without forces and mechanism.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be used, the labels have a wrong length or value, a material that the labelling needs is
+        missing, an option has an invalid value, or the crack model or the solver does not take this structure.
+
+    Notes
+    -----
+    Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).
+
+    Examples
+    --------
+    >>> result = solve("scenes/flat_beam_arch.json", friction="zero-dilation")
+    >>> result.load_factor, result.bracket
+    """
+    chosen = model_of(model, options)
+    assembly = under(assembly_of(structure), chosen)
+    # both kinds of results are read alike; stated as one, type checkers know the forces of the common kind
+    return cast(LimitAnalysisResult, solve_cracked(assembly, labels_of(assembly, labels), chosen))
+
+
+def solve_cracked(assembly: Assembly, labels: Bits, model: Model) -> Result:
+    """Compute λ of one labelling under the crack model of an assembly, see `under`.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with its crack model.
+    labels : (m,) bool array
+        Labels, True = dry.
+    model : Model
+        Model; its `cracks` does not count any more.
+
+    Returns
+    -------
+    Result
+        Result in scene units.
+
+    Raises
+    ------
+    InputError
+        As `solve`.
+    """
+    require_cracks(assembly, model)
+    by_fields = replace(model, cracks=assembly.cracks).by_fields
+    if by_fields is not None:
+        from jld_core.models.by_fields import solve_by_fields  # loads the mesh and the programs of fields
+
+        seconds = FIELD_SECONDS if model.seconds is None else model.seconds
+        return solve_by_fields(assembly, labels, gap=by_fields.gap, seconds=seconds)
+    return solve_by_elements(assembly, labels, model)
+
+
+def solve_by_elements(
+    assembly: Assembly, labels: Bits, model: Model | None = None, what: str = ""
+) -> LimitAnalysisResult:
+    """Compute λ of one labelling under the crack model of an assembly, by faces or by cells.
+
+    Parameters
+    ----------
+    assembly, labels, model
+        As in `solve_cracked`.
+    what : str
+        What needs rigid elements, to refuse cracks by fields.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Result in scene units; by cells on the finer cells.
+
+    Raises
+    ------
+    InputError
+        As `solve`, or if blocks crack by fields.
+    """
+    elements, own = rigid(assembly, labels, what)
+    return replace(solve_rigid(elements, own, model), cracks=assembly.cracks)
+
+
+@one_thread()
+def solve_rigid(assembly: Assembly, labels: Bits | None = None, model: Model | None = None) -> LimitAnalysisResult:
+    """Compute λ of one labelling of rigid elements as they are, whatever the crack model of the assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Rigid elements, with or without load cases.
+    labels : (m,) bool array, optional
+        Labels, True = dry. Default: those of the assembly.
+    model : Model, optional
+        Model; its `cracks` does not count.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Result in scene units.
+
+    Raises
+    ------
+    InputError
+        As `solve`.
+    """
+    model, own = model or Model(), assembly.labels if labels is None else labels
+    if model.effective_area:
+        require_model(assembly, model, own)
+    analysis = CaseAnalysis(assembly, model, reference=own, single_labelling=True)
+    if model.seconds is None:
+        return analysis.solve(own, stands=True)
+    try:
+        with Deadline(len(assembly.by_case) * model.seconds).enforced():
+            return analysis.solve(own, stands=True)
+    except DeadlinePassed:
+        raise ParameterError("seconds", f"no answer was found in {model.seconds:g} s", "a longer time") from None

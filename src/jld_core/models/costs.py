@@ -14,7 +14,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry.certain_contacts import certain_contacts
+from jld_core.geometry.planar_contacts import certain_contacts
 from jld_core.memory import memory_limit
 from jld_core.scene import Scene
 

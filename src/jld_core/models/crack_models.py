@@ -55,7 +55,7 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
 
         require_spatial_fields(assembly)
     else:
-        from jld_core.fields.requirements import require_fields
+        from jld_core.fields.problem import require_fields
 
         require_fields(assembly)
 

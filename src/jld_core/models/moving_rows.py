@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 

@@ -11,21 +11,33 @@ taken apart into their elements, and everything is solved and checked again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import Final, cast
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly, Elements, blocks_of
+from jld_core.assembly import DRY, INNER, Assembly, Elements, blocks_of
+from jld_core.errors import ParameterError, SolverError
 from jld_core.geometry import spun
 from jld_core.geometry.vectors import resultants
-from jld_core.limit import LimitAnalysis, Motion, Proof, Status
-from jld_core.limit.fallbacks import FALLBACKS
-from jld_core.limit.result_building import element_velocities
+from jld_core.limit import LimitAnalysis, Model, Motion, Proof, State, Status
+from jld_core.limit import SolveOptions as SolveOptions
+from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
+from jld_core.limit.proof_attempt import ProofAttempt
+from jld_core.limit.result import element_velocities
 from jld_core.loads import Loads
+from jld_core.mechanics.bending import local_hulls
+from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.program import Template, beginnings, pack
-from jld_core.solvers import ClarabelSolver, is_large
+from jld_core.solvers import ClarabelSolver, RawStatus, is_large
+from jld_core.strengths import STANDARD, Route
+from jld_core.sub_assembly import without
 
 _STRONG = 300.0  # weakest inner strength over the force scale above which blocks are first solved as rigid
 
@@ -311,3 +323,386 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, 
     jumps[rigid.face] = (full.prover.transposed @ velocity).reshape(scale.face.shape)[rigid.face]
     unit = inner.template.scaling.load / scale.load
     return Motion(velocity, jumps, 1.0, motion.margin, motion.bound * unit, motion.noise * unit)
+
+
+def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
+    """Prove bounds by the free elements that are connected to a loaded one, in a scale of their own.
+
+    full: analysis of the whole structure. labels: (m,) True = dry. known: proof of the whole with a state, whose forces
+    hold the other elements at any λ. Result: proof about the whole; None where all elements are connected to a loaded
+    one, or no bounds are found.
+    """
+    assembly, scale = full.assembly, full.template.scaling
+    elements, faces = assembly.elements, assembly.interfaces
+    if known.state is None or assembly.members:
+        return None
+    joined = ~(elements.support[faces.a] | elements.support[faces.b])
+    links = csr_array((np.ones(int(joined.sum())), (faces.a[joined], faces.b[joined])), shape=(len(elements),) * 2)
+    part = connected_components(links, directed=False)[1]
+    gone = ~elements.support & ~np.isin(part, part[assembly.live.any(axis=1)])
+    if not gone.any():
+        return None
+    left, kept = without(assembly, gone)
+    inner = LimitAnalysis(left, gap=full.gap, inner_bending=full.options.inner_bending, reference=labels[kept])
+    proof = inner.prove(labels[kept])
+    if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
+        return None
+    own = inner.template.scaling
+    share, unit = own.force / scale.force, own.load / scale.load
+    forces = known.state.forces.copy()
+    forces[kept] = proof.state.forces * own.face / scale.face[kept]
+    state = State(forces, proof.state.load * unit, proof.state.slack * share, proof.state.error * share)
+    mechanism = np.zeros((len(elements), assembly.freedoms))
+    mechanism[~gone] = element_velocities(inner.template, proof.motion.velocity)
+    velocity = (mechanism[elements.free] * scale.row).ravel() / scale.load
+    jumps = (full.prover.transposed @ velocity).reshape(forces.shape)
+    moved = proof.motion
+    motion = Motion(velocity, jumps, 1.0, moved.margin, moved.bound * unit, moved.noise * unit)
+    found = Proof(state=state, motion=motion, solve_log=[f"loaded part: {step}" for step in proof.solve_log])
+    found.solves, found.status = proof.solves, full.status_of(Proof(state=state, motion=motion))
+    return found
+
+
+_ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing"})
+
+
+def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
+    """Build the assembly of concave contact: one point face per hull corner of a dry face.
+
+    assembly: assembly with whole faces. labels: (m,) True = dry. Result: expanded: assembly with m' faces. Its labels
+    are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one point.
+    Its sizes are those of its parent face; they only scale moments, which a point face does not have; parent: (m',)
+    face of `assembly` from which each face of `expanded` comes, sorted. Raises InputError if a dry face has a
+    compressive strength or cohesion, since a point has no area.
+
+    Corners inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
+    docs/method.md (2.13).
+    """
+    faces = assembly.interfaces
+    if assembly.members.bond is not None:
+        raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")
+    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
+    points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
+    dry = np.flatnonzero(labels)
+    for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
+        points[face] = faces.origin[face] + outline @ np.array([faces.e1[face], faces.e2[face]])
+    parent = np.repeat(np.arange(len(faces)), [len(p) for p in points])
+    place = np.concatenate(points) if points else np.zeros((0, 3))
+    is_point = labels[parent]
+    spread = faces.take(parent)
+    spread = replace(
+        spread,
+        origin=np.where(is_point[:, None], place, spread.origin),
+        area=np.where(is_point, 0.0, spread.area),
+        rectangle=spread.rectangle & ~is_point,
+        polygon=tuple(place[[k]] if is_point[k] else outline for k, outline in enumerate(spread.polygon)),
+    )
+    expanded = replace(
+        assembly,
+        interfaces=spread,
+        face_strengths=assembly.face_strengths.take(parent),
+        labels=np.where(is_point, DRY, INNER).astype(bool),
+        members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
+    )
+    return expanded, parent
+
+
+def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
+    """Convert a proof about point contacts into a proof about whole faces.
+
+    full: analysis of the assembly with whole faces. points: analysis of the assembly with point contacts. parent: (m',)
+    face of `full` for each face of `points`. proof: proof about `points`, in the scaled units of `points`. Result: the
+    same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse below zero
+    are dropped.
+    """
+    one, other = full.template.scaling, points.template.scaling
+    unit = other.load / one.load
+
+    def state(found: State | None) -> State | None:
+        """Convert a state of the point assembly, None if there is none."""
+        if found is None:
+            return None
+        forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
+        return replace(found, forces=forces, load=found.load * unit)
+
+    motion = proof.motion
+    if motion is not None:
+        moves = element_velocities(points.template, motion.velocity)[full.assembly.elements.free]
+        velocity = moves.ravel() * one.row.ravel() / one.load
+        jumps = (full.prover.transposed @ velocity).reshape(one.face.shape)
+        motion = replace(motion, velocity=velocity, jumps=jumps, bound=motion.bound * unit, noise=motion.noise * unit)
+    return replace(
+        proof,
+        state=state(proof.state),
+        found=state(proof.found),
+        ray=None,
+        collapse_below_zero=None,
+        motion=motion,
+        guess=proof.guess * unit,
+        associative=proof.associative * unit,
+    )
+
+
+def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
+    """Compute the resultants (m, 6) of whole faces about their centroids from point forces.
+
+    assembly: with m whole faces. points: its assembly of m' point contacts. parent: (m',) whole face of each point.
+    forces: (m', 6) resultants of the points, scene units, as is the result.
+    """
+    faces = assembly.interfaces
+    arm = points.interfaces.origin - faces.origin[parent]
+    x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
+    x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
+    n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
+    # Moment of n·N + e1·V1 + e2·V2 acting at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n.
+    moved = forces.copy()
+    moved[:, 3] += x2 * n
+    moved[:, 4] -= x1 * n
+    moved[:, 5] += x1 * v2 - x2 * v1
+    total = np.zeros((len(faces), 6))
+    np.add.at(total, parent, moved)
+    return total
+
+
+_PRESCRIBED: Final = Route("prescribed friction")
+
+
+def limit_analysis(
+    assembly: Assembly, options: Model, reference: Bits | None = None, *, single_labelling: bool = False
+) -> LimitAnalysis:
+    """Build the limit analysis that `solve_labelling` needs for the given options.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly without load cases, or one load case of an assembly.
+    options : Model
+        Options; only solver, gap and inner bending are used here.
+    reference : (m,) bool array, optional
+        Labelling on which solvers are set up, True = dry. Default: all faces dry.
+    single_labelling : bool, optional
+        True if only one labelling will be solved; the analysis is then set up for this labelling where that is faster.
+        Default: any number of labellings.
+
+    Returns
+    -------
+    LimitAnalysis
+        Analysis of the assembly under associative friction.
+    """
+    solver, gap, bending = options.solver, options.gap, options.inner_bending
+    return LimitAnalysis(
+        assembly,
+        solver=solver,
+        gap=gap,
+        inner_bending=bending,
+        reference=reference,
+        single_labelling=single_labelling,
+        seconds=options.seconds,
+    )
+
+
+def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
+    """Raise InputError if the options do not support an assembly.
+
+    Call this function before any work starts.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to be solved, with all its load cases.
+    options : Model
+        Options to check. Only effective areas and a solver other than "auto" can fail.
+    dry : (m,) bool array
+        Faces that may be dry in some labelling, True = may be dry.
+
+    Raises
+    ------
+    InputError
+        If effective areas or prescribed friction do not apply, or the solver rejects programs of this structure.
+    """
+    if options.effective_area:
+        require_rectangles(assembly, dry)
+    if options.friction != "associative":
+        assembly.strengths(_PRESCRIBED)  # refuses a criterion, whose rows have no cohesion and μ of their own
+    if options.solver != "auto":  # spares the analysis
+        for case in assembly.by_case:
+            require_solver_accepts(limit_analysis(case, options), options)
+
+
+def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
+    """Raise InputError if a solver does not accept the programs of an analysis.
+
+    analysis: analysis that uses the solver. options: options that name the solver. Raises InputError if it does not;
+    the message names the parameter `solver`.
+    """
+    if options.solver == "auto":
+        return
+    try:
+        analysis.first_solver.require(analysis.template.structure)
+    except SolverError as error:
+        raise ParameterError("solver", str(error), "a solver that takes this scene") from None
+
+
+def solve_labelling(
+    analysis: LimitAnalysis,
+    labels: Bits,
+    options: Model,
+    *,
+    stands: bool = False,
+    pruning_threshold: float = -math.inf,
+) -> Proof:
+    """Prove the load factor of one labelling under the given options.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis returned by `limit_analysis` for the same options.
+    labels : (m,) bool array
+        Labels, True = dry.
+    options : Model
+        Modelling options.
+    stands : bool, optional
+        Also decide whether the structure stands at λ = 0.
+    pruning_threshold : float, optional
+        λ in scene units at or below which the labelling is irrelevant. Only zero dilation uses this value, see
+        `prove_zero_dilation`.
+
+    Returns
+    -------
+    Proof
+        Proof about the assembly of `analysis`, in the scaled units of `analysis`. Under concave contact the
+        proof is transferred from points to whole faces.
+    """
+    if options.contact == "concave" and analysis.assembly.dimension == 3:
+        points, parent = point_contact_assembly(analysis.assembly, labels)
+        other = limit_analysis(points, options, reference=points.labels)
+        proof = _proof(other, points.labels, options, stands, pruning_threshold)
+        return proof_of_faces(analysis, other, parent, proof)
+    return _proof(analysis, labels, options, stands, pruning_threshold)
+
+
+def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, pruning_threshold: float) -> Proof:
+    """Prove λ of one labelling under the friction of the options, on the contacts as given.
+
+    labels: (m,) True = dry. stands, pruning_threshold: as in `solve_labelling`.
+    """
+    if options.friction == "zero-dilation":
+        # Local imports: most labellings are solved with dilation, and `jld solve` is to start quickly.
+        from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+        from jld_core.models.zero_dilation.range import prove_zero_dilation
+
+        proximal = ProximalOptions(effective_area=options.effective_area)
+        seconds = options.floor_seconds if options.range else None
+        return prove_zero_dilation(
+            analysis, labels, proximal, stands=stands, pruning_threshold=pruning_threshold, range=seconds
+        )
+    if options.effective_area:
+        return prove_effective_area(analysis, labels, stands=stands)
+    return analysis.prove(labels, FALLBACKS_BY_CONDENSE[options.condense], stands=stands)
+
+
+# --- fallbacks with rigid blocks ----------------------------------------------------------------------------
+
+
+def _rigid_blocks(attempt: ProofAttempt) -> None:
+    """Prove bounds with rigid blocks, and adopt them in the attempt if this succeeds."""
+    found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
+    if found is not None:
+        attempt.adopt(found)
+
+
+def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
+    """Prove bounds with rigid blocks, except for blocks that crack in the last solver answer.
+
+    The attempt adopts them if this succeeds. A block cracks if its inner faces jump, see `cracked`.
+    """
+    analysis, raw = cast(LimitAnalysis, attempt.analysis), attempt.raw
+    apart = None
+    if raw is not None and raw.status is not RawStatus.UNBOUNDED:
+        apart = cracked(analysis, attempt.labels, raw.dual)
+    found = prove_condensed(analysis, attempt.labels, apart)
+    if found is not None:
+        attempt.adopt(found)
+
+
+def _loaded_part(attempt: ProofAttempt) -> None:
+    """Prove bounds in the scale of the loaded part, and adopt them in the attempt if this succeeds."""
+    found = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
+    if found is not None:
+        attempt.adopt(found)
+
+
+def _strong(attempt: ProofAttempt) -> bool:
+    """Return True if the inner faces are so strong that rigid blocks are tried first."""
+    return worth_condensing(attempt.template, attempt.labels)
+
+
+def _large(attempt: ProofAttempt) -> bool:
+    """Return True if an attempt is open and has inner faces and a large program.
+
+    For large programs see `is_large`.
+    """
+    return attempt.open and not attempt.labels.all() and is_large(attempt.template.structure)
+
+
+def _large_bounded(attempt: ProofAttempt) -> bool:
+    """Return True if `_large` holds and repairs are slow: the last solver answer is no ray and has no mechanism."""
+    ray = attempt.raw is not None and attempt.raw.status is RawStatus.UNBOUNDED
+    return _large(attempt) and not ray and not attempt.mechanism_found
+
+
+def _large_unbounded(attempt: ProofAttempt) -> bool:
+    """Return True if `_large` holds and quick repairs of a ray or a state have not settled the last solver answer."""
+    return _large(attempt) and not _large_bounded(attempt)
+
+
+def _large_crushing(attempt: ProofAttempt) -> bool:
+    """Return True if `_large` holds and programs have the accuracy for faces that crush."""
+    return _large(attempt) and attempt.template.precision is tolerances.CRUSHING
+
+
+def _small(attempt: ProofAttempt) -> bool:
+    """Return True if an attempt is open, has inner faces, and its program is not large.
+
+    For large programs see `is_large`.
+    """
+    return attempt.open and not attempt.labels.all() and not is_large(attempt.template.structure)
+
+
+# Bounds that the fallback with rigid blocks may supply, shared by all entries of `FALLBACKS_BY_CONDENSE`
+_SUPPLIES: Final = "both bounds, by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
+
+# Rigid blocks for large programs, tried before the first repair
+_LARGE: Final = Fallback("rigid blocks: repairs would take longer", _large_bounded, _rigid_where_uncracked, _SUPPLIES)
+
+# Rigid blocks for large programs that a solver calls unbounded, tried after the first repair
+_UNSETTLED: Final = Fallback("rigid blocks: rays are not settled", _large_unbounded, _rigid_where_uncracked, _SUPPLIES)
+
+# A second solve of large crushable programs, whose usual margin alone can leave the bracket too wide
+_LESS_MARGIN: Final = Fallback(
+    "less margin: rigid blocks would take longer",
+    _large_crushing,
+    ProofAttempt.solve_with_less_margin,
+    "a narrower bracket of large crushable scenes",
+)
+
+FALLBACKS_BY_CONDENSE: Final[dict[str, tuple[Fallback, ...]]] = {
+    "off": FALLBACKS,
+    "on": (Fallback("rigid blocks", lambda attempt: True, _rigid_blocks, _SUPPLIES), *FALLBACKS),
+    "auto": (
+        Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _SUPPLIES),
+        *insert_before(
+            insert_before(insert_before(FALLBACKS, "repair", _LARGE), _LARGE.name, _LESS_MARGIN),
+            "ray by batch solver",
+            _UNSETTLED,
+        ),
+        Fallback(
+            "loaded part",
+            lambda attempt: attempt.wide_relative_to_load_factor,
+            _loaded_part,
+            "λ of light parts beside heavy ones that they do not touch",
+        ),
+        Fallback("rigid blocks: strengths far above some loads", _small, _rigid_blocks, _SUPPLIES),
+    ),
+}
+"""Fallbacks tried in order, by the value of `Model.condense` ("off", "on", "auto")."""

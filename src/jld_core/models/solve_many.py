@@ -14,10 +14,17 @@ from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
 from jld_core.mechanics import require_materials
+from jld_core.models.case_analysis import (
+    Labels,
+    Structure,
+    assembly_of,
+    labellings_of,
+    model_of,
+    options_of_model,
+    solve_cracked,
+)
 from jld_core.models.crack_models import require_cracks, rigid, under
-from jld_core.models.inputs import Labels, Structure, assembly_of, labellings_of
-from jld_core.models.labelling import limit_analysis, solve_labelling
-from jld_core.models.solve import model_of, options_of_model, solve_cracked
+from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 from jld_core.parameters import require_kind
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_core.threads import one_thread

@@ -28,8 +28,7 @@ from jld_core.mechanics import (
     scaling_of,
     yield_set,
 )
-from jld_core.program.bodies import Bodies
-from jld_core.program.conic import ConicProgram, Structure
+from jld_core.program.conic import Bodies, ConicProgram, Structure
 from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.tolerances import Precision
 

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
-from jld_core.refinement.tessellation import MOST
+from jld_core.refinement.arrangement import MOST
 
 _SMOOTH: Final = 0.8  # length over which stresses are averaged, relative to a cell
 

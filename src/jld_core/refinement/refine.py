@@ -16,13 +16,20 @@ from jld_core.build.materials import direction_of_weight
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import region_of, union_outlines
-from jld_core.refinement.arrangement import join_small, split_by_cells
-from jld_core.refinement.cell_options import CellOptions, check_options
-from jld_core.refinement.prisms import split_prism
-from jld_core.refinement.tessellation import MOST, convex, courses_of, cut, sectors, squares, voronoi
-from jld_core.refinement.transfer import Piece, labels_of, loads_of, members_of, search_of
+from jld_core.refinement.arrangement import (
+    MOST,
+    convex,
+    courses_of,
+    cut,
+    join_small,
+    sectors,
+    split_by_cells,
+    squares,
+    voronoi,
+)
+from jld_core.refinement.transfer import CellOptions, Piece, check_options, labels_of, loads_of, members_of, search_of
 from jld_core.refinement.voussoirs import voussoir_cells
-from jld_core.refinement.walls import bed_joints, split_walls
+from jld_core.refinement.walls import bed_joints, split_prism, split_walls
 from jld_core.samples.wall_openings import Lintel
 from jld_core.scene import Scene, parse_scene
 from jld_core.sub_assembly import faces_of

@@ -26,7 +26,7 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
-from jld_core.solvers.schur.interior_point import SchurSolver
+from jld_core.solvers.schur.system import SchurSolver
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""

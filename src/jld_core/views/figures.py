@@ -24,7 +24,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
-from jld_core.limit.result_of_faces import result_of_faces
+from jld_core.limit.movements import result_of_faces
 from jld_core.sub_assembly import faces_of
 from jld_core.views import annotations as notes
 from jld_core.views import quantities

@@ -15,8 +15,8 @@ from jld_core.assembly_sequence import Laying, assembly_order
 from jld_core.assembly_sequence.freedom import Bodies
 from jld_core.assembly_sequence.order import words_of_fall
 from jld_core.assembly_sequence.quick import order_without_stages
+from jld_core.assembly_sequence.solids import Stations, stations_below
 from jld_core.assembly_sequence.standing import Parts
-from jld_core.assembly_sequence.stations import Stations, stations_below
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.exchange import Layout

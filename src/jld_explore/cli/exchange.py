@@ -15,7 +15,7 @@ from jld_core.exchange.formats import formats
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
 from jld_core.refinement import refine
-from jld_core.refinement.cell_options import KINDS
+from jld_core.refinement.transfer import KINDS
 from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.start import LAID, LayingStart
+from jld_core.assembly_sequence.order import LAID, LayingStart
 from jld_core.build import build_assembly
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context

@@ -13,7 +13,7 @@ from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import Settled
-from jld_core.limit.settlement import settle
+from jld_core.limit.force_range import settle
 from jld_core.models import rigid
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of, require_whole_faces

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from jld_explore.drivers.base import Driver, DriverOptions
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
-from jld_explore.drivers.operators.make import operators
+from jld_explore.drivers.operators.segmentations import operators
 from jld_explore.drivers.registry import DRIVERS, driver_kinds, make_driver
 from jld_explore.drivers.searcher import Register
 

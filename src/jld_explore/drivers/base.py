@@ -22,7 +22,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.models.solve_many import BatchResult
 from jld_core.parameters import require_kind
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.evaluation import evaluations_of
+from jld_explore.evaluation.protocol import evaluations_of
 from jld_explore.space import SearchSpace
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.targets import counts_of, front_count
 from jld_explore.space import Count, SearchSpace, registered
-from jld_explore.space.measures import Range
+from jld_explore.space.limits import Range
 
 _BELOW: Final = 1e-9  # relative amount by which the goal lies below best / (1 − gap), for rounding of the gap
 

@@ -16,7 +16,7 @@ from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna
-from jld_explore.drivers.random import Random
+from jld_explore.drivers.searcher import Random
 from jld_explore.space import SearchSpace
 
 DRIVERS: Final[dict[str, type[Driver]]] = {

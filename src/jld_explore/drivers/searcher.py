@@ -7,18 +7,21 @@ the budget is then evaluated completely, whatever the driver.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from jld_core.arrays import Bits, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
-from jld_explore.drivers.operators.interface import Operators
-from jld_explore.drivers.operators.make import operators
+from jld_explore.drivers.operators.segmentations import Operators, operators
+from jld_explore.drivers.surrogate import SLOTS, Surrogate
+from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation.ranking import front_counts
 from jld_explore.space import SearchSpace, keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
@@ -204,3 +207,90 @@ class Searcher(Driver):
                 waiting = waiting[self.size :]
         if len(waiting):
             yield waiting
+
+
+Names = NDArray[Any]
+"""Array of keys (bytes objects) of labellings."""
+
+
+class Pool:
+    """Labellings that wait for evaluation, with keys and counts.
+
+    The covariances with the labellings that the surrogate remembers are stored. Only those with newly remembered
+    labellings are computed again.
+
+    surrogate: predicts the rank of the labellings. rows: (k, m) True = dry. counts: (k, c) counts of the front, signed
+    so that less is better. names: (k,) keys of the labellings.
+    """
+
+    def __init__(self, space: SearchSpace, surrogate: Surrogate) -> None:
+        self._space, self._surrogate = space, surrogate
+        self.rows: Bits = np.empty((0, len(space.fixed)), dtype=bool)
+        self.counts: Floats = np.empty((0, len(space.search.front.axes)))
+        self.names: Names = np.empty(0, dtype=object)
+        self._signs = surrogate.signs(self.rows)
+        self._covariances = np.empty((0, SLOTS), dtype=np.float32)
+        self._clock = surrogate.batches_learned
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def add(self, rows: Bits, names: list[bytes]) -> None:
+        """Add labellings (k, m), True = dry, with their keys (k of bytes), at the end."""
+        own = np.empty(len(names), dtype=object)
+        own[:] = names
+        self._refresh()
+        signs = self._surrogate.signs(rows)
+        covariance = np.empty((len(rows), SLOTS), dtype=np.float32)
+        known = len(self._surrogate)
+        covariance[:, :known] = self._surrogate.covariance(signs, np.arange(known))
+        self.rows = np.concatenate([self.rows, rows])
+        self.counts = np.concatenate([self.counts, front_counts(self._space, rows)])
+        self.names = np.concatenate([self.names, own])
+        self._signs = np.concatenate([self._signs, signs])
+        self._covariances = np.concatenate([self._covariances, covariance])
+
+    def keep(self, places: Ints) -> None:
+        """Remove all labellings except those at the positions `places` (k,), in this order."""
+        self.rows, self.counts, self.names = self.rows[places], self.counts[places], self.names[places]
+        self._signs, self._covariances = self._signs[places], self._covariances[places]
+
+    def predict(self) -> Floats:
+        """Predict the rank of each labelling of the pool, (k,); see `Surrogate.predict`.
+
+        Covariances with labellings learned since the last call are computed first.
+        """
+        self._refresh()
+        return self._surrogate.predict_from(self._covariances)
+
+    def _refresh(self) -> None:
+        """Update the covariances with labellings that the surrogate has learned since."""
+        fresh = np.flatnonzero(self._surrogate.filled_at > self._clock)
+        self._clock = self._surrogate.batches_learned
+        if fresh.size and len(self):
+            self._covariances[:, fresh] = self._surrogate.covariance(self._signs, fresh)
+
+
+# Labels of one batch; 512 labellings of 256 faces. A batch of 10 000 cells takes a fifth of a second.
+_MOST_LABELS: Final = 1 << 17
+
+
+class Random(Searcher):
+    """Driver that draws labellings at random, each class once.
+
+    size: largest number of labellings per batch; large spaces have smaller batches, so that the first one is soon
+    there.
+    """
+
+    name = "random"
+    ahead: ClassVar[int] = 4  # evaluations have no influence, so asking ahead is free
+
+    def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
+        super().__init__(space, seed, min(size, max(1, _MOST_LABELS // max(1, len(space.candidates)))))
+
+    def propose(self) -> Bits:
+        """Return at most `size` new random labellings (k, m), canonical and registered."""
+        return self.fresh(self.draw, self.size)
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Do nothing: evaluations have no influence on the draws."""

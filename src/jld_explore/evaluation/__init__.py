@@ -11,9 +11,8 @@
 from __future__ import annotations
 
 from jld_explore.evaluation.cases import evaluator_of
-from jld_explore.evaluation.deferred_signals import raise_deferred
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.protocol import EvaluatorSettings, MakeEvaluator
+from jld_explore.evaluation.process_settings import raise_deferred
+from jld_explore.evaluation.protocol import Evaluation, EvaluatorSettings, MakeEvaluator
 from jld_explore.evaluation.records import Records
 
 __all__ = [

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
+from jld_core.errors import ParameterError
 from jld_core.limit import CaseBounds, LimitAnalysis, Status, governing
-from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator
-from jld_explore.evaluation.protocol import EvaluatorSettings, SharedEvaluator
+from jld_core.sub_assembly import without
+from jld_explore.evaluation.protocol import (
+    BOUND,
+    SOLVE,
+    Evaluation,
+    Evaluator,
+    EvaluatorSettings,
+    LabellingEvaluator,
+    SharedEvaluator,
+)
+from jld_explore.evaluation.ranking import Envelope, front_counts
+from jld_explore.space import SearchSpace
 
 # Placeholder for a load case that is not solved because another case already decides the labelling
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
@@ -228,3 +240,154 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvalu
     if assembly.has_low_values:
         return RobustEvaluator(assembly, settings)
     return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)
+
+
+OwnObjective = Callable[[Evaluation, Assembly, Bits], float]
+"""Function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised."""
+
+
+class OwnObjectiveEvaluator(LabellingEvaluator):
+    """Evaluator whose load factors are the values of a function of the user.
+
+    Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
+    `high` of an evaluation are the value, and the last entry of its `cases` is λ.
+
+    function: function of an evaluation, the assembly and the labels, which returns the value. assembly: structure whose
+    labellings are evaluated. settings: model and settings of the evaluator of λ.
+    """
+
+    def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        self._function, self._assembly = function, assembly
+        self._evaluator = evaluator_of(assembly, settings)
+
+    def evaluate_all(
+        self,
+        labellings: Bits,
+        pruning_thresholds: Floats | None = None,
+        deadline: Deadline | None = None,
+    ) -> list[Evaluation]:
+        """Evaluate labellings by the objective; see `LabellingEvaluator.evaluate_all`.
+
+        Pruning thresholds are ignored, since bounds on λ are no bounds on the objective.
+        """
+        found = self._evaluator.evaluate_all(labellings, None, deadline)
+        return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
+
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling by the objective; see `LabellingEvaluator.evaluate`."""
+        return self.evaluate_all(labels[None])[0]
+
+    def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
+        """Return a copy of an evaluation in which the value of the objective replaces λ.
+
+        Raises InputError for a value that is no number.
+        """
+        cases = found.cases or (math.nan,) * len(self._assembly.cases)
+        if found.status is not Status.COLLAPSE:
+            return replace(found, cases=(*cases, math.nan))
+        value: Any = self._function(found, self._assembly, labels)
+        if not isinstance(value, int | float | np.integer | np.floating) or not math.isfinite(value):
+            text = "".join("d" if dry else "i" for dry in labels)
+            raise ParameterError("objective", f"it is {value!r} for the labelling {text}", "a finite number")
+        return replace(
+            found,
+            low=float(value),
+            high=float(value),
+            associative=float(value),
+            zero_dilation=math.nan,
+            cases=(*cases, found.load_factor),
+        )
+
+
+class IncumbentFront:
+    """Largest λ known for each combination of the scene's front counts.
+
+    space: search space whose front defines the counts.
+    """
+
+    def __init__(self, space: SearchSpace) -> None:
+        self.space = space
+        self._known = Envelope(len(space.search.front.axes))
+
+    def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Update the front with evaluations of labellings (k, m); only those that collapse count."""
+        good = np.array([found.status is Status.COLLAPSE for found in evaluations], dtype=bool)
+        value = np.array([found.load_factor for found in evaluations])[good]
+        self._known.learn(value, front_counts(self.space, labellings[good]))
+
+    def thresholds(self, labellings: Bits) -> Floats:
+        """Return the pruning threshold of each labelling.
+
+        labellings: (k, m) True = dry. Returns (k,): λ, scene units, at or below which a labelling does not matter; −inf
+        if any λ matters.
+        """
+        return self._known.best(front_counts(self.space, labellings))
+
+
+_MOST_EVALUATORS: Final = 64  # largest number of structures whose evaluators are cached
+
+
+class VoidCellsEvaluator(LabellingEvaluator):
+    """Evaluator of labellings that leave cells out (`space.void`).
+
+    Each labelling is evaluated on the structure of the cells that remain.
+
+    assembly: structure with a sink, an element that stands for the void: m faces, then c faces from cells to the sink.
+    settings: model and settings; the batch solver is never used.
+    """
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        # Nearly every labelling leaves a different structure; one solve is faster than making its batch solver.
+        self.settings, self._sink = replace(settings, use_batch_solver=False), assembly.sink
+        gone = np.arange(len(assembly.elements)) == assembly.sink
+        self._real, self._faces = without(assembly, gone)
+        self._cells = assembly.interfaces.a[len(self._faces) :]
+        self._evaluators: OrderedDict[bytes, tuple[LabellingEvaluator, Ints]] = OrderedDict()
+
+    def evaluate_all(
+        self,
+        labellings: Bits,
+        pruning_thresholds: Floats | None = None,
+        deadline: Deadline | None = None,
+    ) -> list[Evaluation]:
+        """Evaluate labellings, grouped by the cells they leave out.
+
+        See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
+        cells (True = stays).
+        """
+        found: list[Evaluation | None] = [None] * len(labellings)
+        groups: dict[bytes, list[int]] = {}
+        for row, labels in enumerate(labellings):
+            groups.setdefault(np.packbits(labels[len(self._faces) :]).tobytes(), []).append(row)
+        for rows in groups.values():
+            if deadline is not None and deadline.passed():
+                break
+            evaluator, kept = self._evaluator_of(labellings[rows[0]])
+            own = None if pruning_thresholds is None else pruning_thresholds[rows]
+            answers = evaluator.evaluate_all(labellings[rows][:, kept], own, deadline)
+            for row, answer in zip(rows, answers, strict=False):
+                found[row] = answer
+        done = next((row for row, answer in enumerate(found) if answer is None), len(found))
+        return [answer for answer in found[:done] if answer is not None]
+
+    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m + c,); see `LabellingEvaluator.evaluate`."""
+        evaluator, kept = self._evaluator_of(labels)
+        return evaluator.evaluate(labels[kept], pruning_threshold)
+
+    def _evaluator_of(self, labels: Bits) -> tuple[LabellingEvaluator, Ints]:
+        """Return the evaluator of the remaining structure, and the indices of the remaining faces.
+
+        labels: (m + c,) as in `evaluate_all`. Evaluators are stored by the cells that are left out.
+        """
+        stays = labels[len(self._faces) :]
+        key = np.packbits(stays).tobytes()
+        if key not in self._evaluators:
+            gone = np.zeros(len(self._real.elements), dtype=bool)
+            gone[self._cells[~stays]] = True
+            rest, kept = without(self._real, gone)
+            self._evaluators[key] = evaluator_of(rest, self.settings), kept
+            if len(self._evaluators) > _MOST_EVALUATORS:
+                self._evaluators.popitem(last=False)
+        self._evaluators.move_to_end(key)
+        return self._evaluators[key]

@@ -12,12 +12,11 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.fields.adaptive import CoarseBounds, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.limit import Status
 from jld_core.refinement.cells import CrackCells
 from jld_explore.evaluation.cases import evaluator_of
-from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.protocol import EvaluatorSettings, LabellingEvaluator
+from jld_explore.evaluation.protocol import BOUND, SOLVE, Evaluation, EvaluatorSettings, LabellingEvaluator
 
 
 def field_evaluation(
@@ -150,3 +149,32 @@ class CellEvaluator(LabellingEvaluator):
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Evaluate one labelling on the finer cells; see `LabellingEvaluator.evaluate`."""
         return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)
+
+
+TIME_POWER: Final = 1.3
+"""Power of the number of triangles that the time of a mesh grows with.
+
+The power of large meshes; from a small mesh it overestimates the time of a large one.
+"""
+
+
+def time_rate(seconds: float, triangles: float) -> float:
+    """Return the rate of time of bounds by fields, from a mesh whose time is known.
+
+    The time of a mesh is this rate times the power `TIME_POWER` of its number of triangles.
+
+    seconds: processor time of the mesh, s. triangles: number of triangles of the mesh.
+    """
+    return float(seconds / triangles**TIME_POWER)
+
+
+def mesh_seconds(rate: float, triangles: float) -> float:
+    """Return the expected processor time of bounds by fields on a mesh.
+
+    rate: rate from `time_rate`, s. triangles: number of triangles of the mesh.
+    """
+    return float(rate * triangles**TIME_POWER)
+
+
+COARSE_RATE: Final = time_rate(0.024, 60)
+"""Rate of both bounds on a coarsest mesh, s; a mesh of 60 triangles takes 24 ms of processor time."""

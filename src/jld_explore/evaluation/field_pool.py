@@ -13,12 +13,12 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.fields.adaptive import CoarseBounds, Fields, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
-from jld_explore.evaluation.field_time import mesh_seconds, time_rate
-from jld_explore.evaluation.task_pool import TaskPool
+from jld_explore.evaluation.field_evaluator import mesh_seconds, time_rate
+from jld_explore.evaluation.worker_pool import TaskPool
 
 TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""

@@ -11,12 +11,20 @@ Every row has a checksum of its content, which detects flipped bits that SQLite 
 
 from __future__ import annotations
 
+import errno
+import io
 import json
+import math
+import os
+import shutil
 import sqlite3
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,21 +32,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats, Ints
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.lock import FolderLock
-from jld_explore.evaluation.record_file import FORMAT, TABLES, damaged, errors_named
-from jld_explore.evaluation.record_rows import (
-    BOUND,
-    CONFLICTS_OF,
-    WITHDRAWN,
-    checksum,
-    parsed,
-    require_same,
-)
-from jld_explore.evaluation.rows import (
+from jld_core.files import whole_file
+from jld_explore.evaluation.cases import IncumbentFront
+from jld_explore.evaluation.process_settings import deferred_signals
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.evaluation.ranking import (
     COLUMNS,
     Rows,
+    checksums,
     columns_of,
     evaluation_of,
     from_columns,
@@ -46,7 +49,162 @@ from jld_explore.evaluation.rows import (
     record_type,
     rows_of,
 )
+from jld_explore.evaluation.worker_pool import Run, Workers
 from jld_explore.space import keys
+from jld_explore.space.labelling import orbit_sizes
+
+if sys.platform != "win32":
+    import fcntl
+
+
+class FolderLock:
+    """Exclusive lock of a folder, held until `release` or the end of the process.
+
+    folder: existing folder. Raises InputError if another process holds the lock.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._handle: int | None = None
+        if sys.platform == "win32":
+            return  # On Windows the SQLite file itself is locked.
+        self._handle = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.release()
+            raise busy(folder) from None
+
+    def release(self) -> None:
+        """Release the lock; repeated calls have no effect."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+
+def busy(folder: Path) -> InputError:
+    """Return the InputError, not raised, for a folder that another process has locked."""
+    return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")
+
+
+FORMAT: Final = 5
+"""Version of the file format; a record of another version cannot be resumed."""
+
+TABLES: Final = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
+CREATE TABLE evaluations (
+  id INTEGER PRIMARY KEY /* in the order in which they were finished */,
+  labelling BLOB NOT NULL /* a bit for each face of faces.csv, the first the highest, 1 dry: see hex(labelling) */,
+  multiplicity INTEGER NOT NULL, status TEXT NOT NULL, settled TEXT NOT NULL,
+  low REAL, high REAL, associative REAL, zero_dilation REAL, seconds REAL,
+  governing INTEGER NOT NULL /* position of the load case that governs, -1 of one load alone */,
+  cases BLOB NOT NULL /* a float64 for each load case: its load factor */, checksum INTEGER NOT NULL);
+CREATE TABLE conflicts (
+  id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL,
+  closed INTEGER NOT NULL /* evidence: 0 a mechanism, 1 a cube that conflicts leave nothing of, 2 possible blocks */,
+  checksum INTEGER NOT NULL);
+"""
+
+_BESIDE: Final = 1 << 16  # bytes that SQLite's auxiliary files need at least
+
+# System error number for each SQLite error code that concerns the disk or permissions
+_DISK: Final = {
+    sqlite3.SQLITE_FULL: errno.ENOSPC,
+    sqlite3.SQLITE_IOERR: errno.EIO,
+    sqlite3.SQLITE_READONLY: errno.EACCES,
+    sqlite3.SQLITE_CANTOPEN: errno.EACCES,
+    sqlite3.SQLITE_PERM: errno.EACCES,
+}
+
+
+@contextmanager
+def errors_named(path: Path) -> Iterator[None]:
+    """Convert SQLite errors inside the context to errors that name the file.
+
+    path: the SQLite file. Raises InputError if another process has the file open, or if the file is damaged. Raises
+    OSError if the disk fails or is full.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise busy(path.parent) from None
+        if code in _DISK:
+            # SQLite reports a general I/O error if the disk has no room for its auxiliary files.
+            full = code == sqlite3.SQLITE_IOERR and shutil.disk_usage(path.parent).free < _BESIDE
+            number = errno.ENOSPC if full else _DISK[code]
+            raise OSError(number, os.strerror(number), str(path)) from None
+        raise damaged(path, str(error)) from None
+
+
+def recorded_driver(path: Path) -> str | None:
+    """Return the name of the driver of the study in a record file; None if it cannot be read.
+
+    Whoever opens the record to go on with it finds out why.
+    """
+    with suppress(sqlite3.Error, json.JSONDecodeError), closing(sqlite3.connect(path)) as file:
+        row = file.execute("SELECT value FROM meta WHERE key = 'driver'").fetchone()
+        return None if row is None else str(json.loads(row[0]))
+    return None
+
+
+def damaged(path: Path, how: str) -> InputError:
+    """Return the InputError, not raised, for a damaged record file.
+
+    how: description of the damage.
+    """
+    return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
+
+
+BOUND: Final = "bound"
+"""Key of the proven bound in the table `meta`."""
+
+WITHDRAWN: Final = "withdrawn"
+"""Key of the reasons for withdrawn bounds in the table `meta`."""
+
+CONFLICTS_OF: Final = "conflicts of"
+"""Key in the table `meta` of the problem for which the recorded conflicts were proven."""
+
+# Keys of `meta` that may differ between a record and the study that resumes it
+_CHANGING: Final = {CONFLICTS_OF, BOUND, WITHDRAWN}
+
+
+def checksum(kind: str, value: float, *parts: bytes) -> int:
+    """Return the CRC-32 of a row: its kind, its number and the bytes of its other columns."""
+    # SQLite does not store the sign of zero; adding 0.0 turns −0.0 into 0.0.
+    return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
+
+
+def parsed(value: object) -> Any:
+    """Parse a JSON text; return None for invalid JSON."""
+    try:
+        return json.loads(str(value))
+    except ValueError:
+        return None
+
+
+def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
+    """Raise InputError for the first entry in which a record differs from the current study.
+
+    The bound, withdrawn bounds and the problem of the conflicts may differ. path: name of the record in the message.
+    old, new: header of the record and of the study.
+    """
+    for key in sorted((old.keys() | new.keys()) - _CHANGING):
+        if old.get(key) != new.get(key):
+            raise InputError(
+                path,
+                f"it was made with {key} {_shown(old.get(key))}, not {_shown(new.get(key))}",
+                f"the same {key} to resume",
+            )
+
+
+def _shown(value: object) -> str:
+    """Return a value as JSON text of at most 60 characters for messages."""
+    if isinstance(value, float) and math.isnan(value):
+        return "none"
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
 
 RECORDS_FILE: Final = "records.sqlite3"
 """Name of the SQLite file of records in the folder of a study."""
@@ -394,3 +552,144 @@ class Records:
         how: description of the damage.
         """
         return damaged(self.path, how)
+
+
+@dataclass(frozen=True)
+class PendingEvaluations:
+    """Labellings under evaluation.
+
+    labellings: (k, m) True = dry. found: evaluations known so far, one entry per labelling. missing: (j,) positions of
+    the labellings sent to the workers. run: run of the workers; None if no labelling was sent. required: True if the
+    first labelling sent is evaluated whatever the deadline.
+    """
+
+    labellings: Bits
+    found: list[Evaluation | None]
+    missing: Ints
+    run: Run | None
+    required: bool = False
+
+
+class RecordedEvaluator:
+    """Evaluator that runs workers and records every evaluation.
+
+    Call `submit`, then `collect`; several submissions may be under way.
+
+    workers: workers that solve labellings not on record. records: record on disk. group: (g, m) symmetries as face
+    permutations, which determine the multiplicity of a labelling. deadline: time after which no further labelling is
+    begun. front: source of pruning thresholds; without it every labelling is solved to the end. finish_first: record
+    the first evaluation of a search before an error of a signal is raised (see `deferred_signals`). report: function
+    called with each list of evaluations as it becomes known, and their labellings (k, m). solved: number of labellings
+    that the workers evaluated.
+    """
+
+    def __init__(
+        self,
+        workers: Workers,
+        records: Records,
+        group: Ints,
+        *,
+        deadline: Deadline | None = None,
+        front: IncumbentFront | None = None,
+        finish_first: bool = False,
+        report: Callable[[list[Evaluation], Bits], None] = lambda found, labellings: None,
+    ) -> None:
+        self.records, self.solved = records, 0
+        self._without_result = not len(records)
+        self._workers, self._group, self._deadline = workers, group, deadline
+        self._front, self._report, self._finish_first = front, report, finish_first
+
+    def submit(self, labellings: Bits) -> PendingEvaluations:
+        """Begin to evaluate the labellings not on record.
+
+        labellings: (k, m) True = dry. Result: labellings under evaluation, for `collect`.
+        """
+        found = self.records.find_all(labellings)
+        missing = _missing(found)
+        run, first_required = None, False
+        if missing.size:
+            thresholds = None if self._front is None else self._front.thresholds(labellings[missing])
+            # A search with an empty record evaluates its first labelling in any case, so that it has a result.
+            first_required, self._without_result = self._without_result, False
+            run = self._workers.run(labellings[missing], self._deadline, thresholds, first_required=first_required)
+        return PendingEvaluations(labellings, found, missing, run, first_required)
+
+    def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
+        """Wait for submitted labellings, record their evaluations, and return all k in order.
+
+        The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
+        """
+        found, labellings, missing = pending.found, pending.labellings, pending.missing
+        known = np.array([evaluation is not None for evaluation in found], dtype=bool)
+        self._report([evaluation for evaluation in found if evaluation is not None], labellings[known])
+        if pending.run is not None:
+            weights = orbit_sizes(labellings[missing], self._group)
+            with ExitStack() as until_first:
+                if pending.required and self._finish_first:
+                    until_first.enter_context(deferred_signals())
+                for part, evaluations in pending.run:
+                    self.records.append(labellings[missing[part]], weights[part].tolist(), evaluations)
+                    self.solved += len(evaluations)
+                    for position, evaluation in zip(missing[part].tolist(), evaluations, strict=True):
+                        found[position] = evaluation
+                    self._report(evaluations, labellings[missing[part]])
+                    until_first.close()
+                    if self._deadline is not None and self._deadline.passed():
+                        break
+        complete = [evaluation for evaluation in found if evaluation is not None]
+        return complete if len(complete) == len(found) else None
+
+
+def _missing(found: list[Evaluation | None]) -> Ints:
+    """Return the positions of the entries that are None."""
+    return np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
+
+
+REFINED_FILE: Final = "refined.npz"
+"""Name of the file of refined evaluations in the folder of a study."""
+
+
+class RefinedRecords:
+    """Rows of a record in which refined evaluations replace those of the coarsest mesh.
+
+    records: record of the study, open or closed. faces: number m of faces. Raises InputError if the file of refined
+    evaluations is damaged.
+    """
+
+    def __init__(self, records: Records) -> None:
+        self.faces, self._records = records.faces, records
+        self._path = records.folder / REFINED_FILE
+        self._refined = np.empty(0, dtype=records.type)
+        if self._path.exists():
+            self._refined = self._read()
+
+    def _read(self) -> Rows:
+        """Read the refined rows; raise InputError if they are not as they were written."""
+        try:
+            with np.load(io.BytesIO(self._path.read_bytes()), allow_pickle=False) as content:
+                rows, made = np.asarray(content["rows"]), content["checksum"].tolist()
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            raise damaged(self._path, str(error)) from None
+        if rows.dtype != self._records.type or checksums(rows) != made:
+            raise damaged(self._path, "its rows are not as they were written")
+        return rows
+
+    @property
+    def rows(self) -> Rows:
+        """Return all rows in the order of the record, with refined evaluations where known."""
+        rows = self._records.rows.copy()
+        place = {key: n for n, key in enumerate(keys_of(rows))}
+        for own, key in zip(self._refined, keys_of(self._refined), strict=True):
+            if key in place:
+                rows[place[key]] = own
+        return rows
+
+    def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
+        """Write refined evaluations in one step; they replace all that were kept before.
+
+        labellings: (k, m) True = dry. multiplicities: orbit sizes under the symmetries.
+        """
+        rows = rows_of(self._records.type, labellings, multiplicities, evaluations)
+        with whole_file(self._path) as fresh, fresh.open("wb") as file:
+            np.savez_compressed(file, rows=rows, checksum=np.array(checksums(rows), dtype=np.int64))
+        self._refined = rows

@@ -14,7 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysis, Motion, SolveOptions, State, Status
 from jld_core.tolerances import ROUNDING
-from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.protocol import Evaluation
 
 # What a driver is told of a layout that falls
 _UNSTABLE: Final = Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan)

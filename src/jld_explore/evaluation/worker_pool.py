@@ -8,27 +8,56 @@ one place that finds this out; its users receive None or `LOST` in place of a fu
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
+import pickle
+import signal
 import sys
+import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Any, Final, TypeVar
 
+import cloudpickle
+import joblib
+import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
-from jld_explore.evaluation.cluster import client_of_cluster
-from jld_explore.evaluation.deferred_signals import deferred_signals
-from jld_explore.evaluation.processes import (
+from jld_core._version import __version__
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.batch import chosen
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import ParameterError
+from jld_core.threads import one_thread
+from jld_explore.evaluation.cases import evaluator_of
+from jld_explore.evaluation.process_settings import (
     SINGLE_THREADED,
+    Processes,
+    TaskStream,
+    client_of_cluster,
+    deferred_signals,
+    ignored_warning,
     is_lost,
     stop_processes,
+    switch_interval,
     warning_of_stops_ignored,
     worker_init,
+)
+from jld_explore.evaluation.protocol import (
+    FAILED,
+    Evaluation,
+    EvaluatorSettings,
+    LabellingEvaluator,
+    MakeEvaluator,
+    SharedEvaluator,
 )
 
 # Number of local processes that may replace dead ones; more deaths than this are not accidental
@@ -190,3 +219,465 @@ def _init_process(parent: int) -> None:
     worker_init(parent)
     # State grows on purpose; loky would treat it as a memory leak and replace the process.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+
+
+_Result = TypeVar("_Result")
+
+
+class TaskPool:
+    """Pool of local processes for tasks whose results depend on their arguments alone.
+
+    jobs: number of processes; with one all tasks are run in this process.
+    """
+
+    def __init__(self, jobs: int = 1) -> None:
+        self.jobs = jobs
+        self._executor: Executor | None = None
+        self._settings = ExitStack()
+
+    def run(self, work: Callable[..., _Result], tasks: Sequence[tuple[Any, ...]]) -> list[_Result]:
+        """Run a function with the arguments of each task.
+
+        work: function of a module, which other processes can import. tasks: arguments of each call. Result: results in
+        the order of the tasks. Tasks that a process left undone when it died are run in this process.
+        """
+        if self.jobs == 1 or len(tasks) < 2:
+            return [work(*task) for task in tasks]
+        if self._executor is None:
+            self._settings.enter_context(warning_of_stops_ignored())
+            self._executor = make_executor(self.jobs)
+        found: list[_Result] = []
+        futures = [self._executor.submit(work, *task) for task in tasks]
+        for future, task in zip(futures, tasks, strict=True):
+            try:
+                found.append(future.result())
+            except Exception as error:  # the exception of a pool whose process died depends on the kind of pool
+                if not is_lost(error):
+                    raise
+                self.close()
+                found.append(work(*task))
+        return found
+
+    def close(self) -> None:
+        """Terminate the processes at once, also those with unfinished tasks; `run` restarts them."""
+        executor, self._executor = self._executor, None
+        with self._settings:
+            if executor is not None:
+                stop_processes(executor)
+                executor.shutdown(wait=True)
+
+
+def make_executor(jobs: int) -> Executor:
+    """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
+    found: Executor = local_processes(jobs)
+    return found
+
+
+_of_thread = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
+
+_of_process: Final[
+    dict[str, SharedEvaluator]
+] = {}  # Last evaluator of this process by digest; other threads make twins of it.
+
+
+@dataclass(frozen=True)
+class WorkerSpec:
+    """Pickled data from which a worker makes its evaluator.
+
+    content: pickle of the function that makes the evaluator, the assembly and the settings. digest: SHA-256 of the
+    content and the name of the batch solver. parent: process id of the process that made this specification. version:
+    version of jld that made it; a worker of a cluster may have another one.
+    """
+
+    content: bytes
+    digest: str
+    parent: int
+    version: str = __version__
+
+    @classmethod
+    def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
+        """Make the specification that workers need to evaluate labellings of an assembly.
+
+        make: function of the assembly and the settings that returns an evaluator; it is pickled with both.
+        """
+        content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
+        # Include the batch solver in the digest, since results depend on it.
+        kernel = (chosen() or "none").encode()
+        return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
+
+    def evaluator(self) -> LabellingEvaluator:
+        """Return the evaluator of this thread, made at the first call and kept.
+
+        Another specification replaces it. If another thread of the process has one that can be shared, a twin is made.
+
+        Raises InputError if the worker has another version of jld.
+        """
+        if getattr(_of_thread, "digest", None) != self.digest:
+            other = _of_process.get(self.digest)
+            if other is None:
+                if self.version != __version__:
+                    raise ParameterError(
+                        "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
+                    )
+                make, assembly, settings = pickle.loads(self.content)
+                evaluator = make(assembly, settings)
+                _of_process.clear()
+                if isinstance(evaluator, SharedEvaluator):
+                    _of_process[self.digest] = evaluator
+            else:
+                evaluator = other.twin()
+            _of_thread.evaluator, _of_thread.digest = evaluator, self.digest
+        found: LabellingEvaluator = _of_thread.evaluator
+        return found
+
+    @property
+    def settles_nearly_all(self) -> bool:
+        """Return True if the batch solver settles nearly all labellings.
+
+        See `SharedEvaluator`.
+        """
+        evaluator = self.evaluator()
+        return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
+
+
+@one_thread()
+def evaluate_batch(
+    spec: WorkerSpec,
+    number: int,
+    labellings: Bits,
+    deadline: Deadline | None = None,
+    thresholds: Floats | None = None,
+    required: bool = False,
+) -> tuple[int, list[Evaluation]]:
+    """Evaluate one batch in this process with the evaluator of this thread.
+
+    spec: specification of the evaluator. labellings: (k, m) True = dry. deadline: time after which no further labelling
+    is begun. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). required: evaluate all labellings
+    regardless of the deadline. The deadline then limits only the search without dilation, whose result so far is used.
+    If nothing is known by the deadline, the batch is evaluated without a limit. Result: number: number of the batch;
+    evaluations: evaluations of all k labellings, or of those finished by the deadline.
+    """
+    if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
+    evaluator = spec.evaluator()
+    if required and deadline is not None:
+        try:
+            # Use the results known when the deadline passes.
+            with deadline.enforced():
+                return number, evaluator.evaluate_all(labellings, thresholds)
+        except DeadlinePassed:
+            deadline = None
+    return number, evaluator.evaluate_all(labellings, thresholds, deadline)
+
+
+HANG_SECONDS: Final = 600.0
+"""Seconds without any result after which workers count as hung."""
+
+# Smallest number of tasks into which labellings are split, so that workers finish at similar times
+_FEWEST_TASKS: Final = 8
+
+_MOST_PER_TASK: Final = 64  # largest number of labellings per task
+
+# Largest number of faces over all labellings of a task for the batch solver, which takes about a second
+_MOST_FACES_PER_TASK: Final = 200_000
+
+# Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle
+_FEWEST_PER_TASK: Final = 32
+
+# Largest useful number of threads in one process; code outside a solver waits for the interpreter lock
+_MOST_THREADS: Final = 2
+
+# Time of the first thread, relative to that of all tasks, from which tasks of one process run one after another. The
+# first thread then nearly fills a core, and two tasks beside it would compete for the other one: a genetic search at 88
+# faces took 0.72 s on two cores with two tasks at a time, and 0.58 s with one.
+_BUSY_SHARE: Final = 0.6
+
+# Largest wait of a thread for the interpreter, s. The default of 5 ms equals the time of the batch solver for a
+# generation of 48 labellings with 88 faces. With the default a search took 10 % longer in wall-clock time.
+_SWITCH_SECONDS: Final = 5e-4
+
+
+def batch_size(faces: int, requested: int) -> int:
+    """Compute the number of labellings that a worker evaluates in one task.
+
+    faces: number of faces of the scene. requested: number of labellings requested together.
+    """
+    return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
+
+
+def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], float]:
+    """Return the result of `evaluate_batch`, and the processor time of its thread, s."""
+    begun = time.thread_time()
+    return evaluate_batch(*task), time.thread_time() - begun
+
+
+class Workers:
+    """Pool of workers for one specification; with one job everything runs in this process.
+
+    spec: specification of the evaluator. jobs: number of processes, or limit of threads. faces: number of faces of the
+    scene. hang_seconds: seconds without any result after which workers count as hung. batch: stay in this process, in a
+    few threads, because the batch solver settles nearly all labellings. ahead: number of runs that begin before the
+    results of an earlier one are requested; see `Driver.ahead`. deaths: number of times that workers died or hung.
+    threads: number of threads of this process; 0 where processes evaluate. threads_of_run: number of threads among
+    which one run is divided.
+    """
+
+    def __init__(
+        self,
+        spec: WorkerSpec,
+        jobs: int,
+        faces: int,
+        hang_seconds: float = HANG_SECONDS,
+        *,
+        batch: bool = False,
+        ahead: int = 0,
+    ) -> None:
+        self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
+        self.deaths = 0
+        self.on_cluster = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.batch = batch and not self.on_cluster
+        self.in_process = self.batch or (jobs == 1 and not self.on_cluster)
+        self.running: list[Run] = []
+        self._held: list[Run] = []
+        self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
+        # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
+        self.threads_of_run = -(-self.threads // (1 + ahead))
+        self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._single_thread = ThreadPoolExecutor(1) if self.threads > 1 and ahead else None
+        self._begun_at: float | None = None
+        self._seconds_of_tasks = 0.0
+        self._settings = ExitStack()
+        if self._threads is not None:
+            self._settings.enter_context(switch_interval(_SWITCH_SECONDS))
+        self.processes = Processes(jobs, hang_seconds)
+        if self.on_cluster:
+            # Tasks abandoned at the end of a run are expected.
+            self._settings.enter_context(ignored_warning(r"\d+ tasks (which were|have been)", module="joblib"))
+
+    def run(
+        self,
+        labellings: Bits,
+        deadline: Deadline | None = None,
+        thresholds: Floats | None = None,
+        *,
+        first_required: bool = False,
+    ) -> Run:
+        """Begin to evaluate labellings, after the runs begun before.
+
+        With one job, and on a cluster, the evaluation starts when results are requested.
+
+        labellings: (k, m) True = dry. deadline: time after which no further labelling is begun. thresholds: (k,)
+        pruning thresholds (see `LabellingEvaluator.evaluate`). first_required: evaluate the first labelling regardless
+        of the deadline, in this process. Local processes start after it, as their start would take processors from it.
+        Result: iterator over the results.
+        """
+        thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
+        run = Run(self, labellings, deadline, thresholds, first_required)
+        if self._threads is not None:
+            run.submit()
+        elif not self.in_process and not self.on_cluster:
+            self._held.append(run)
+            if not (first_required or len(self._held) > 1):
+                self.begin_held()
+        return run
+
+    def begin_held(self) -> None:
+        """Begin the runs that wait for the evaluation of a first labelling in this process."""
+        held, self._held = self._held, []
+        for run in held:
+            try:
+                run.begin()
+            except Exception as error:
+                if not is_lost(error):
+                    raise
+                run.stop()  # The run starts again when its results are requested.
+
+    def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
+        """Return one function per task that waits for its result: batch number and evaluations.
+
+        With several threads the tasks start at once, otherwise when the function is called.
+        Each task is a tuple of arguments of `evaluate_batch`.
+        """
+        if self._threads is None:
+            return [partial(evaluate_batch, *task) for task in tasks]
+        if self._begun_at is None:
+            self._begun_at = time.thread_time()
+        pool = self._threads
+        own = time.thread_time() - self._begun_at
+        known = self._seconds_of_tasks > 0.0
+        if self._single_thread is not None and known and own > _BUSY_SHARE * self._seconds_of_tasks:
+            pool = self._single_thread
+        return [partial(self._result, pool.submit(_timed_batch, task)) for task in tasks]
+
+    def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
+        """Wait for a task and record its time; return batch number and evaluations."""
+        found, seconds = task.result()
+        self._seconds_of_tasks += seconds
+        return found
+
+    def run_on_cluster(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
+        """Yield results of tasks from a cluster as they finish; new tasks replace finished ones.
+
+        Each task is a `joblib.delayed` call of `evaluate_batch`. Raises TimeoutError if no result arrives for too long.
+        """
+        settings: dict[str, Any] = {
+            "return_as": "generator_unordered",
+            "batch_size": 1,
+            "pre_dispatch": "2 * n_jobs",
+            "timeout": self.hang_seconds,
+        }
+        return iter(joblib.Parallel(**settings)(tasks))
+
+    def abandon(self) -> None:
+        """Stop all runs and terminate the local processes, which start again on demand."""
+        for run in self.running:
+            run.stop()
+        self.running, self._held = [], []
+        self.processes.close()
+
+    def close(self) -> None:
+        """Terminate all local workers at once; workers of a cluster are not stopped."""
+        with self._settings:
+            self.abandon()
+            for pool in (self._threads, self._single_thread):
+                if pool is not None:
+                    pool.shutdown(cancel_futures=True)
+
+
+class Run:
+    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
+
+    The slice is the range of labellings to which the evaluations belong. Iteration ends early at the deadline. Several
+    runs may be in progress, so that workers stay busy while earlier results are processed. If workers die, the
+    unfinished tasks are sent again. A task lost twice yields failed evaluations.
+    """
+
+    def __init__(
+        self,
+        workers: Workers,
+        labellings: Bits,
+        deadline: Deadline | None,
+        thresholds: Floats,
+        first_required: bool = False,
+    ) -> None:
+        self._workers, self._deadline, self._first_required = workers, deadline, first_required
+        self._labellings, self._thresholds = labellings, thresholds
+        size = batch_size(workers.faces, len(labellings))
+        if workers.batch:
+            # Use as few tasks as threads for this run, so that threads seldom wait.
+            most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
+            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads_of_run)))
+        # The labelling to be evaluated in any case is a separate task, independent of the deadline.
+        starts = (
+            [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))
+        )
+        ends = [*starts[1:], len(labellings)]
+        self._slices = [slice(low, high) for low, high in zip(starts, ends, strict=True)]
+        self._done: set[int] = set()
+        self._submitted: list[int] = []
+        self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
+        self._results_of_threads: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
+
+    def submit(self) -> None:
+        """Submit all tasks to the threads of this process; iterating waits for their results."""
+        self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
+
+    def begin(self, numbers: list[int] | None = None) -> None:
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
+
+        Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
+        """
+        # Evaluate the labelling needed in any case in this process, while the workers start.
+        unfinished = [
+            n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
+        ]
+        numbers = unfinished if numbers is None else numbers
+        self._workers.running.append(self)
+        if self._workers.on_cluster:
+            self._submitted = []
+            self._results = self._workers.run_on_cluster(self._tasks(numbers))
+            return
+        stream = TaskStream(self._workers.processes, self._deadline)
+        # Set these before the first submission, which fails if a worker has died.
+        self._results, self._submitted = stream, stream.submitted
+        stream.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
+
+    def stop(self) -> None:
+        """Discard the results of submitted tasks; iterating evaluates those labellings again."""
+        self._results = None
+
+    def _merged(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Merge results of adjacent tasks into one if the deadline cut none of them short."""
+        parts = [self._slices[number] for number, _ in results]
+        whole = slice(parts[0].start, parts[-1].stop)
+        evaluations = [evaluation for _, found in results for evaluation in found]
+        if len(evaluations) == whole.stop - whole.start:
+            yield whole, evaluations
+            return
+        for part, (_, found) in zip(parts, results, strict=True):
+            yield slice(part.start, part.start + len(found)), found
+
+    def _arguments(self, number: int) -> tuple[Any, ...]:
+        """Return the arguments of `evaluate_batch` for one task."""
+        part = self._slices[number]
+        required, thresholds = self._first_required and number == 0, self._thresholds[part]
+        return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required
+
+    def _tasks(self, numbers: list[int]) -> Iterator[Any]:
+        """Yield joblib tasks, and record the numbers of those that are sent."""
+        for number in numbers:
+            self._submitted.append(number)
+            yield joblib.delayed(evaluate_batch)(*self._arguments(number))
+
+    def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Yield (slice, evaluations) as tasks finish.
+
+        Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
+        """
+        workers = self._workers
+        if workers.in_process:
+            if self._results_of_threads is None:
+                self.submit()
+            tasks = self._results_of_threads or []
+            if self._first_required and tasks:
+                yield from self._merged([tasks.pop(0)()])
+            # Wait for all threads together, so that their results are recorded in one transaction.
+            for first in range(0, len(tasks), workers.threads):
+                yield from self._merged([result() for result in tasks[first : first + workers.threads]])
+            return
+        if self._first_required:
+            evaluations = evaluate_batch(*self._arguments(0))[1]
+            self._done.add(0)
+            self._first_required = False
+            yield self._slices[0], evaluations
+        workers.begin_held()
+        failures = dict.fromkeys(range(len(self._slices)), 0)
+        while len(self._done) < len(self._slices):
+            suspected = [number for number, count in failures.items() if count == 1 and number not in self._done]
+            try:
+                if suspected:  # Repeat suspected tasks one at a time, so that a second death identifies the task.
+                    self.begin(suspected[:1])
+                elif self._results is None:
+                    self.begin()
+                for number, evaluations in self._results or ():
+                    self._done.add(number)
+                    low = self._slices[number].start
+                    yield slice(low, low + len(evaluations)), evaluations
+                if isinstance(self._results, TaskStream) and self._results.late:
+                    workers.abandon()
+                    return
+                self._results = None
+            except Exception as error:
+                if not is_lost(error):
+                    raise
+                workers.deaths += 1
+                workers.abandon()
+                for number in self._submitted:
+                    if number in self._done:
+                        continue
+                    failures[number] += 1
+                    if failures[number] > 1:
+                        self._done.add(number)
+                        part = self._slices[number]
+                        yield part, [FAILED] * (part.stop - part.start)
+        workers.running = [run for run in workers.running if run is not self]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.exchange.writers import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Columns = dict[str, dict[str, str]]
 """Unit ("" for none) and meaning by the name of the column."""
@@ -168,3 +174,134 @@ def csv_of(table: pd.DataFrame) -> str:
             safe[name] = pd.Series([harmless(value) for value in table[name]], index=table.index, dtype=object)
     safe.columns = pd.Index([harmless(name) for name in table.columns])
     return safe.to_csv(index=False)
+
+
+PROVEN: Final = "proven"
+"""Evidence of a point that is proven to be on the front: no layout carries more, or as much with a better count."""
+FOUND: Final = "found"
+"""Evidence of a point that is the best found by a search for it."""
+VISITED: Final = "visited"
+"""Evidence of a point that was evaluated during a search with another aim."""
+
+COLUMN: Final = "evidence"
+"""Name of the column of the evidence."""
+
+
+def front_rows(
+    front: pd.DataFrame, summary: Mapping[str, Any], axes: Sequence[tuple[str, str]], *, complete: bool, aimed: bool
+) -> list[dict[str, Any]]:
+    """Return the best λ known for every count, with its evidence, for summary.json.
+
+    Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
+    and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
+    proven the best of its count, and not on the front: one with a better count may carry as much.
+
+    front: rows of the results that no other row dominates. summary: summary of the study, with the driver's own front
+    if it has one. axes: names of the counts with their better directions, "max" or "min". complete: True if every class
+    of the space has been evaluated. aimed: True if the driver searched for the whole front.
+    """
+    given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
+    rows, told = [], list(given.values())
+    sign = 1.0 if axes[0][1] == "max" else -1.0
+    for key, group in front.groupby([name for name, _ in axes]):
+        values = key if isinstance(key, tuple) else (key,)
+        value = _value(values)
+        best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
+        known = given.pop(value, None) if len(values) == 1 else None
+        # Of several tied rows, the one on the front may have a slightly smaller λ.
+        strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
+        rivals = [] if known is None else [row for row in told if sign * row["count"] >= sign * known["count"]]
+        sure = bool(complete or (rivals and all(row["proven"] for row in rivals)))
+        bound = (known or {}).get("bound")
+        if bound is None and (sure or (strongest and summary["proven"])):
+            bound = summary["bound"] if strongest and not complete else best["bracket_hi"]
+        rows.append(
+            {
+                "count": value,
+                "load_factor": float(best["load_factor"]),
+                "bound": None if bound is None else float(bound),
+                "proven": sure,
+                COLUMN: PROVEN if sure else FOUND if aimed or strongest else VISITED,
+            }
+        )
+    # Counts whose best is dominated are not on the front, but their bounds are known.
+    rest = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in given.values()]
+    return sorted([*rows, *rest], key=lambda row: row["count"] if isinstance(row["count"], list) else [row["count"]])
+
+
+def _value(values: Sequence[Any]) -> Any:
+    """Return counts as in JSON: a number, or a list for several counts."""
+    numbers = [value if isinstance(value, float) else int(str(value)) for value in values]
+    return numbers if len(numbers) > 1 else numbers[0]
+
+
+def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
+    """Return the rows of a front with better evidence than "visited", and the proven ones.
+
+    The mask (k,) of proven rows belongs to the rows returned. A front without evidence is returned whole, with no row
+    proven.
+    """
+    if COLUMN not in front:
+        return front, np.zeros(len(front), dtype=bool)
+    known = front[front[COLUMN] != VISITED]
+    return known, (known[COLUMN] == PROVEN).to_numpy()
+
+
+def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
+    """Return a front with its column `evidence`, from the entry `front` of a summary.
+
+    counts: names of the counts that identify a point. Points that the summary does not contain become "visited".
+    """
+    told = summary.get("front") or []
+    known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
+    return front.assign(**{COLUMN: [known.get(str(value), VISITED) for value in values_on(front, counts)]})
+
+
+def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
+    """Return the count of each row of a front in the form of summary.json.
+
+    It is a number, or a list of numbers for several counts.
+    """
+    return [_value(row) for row in zip(*(front[name].tolist() for name in counts), strict=True)]
+
+
+PLACES: Final = 9
+"""Significant digits of coordinates and load factors."""
+DIGITS: Final = 6
+"""Significant digits of forces, velocities and utilisations."""
+
+
+def rounded(values: Any, digits: int = PLACES) -> Any:
+    """Round numbers to significant digits and return them in the form of JSON.
+
+    values: a number or an array of any shape. The result is a number or nested lists; NaN and infinities become None.
+    """
+    array = np.asarray(values, dtype=float)
+    if array.ndim == 0:
+        return float(f"{array:.{digits}g}") if np.isfinite(array) else None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
+    clean = abs(power) < 280
+    factor = 10.0 ** np.where(clean, digits - 1 - power, 0.0)
+    # Division by a power of ten gives the double nearest to the decimal number, which prints short.
+    shift = 10.0 ** np.where(clean, np.abs(digits - 1 - power), 0.0)
+    whole = np.round(np.where(digits - 1 - power >= 0, array * shift, array / shift))
+    short = np.where(digits - 1 - power >= 0, whole / shift, whole * shift)
+    return _plain(np.where(clean & np.isfinite(factor), short, array))
+
+
+def rounded_each(arrays: Sequence[Floats]) -> list[Any]:
+    """Return arrays (k, d) as `rounded` does; all are rounded together, to save time."""
+    if not len(arrays):
+        return []
+    rows, cuts = rounded(np.concatenate(arrays)), np.cumsum([0, *map(len, arrays)]).tolist()
+    return [rows[start:end] for start, end in pairwise(cuts)]
+
+
+def _plain(array: Floats) -> Any:
+    """Return an array as nested lists, with None for values that are not finite."""
+    if np.all(np.isfinite(array)):
+        return array.tolist()
+    if array.ndim > 1:
+        return [_plain(row) for row in array]
+    return [float(v) if np.isfinite(v) else None for v in array]

@@ -21,14 +21,12 @@ from jld_core.refinement.cells import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
 from jld_core.tolerances import GAP
 from jld_explore.drivers.choice import what_would_prove
-from jld_explore.drivers.field_conflicts import CONFLICTS_FILE
-from jld_explore.evaluation.records import RECORDS_FILE
-from jld_explore.evaluation.refined_records import REFINED_FILE
-from jld_explore.report import required, tables
-from jld_explore.report.columns import columns, csv_of
-from jld_explore.report.evidence import front_rows, values_on, with_evidence
-from jld_explore.report.exploration import FIELD_PICTURE, Exploration
-from jld_explore.report.reading import history_of
+from jld_explore.drivers.field_exact import CONFLICTS_FILE
+from jld_explore.evaluation.records import RECORDS_FILE, REFINED_FILE
+from jld_explore.report import summary as required
+from jld_explore.report import tables
+from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
+from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
 from jld_explore.report.result_files import without_parquet, write_results
 from jld_explore.report.summary import Summary
 from jld_explore.space import registered
@@ -355,7 +353,7 @@ def _drawn(name: str, done: Exploration) -> Figure:
     Raises ValueError for "convergence" if the folder has no history.
     """
     from jld_explore.report import pictures as drawings
-    from jld_explore.report.pictures_of_three import front_picture
+    from jld_explore.report.pictures import front_picture
 
     if name == "pareto":
         return front_picture(done)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from jld_core.views import notebook
 from jld_explore.report import words
-from jld_explore.report.exploration import Exploration
 from jld_explore.report.page_of_study import PATIENCE, study_page
+from jld_explore.report.reading import Exploration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,13 +23,13 @@ class ExplorationView:
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
         from jld_core.views.small_pictures import drawing_of
-        from jld_explore.report.pictures_of_three import front_picture
+        from jld_explore.report.pictures import front_picture
 
         return drawing_of(front_picture(thing))
 
     def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of the front with its layouts; `ids` and `values` have no effect."""
-        from jld_explore.report.pictures_of_three import front_picture
+        from jld_explore.report.pictures import front_picture
 
         return front_picture(thing)
 

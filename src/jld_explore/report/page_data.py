@@ -7,26 +7,37 @@ Numbers are rounded for drawings and tooltips; `results.csv` keeps full precisio
 
 from __future__ import annotations
 
+import base64
+import gzip
+import hashlib
+import html
+import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, cast
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
 
+from jld_core._version import __version__
 from jld_core.arrays import Bools
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
-from jld_core.limit.member_results import effects
-from jld_core.limit.result_of_faces import result_of_faces
+from jld_core.limit.movements import result_of_faces
+from jld_core.limit.result import effects
 from jld_core.scene import Scene
 from jld_core.scene.members import MemberKind
 from jld_core.sub_assembly import faces_of
 from jld_core.views import look, quantities
+from jld_explore.report.columns import DIGITS, ranked_by, rounded, rounded_each
 from jld_explore.report.page_contract import (
     FORMAT,
     VERSION,
     CaseSolution,
+    Column,
     Curve,
     Edge,
     Load,
@@ -37,9 +48,12 @@ from jld_explore.report.page_contract import (
     Structure,
     Table,
 )
-from jld_explore.report.rounding import DIGITS, rounded, rounded_each
-from jld_explore.space import to_string
-from jld_explore.space.void import beside_nothing, omitted
+from jld_explore.space import Count, registered, to_string
+from jld_explore.space.labelling import pack
+from jld_explore.space.void import beside_nothing, dry_of, omitted
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def page_data(
@@ -316,3 +330,282 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "places": rounded(places, DIGITS),
         }
     return found
+
+
+_IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w./]+)";\n', re.M)
+_STAR: Final = re.compile(r'^import \* as (\w+) from "\./([\w./]+)";\n', re.M)
+_EXPORT: Final = re.compile(r"^export ((?:async )?(?:function|class|const) (\w+))", re.M)
+_BUNDLE: Final = re.compile(r"export\{([^}]*)\};?\s*$")
+_TOKEN: Final = re.compile(r"\{\{(\w+)\}\}")
+
+PLANAR: Final = {"figures.js": "figures_planar.js"}
+"""Modules replaced in pages of planar scenes, which need no WebGL."""
+
+
+def asset(name: str, wing: str = "report") -> str:
+    """Return the text of a front-end file.
+
+    name: name of the file under `assets/`. wing: sub-package that holds it, "report" or "studio".
+    """
+    return _assets(wing).joinpath(name).read_text(encoding="utf-8")
+
+
+def asset_names(wing: str = "report") -> list[str]:
+    """List the front-end files that a browser loads.
+
+    wing: sub-package that holds them, "report" or "studio". Result: modules and styles, and modules of vendors as
+    "vendor/...", sorted.
+    """
+    own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
+    vendor = _assets(wing).joinpath("vendor")
+    theirs = [f"vendor/{entry.name}" for entry in vendor.iterdir()] if vendor.is_dir() else []
+    return sorted([*own, *(name for name in theirs if name.endswith(".js"))])
+
+
+def _assets(wing: str) -> Traversable:
+    """Return the folder of front-end files of a sub-package."""
+    return files(f"jld_explore.{wing}").joinpath("assets")
+
+
+def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
+    """Join a JavaScript module of the page and all its imports into one script.
+
+    Imported modules come first, each in a scope of its own. entry: file name of the module. instead: replacements of
+    modules by name. Raises ValueError for circular imports, and for text that would end the script element.
+    """
+    instead = instead or {}
+    done: dict[str, str] = {}
+
+    def visit(name: str, above: tuple[str, ...]) -> None:
+        if name in above:
+            raise ValueError(f"the modules {' → '.join((*above, name))} import one another in a circle")
+        if name in done:
+            return
+        text = asset(name)
+        for _, wanted in (*_IMPORT.findall(text), *_STAR.findall(text)):
+            visit(instead.get(wanted, wanted), (*above, name))
+        done[name] = _scoped(name, text, instead, last=name == entry)
+
+    visit(entry, ())
+    script = "const $modules = {};\n" + "".join(done.values())
+    if "</script" in script.lower() or "<!--" in script:
+        raise ValueError("a module contains text that would end its script")
+    return script
+
+
+def _scoped(name: str, text: str, instead: Mapping[str, str], last: bool) -> str:
+    """Return a module as a block with its own scope, with imports and exports rewritten."""
+    text = _IMPORT.sub(lambda m: f"const {{{m[1].replace(' as ', ': ')}}} = {_place(m[2], instead)};\n", text)
+    text = _STAR.sub(lambda m: f"const {m[1]} = {_place(m[2], instead)};\n", text)
+    bundle = _BUNDLE.search(text)
+    if bundle:
+        pairs = [pair.strip().split(" as ") for pair in bundle[1].split(",")]
+        names = ", ".join(f"{pair[-1]}: {pair[0]}" for pair in pairs)
+        text = text[: bundle.start()]
+    else:
+        names = ", ".join(found for _, found in _EXPORT.findall(text))
+        text = _EXPORT.sub(r"\1", text)
+    if last:
+        return f"{{\n{text}}}\n"
+    return f'$modules["{name}"] = (() => {{\n{text}\nreturn {{ {names} }};\n}})();\n'
+
+
+def _place(name: str, instead: Mapping[str, str]) -> str:
+    """Return the expression for an imported module."""
+    return f'$modules["{instead.get(name, name)}"]'
+
+
+def page(data: Mapping[str, Any]) -> str:
+    """Return the self-contained HTML of a report page.
+
+    data: data of the page, as `page_data` assembles them. The content security policy of the page admits only its own
+    script and style, by their hashes.
+    """
+    script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
+    style = asset("page.css")
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    return filled(
+        asset("report.html"),
+        {
+            "policy": html.escape(policy, quote=False),
+            "version": html.escape(__version__),
+            "title": html.escape(str(data["title"])),
+            "style": style,
+            "data": packed(data),
+            "script": script,
+        },
+    )
+
+
+def packed(data: Mapping[str, Any]) -> str:
+    """Return data as base64 of gzipped JSON, which is safe in HTML for any content.
+
+    Raises ValueError for NaN and infinities.
+    """
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return base64.b64encode(gzip.compress(text.encode("utf-8"), compresslevel=6, mtime=0)).decode("ascii")
+
+
+def filled(template: str, parts: Mapping[str, str]) -> str:
+    """Replace each {{name}} in a template by its part; parts are not expanded again.
+
+    template: text with {{name}} tokens. parts: replacement of each token. Result: text with all tokens replaced. Raises
+    KeyError if a token has no part.
+    """
+    return _TOKEN.sub(lambda found: parts[found[1]], template)
+
+
+def _hash(text: str) -> str:
+    """Return the SHA-256 of a text in the form of a content security policy."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+
+MOST: Final = 20_000
+"""Largest number of strongest rows on a page; the front is added."""
+
+TITLES: Final = {
+    "multiplicity": "mirror images",
+    "load_factor_associative": "λ associative",
+    "load_factor_zero_dilation": "λ without dilation",
+    "seconds": "seconds",
+}
+"""Titles of columns whose name is not a good title."""
+_FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")  # columns shown first
+# Columns shown last
+_LAST: Final = ("load_factor_associative", "load_factor_zero_dilation", "multiplicity", "settled", "seconds", "driver")
+# Beginnings of the names of numeric columns that are no counts
+_NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_lo", "bracket_hi")
+
+
+def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
+    """Return the rows of the results that a page shows: the first `most`, and the front.
+
+    They keep the order of the results.
+    """
+    if len(results) <= most:
+        return results
+    kept = np.arange(len(results)) < most
+    kept |= results.index.isin(front.index)
+    return results[kept]
+
+
+def table_of(
+    results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
+) -> Table:
+    """Return the table of layouts for a page: columns, labellings and evidence.
+
+    results: the rows to show. front: rows on the front, with a column `evidence`. axes: counts of the front, each with
+    its better direction, "max" or "min". left_out: number of rows of the study that are not shown.
+    """
+    import pandas as pd  # here and below: slow to import and needed for tables only
+
+    count, sense = axes[0]
+    texts = results["labelling"].astype(str)
+    rows = [dry_of(text) for text in texts]
+    bits = np.array(rows, dtype=bool).reshape(len(results), assembly.faces)
+    nothing = [beside_nothing(text) for text in texts]
+    beside = np.array(nothing if np.any(nothing) else [])
+    evidence = pd.Series("visited", index=results.index, dtype=object)
+    known = front.index.intersection(results.index)
+    evidence.loc[known] = front.loc[known, "evidence"].astype(str)
+    value = ranked_by(results)
+    ranked = {"load_factor": value, "bracket_lo": f"{value} at least", "bracket_hi": f"{value} at most"}
+    columns = [
+        _column(name, ranked.get(name) or _title(name, assembly), results[name], assembly)
+        for name in _ordered(list(map(str, results.columns)))
+        if name != "labelling" and (name == "load_factor" or results[name].notna().any())
+    ]
+    counts = [c["name"] for c in columns if c["kind"] != "text" and not c["name"].startswith(_NO_COUNT)]
+    return {
+        "rows": len(results),
+        "columns": columns,
+        "labellings": base64.b64encode(pack(bits).tobytes()).decode("ascii"),
+        "evidence": cast(list[Any], evidence.tolist()),
+        "beside": base64.b64encode(pack(beside.astype(bool)).tobytes()).decode("ascii"),
+        "count": count,
+        "sense": "max" if sense == "max" else "min",
+        "line": len(axes) == 1,
+        "counts": sorted(counts, key=lambda name: name != count),
+        "left_out": left_out,
+    }
+
+
+def _ordered(names: list[str]) -> list[str]:
+    """Order column names: rank and λ first, then counts, then the origin of each row."""
+    first = [name for name in _FIRST if name in names]
+    last = [name for name in _LAST if name in names]
+    return [*first, *(name for name in names if name not in first and name not in last), *last]
+
+
+def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> Column:
+    """Return one column as data."""
+    kind, shown = _values(values, digits=4 if name == "seconds" else 10)
+    return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
+
+
+def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "number", "text"], list[Any]]:
+    """Return the kind of a column ("integer", "number" or "text") and its values."""
+    import pandas as pd
+
+    if pd.api.types.is_integer_dtype(values):
+        return "integer", [None if pd.isna(v) else int(v) for v in values]
+    if pd.api.types.is_float_dtype(values):
+        return "number", rounded(values.to_numpy(dtype=float, na_value=np.nan), digits)
+    return "text", ["" if pd.isna(v) else str(v) for v in values]
+
+
+def _title(name: str, assembly: Assembly) -> str:
+    """Return the title of a column."""
+    if name.startswith("load_factor["):
+        return f"λ, {name[len('load_factor[') : -1]}"
+    count = _counts().get(name)
+    return TITLES.get(name, name.replace("_", " ")) if count is None else count.heading(assembly)
+
+
+def _unit(name: str, assembly: Assembly) -> str:
+    """Return the unit of a column, "" for none."""
+    count = _counts().get(name)
+    return "" if count is None else count.unit(assembly)
+
+
+def _counts() -> dict[str, Count]:
+    """Return all counts by name."""
+    return {count.name: count for count in registered()}
+
+
+def curve_of(name: str, history: pd.DataFrame) -> Curve:
+    """Return a convergence curve for a page from the table of convergence.csv.
+
+    name: legend text. Rows without a finite best λ are left out.
+    """
+    found = history[np.isfinite(history["best"].astype(float))]
+    return {
+        "name": name,
+        "solves": [int(v) for v in found["solves"]],
+        "seconds": rounded(found["seconds"].to_numpy(dtype=float), 5),
+        "best": rounded(found["best"].to_numpy(dtype=float), 10),
+    }
+
+
+def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
+    """Describe the proven results of a search: bracket of the best, bound, gap.
+
+    The result is texts by name. The versions of libraries are added if the summary has them. results: table of results,
+    best row first.
+    """
+    facts: dict[str, str] = {}
+    best = results[results["load_factor"].notna()].head(1)
+    if summary.get("best") is not None and len(best):
+        row = best.iloc[0]
+        facts["bracket of the best"] = f"{row['bracket_lo']:.9g} … {row['bracket_hi']:.9g}"
+    bound, gap = summary.get("bound"), summary.get("gap")
+    facts["bound over all layouts"] = "none is known" if bound is None else f"{bound:.9g}"
+    if gap is not None:
+        facts["gap to the bound"] = f"{gap:.2g}"
+    versions = summary.get("versions", {})
+    if versions:
+        facts["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return facts

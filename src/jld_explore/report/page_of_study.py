@@ -22,12 +22,19 @@ from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
-from jld_explore.report.exploration import Exploration
-from jld_explore.report.page import page
 from jld_explore.report.page_contract import PageData, Picture, Solution
-from jld_explore.report.page_data import page_data, solution_of, within
-from jld_explore.report.page_table import MOST, chosen_rows, curve_of, facts_of_summary, table_of
-from jld_explore.report.reading import history_of
+from jld_explore.report.page_data import (
+    MOST,
+    chosen_rows,
+    curve_of,
+    facts_of_summary,
+    page,
+    page_data,
+    solution_of,
+    table_of,
+    within,
+)
+from jld_explore.report.reading import Exploration, history_of
 from jld_explore.space import search_space
 from jld_explore.space.void import cut
 

@@ -13,12 +13,11 @@ from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views import facts_of_assembly
 from jld_core.views.notebook import aligned
-from jld_explore.evaluation.evaluation import BOUND
-from jld_explore.report import required
-from jld_explore.report.columns import ranked_by
-from jld_explore.report.evidence import COLUMN
-from jld_explore.report.exploration import Exploration
+from jld_explore.evaluation.protocol import BOUND
+from jld_explore.report import summary as required
+from jld_explore.report.columns import COLUMN, ranked_by
 from jld_explore.report.languages import stronger_cut
+from jld_explore.report.reading import Exploration
 from jld_explore.report.tables import STANDS
 from jld_explore.space import SearchSpace, registered
 

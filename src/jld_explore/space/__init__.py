@@ -19,8 +19,7 @@
 
 from __future__ import annotations
 
-from jld_explore.space.count_values import values_of
-from jld_explore.space.counts import Count, Layouts, Terms, count_named, register, registered, unregister
+from jld_explore.space.counts import Count, Layouts, Terms, count_named, register, registered, unregister, values_of
 from jld_explore.space.labelling import LETTERS, from_string, keys, to_string, unpack
 from jld_explore.space.search_space import SearchSpace, search_space
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.batch.parts import Graph
+from jld_core.batch.rows import Graph
 
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry."""

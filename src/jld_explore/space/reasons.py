@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_explore.space.count_values import values_of
+from jld_explore.space.counts import values_of
 from jld_explore.space.labelling import blocks_of
-from jld_explore.space.measures import Range, block_sizes
+from jld_explore.space.limits import Range, block_sizes
 from jld_explore.space.search_space import SearchSpace
 
 

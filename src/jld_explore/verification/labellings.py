@@ -19,7 +19,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.scene import Scene
-from jld_explore.verification.counting import at_least
+from jld_explore.verification.certificate import at_least
 
 Clause = list[int]
 

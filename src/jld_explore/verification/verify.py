@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -19,7 +20,30 @@ from jld_core.scene import Scene, parse_scene
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, read
 from jld_explore.verification.labellings import Labellings
-from jld_explore.verification.refutation import follows
+
+
+def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
+    """Return True if a lemma follows by reverse unit propagation from given clauses in order.
+
+    With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
+
+    lemma: literals of the clause to prove. by: numbers of the clauses used, in order. clauses: literals of all known
+    clauses by number. False also for a number that is unknown.
+    """
+    false = set(lemma)
+    if any(-literal in false for literal in lemma):
+        return True
+    for name in by:
+        clause = clauses.get(name)
+        if clause is None:
+            return False
+        left = [literal for literal in clause if literal not in false]
+        if not left:
+            return True
+        if len(set(left)) > 1:
+            return False
+        false.add(-left[0])
+    return False
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.start import LAID
+from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text

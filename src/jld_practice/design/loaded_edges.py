@@ -13,7 +13,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
 from jld_core.geometry.unions import union_outlines
-from jld_core.refinement.arcs import find_arcs
+from jld_core.refinement.voussoirs import find_arcs
 
 SIDES: Final = ("top", "bottom", "left", "right")
 """Sides by name."""

@@ -11,7 +11,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import ParameterError
-from jld_core.refinement.prisms import prism_of
+from jld_core.refinement.walls import prism_of
 from jld_core.scene import Scene, parse_scene
 from jld_practice.design.loaded_edges import loaded_line
 from jld_practice.design.options import DesignOptions

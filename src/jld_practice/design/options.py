@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
-from jld_core.assembly_sequence.start import LAID
+from jld_core.assembly_sequence.order import LAID
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange.forces import parse_force
 from jld_practice.design.loaded_edges import EXTRADOS, SIDES, points_of

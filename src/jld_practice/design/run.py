@@ -32,9 +32,18 @@ from jld_practice.design.moving import LAYOUTS, best_labels, move_in_rounds
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import write_design
-from jld_practice.design.screening import screen, searched_scene
 from jld_practice.design.tessellations import Tessellation, tessellations
-from jld_practice.design.trials import NONE, Bounds, Design, Trial, faces_of, field_bounds, labelled
+from jld_practice.design.trials import (
+    NONE,
+    Bounds,
+    Design,
+    Trial,
+    faces_of,
+    field_bounds,
+    labelled,
+    screen,
+    searched_scene,
+)
 
 _WRITING: Final = (0.05, 2.0)  # share of the time limit, and seconds, that are kept back for page and pictures
 

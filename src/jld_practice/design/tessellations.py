@@ -20,11 +20,11 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
 from jld_core.refinement.aligned import TriangleStresses, aligned_cells
-from jld_core.refinement.arcs import Arc, find_arcs
+from jld_core.refinement.voussoirs import Arc, find_arcs
 from jld_core.scene import Scene, parse_scene
+from jld_practice.design.crushing import stresses_of_body
 from jld_practice.design.loads import side_of, with_loads
 from jld_practice.design.options import DesignOptions
-from jld_practice.design.thrust import stresses_of_body
 
 _CELLS: Final = 45  # number of cells that a tessellation is to have: its search and its moves take seconds, not minutes
 

@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL, BatchSolver
+from jld_core.batch.batch_solver import FALLS, LOCKED, SAMPLES_OF_A_CALL, BatchSolver
 from jld_core.batch.rows import BatchRows, rows_of_samples
-from jld_core.batch.verdicts import FALLS, LOCKED
 from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status
-from jld_core.limit.brackets import crossed
+from jld_core.limit.bounds import crossed
 from jld_core.mechanics import require_materials, yield_set
-from jld_core.mechanics.frictional import scaled_strengths
+from jld_core.mechanics.bending import scaled_strengths
 from jld_core.mechanics.yield_set import FrictionSet
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.threads import one_thread

@@ -11,15 +11,129 @@ solution a face slides one way at most: t = max(0, −s).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations, product
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.models.zero_dilation.loops import loops_of
 from jld_core.program import Template
+from jld_core.solvers.linear import LinearRows
+
+# Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding
+_NOTHING: Final = 1e-9
+
+# Largest coefficient, relative to that of the slide; larger ones come from nearly parallel faces and bound little
+_LARGE: Final = 1e3
+
+Loop = tuple[int, ...]
+"""Numbers of the faces of one loop."""
+
+
+def loops_of(assembly: Assembly, rates: Floats) -> Floats:
+    """Return coefficients (2e, 4m) of sums of mode rates around loops, ≥ 0 in solutions.
+
+    There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face by
+    the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the identity
+    of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows. rates: (4m, w) mode rates
+    as forms of w velocities.
+    """
+    jumps = _jumps(rates)
+    rows = []
+    for loop in face_loops(assembly):
+        for face in loop:
+            others = np.array([other for other in loop if other != face])
+            table = jumps[others].reshape(3 * len(others), -1)
+            used = np.flatnonzero((table != 0.0).any(axis=0) | (jumps[face, 2] != 0.0))
+            slide = jumps[face, 2, used]
+            found = np.linalg.lstsq(table[:, used].T, slide, rcond=None)[0]
+            size = np.linalg.norm(slide)
+            if np.linalg.norm(found @ table[:, used] - slide) > _NOTHING * size or abs(found).max() > _LARGE:
+                continue
+            shares = np.zeros(len(rates))
+            found = np.where(abs(found) < _NOTHING, 0.0, found).reshape(-1, 3)
+            for other, (first, second, slip) in zip(others, found, strict=True):
+                shares[4 * other : 4 * other + 4] = first, second, -slip, slip
+            pair = np.maximum([shares, -shares], 0.0)
+            pair[0, 4 * face + 3] = pair[1, 4 * face + 2] = -1.0
+            rows.append(pair)
+    return np.vstack([np.zeros((0, len(rates))), *rows])
+
+
+def has_opening(assembly: Assembly) -> bool:
+    """Return True if the assembly has an opening, a hole between its blocks and supports.
+
+    An opening is a loop of blocks that loops of two to four faces do not span, counting faces modulo 2.
+    """
+    between = _between(assembly)
+    cycles = len(between) - _rank((1 << a) ^ (1 << b) for a, b in between)
+    return _rank(sum(1 << face for face in loop) for loop in face_loops(assembly)) < cycles
+
+
+def _rank(rows: Iterable[int]) -> int:
+    """Return the rank modulo 2 of binary rows, each given as the bits of one integer."""
+    kept: dict[int, int] = {}
+    for row in rows:
+        while row and row.bit_length() in kept:
+            row ^= kept[row.bit_length()]
+        if row:
+            kept[row.bit_length()] = row
+    return len(kept)
+
+
+def _between(assembly: Assembly) -> list[tuple[int, int]]:
+    """Return a pair of node numbers for each face, the lower first.
+
+    All supports are node 0; another element is the node of its index plus 1.
+    """
+    number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
+    sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
+    return [(a, b) for a, b in sides.tolist()]
+
+
+def face_loops(assembly: Assembly) -> Iterator[Loop]:
+    """Yield every loop of two to four faces around blocks in contact, as tuples of faces.
+
+    Loops of four blocks that a face shortens are left out. All supports count as one block.
+    """
+    between: dict[tuple[int, int], list[int]] = {}
+    near: dict[int, set[int]] = {}
+    for face, (a, b) in enumerate(_between(assembly)):
+        between.setdefault((a, b), []).append(face)
+        near.setdefault(a, set()).add(b)
+        near.setdefault(b, set()).add(a)
+    for both in between.values():
+        yield from combinations(both, 2)
+    for ring in _rings(near):
+        choices = [between[min(a, b), max(a, b)] for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)]
+        yield from product(*choices)
+
+
+def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
+    """Yield the blocks of each loop of three blocks, and of each loop of four without a chord.
+
+    A chord is a contact of opposite blocks. near: for each block the blocks in contact with it.
+    """
+    for a in sorted(near):
+        later = sorted(b for b in near[a] if b > a)
+        for b, c in combinations(later, 2):
+            if c in near[b]:
+                yield a, b, c
+            else:
+                yield from ((a, b, d, c) for d in sorted(near[b] & near[c]) if d > a and d not in near[a])
+
+
+def _jumps(rates: Floats) -> Floats:
+    """Return two hinge rates and the slip of each face as forms (m, 3, w) of velocities.
+
+    rates: (4m, w) of modes, four per face.
+    """
+    of_face = rates.reshape(len(rates) // 4, 4, -1)
+    return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -158,3 +272,238 @@ def adjacent_faces(assembly: Assembly) -> Bools:
         own = (faces.a == element) | (faces.b == element)
         near |= np.outer(own, own)
     return near
+
+
+_SUMS: Final = 1e-13  # rounding error of a sum of a few hundred products, relative to the sum of their absolute values
+
+_MOVES_NOT: Final = 1e-6  # least scaled slack that proves that a mode cannot move
+
+_SEEN: Final = 1e-8  # slack of a known state below which a form is not tested, as its minimum cannot be positive enough
+
+
+class Statics:
+    """States of equilibrium and yield with λ in an interval, and proven bounds on them.
+
+    The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high, see `LinearModes`.
+
+    modes: complementarity problem with m faces. low, high: ends of the interval of scaled λ. held: (4m,) yield rows
+    that are equations. force_bounds: (3m + 2,) the property of this name, if already known.
+    """
+
+    def __init__(
+        self, modes: LinearModes, low: float, high: float, held: Bools, force_bounds: Floats | None = None
+    ) -> None:
+        self.modes, self.low, self.high, self.held = modes, low, high, held
+        self._force_bounds = force_bounds
+        count, columns = modes.rows.shape
+        rows = np.block([[modes.matrix, modes.live[:, None]], [modes.rows, np.zeros((count, 1))]])
+        least, most = np.full(columns + 1, -np.inf), np.full(columns + 1, np.inf)
+        least[-1], most[-1] = low, high
+        below = np.concatenate([-modes.dead, -modes.constants])
+        above = np.concatenate([-modes.dead, np.where(held, -modes.constants, np.inf)])
+        self._rows = LinearRows(rows, below, above, least, most)
+        self._equations = len(modes.dead)
+
+    def least(self, objective: Floats) -> float:
+        """Prove a lower bound on a linear objective over all states; −inf if none is proven.
+
+        objective: (3m + 2,) coefficients of (F, λ, 1).
+        """
+        if not np.isfinite(self.force_bounds).all():
+            return -np.inf
+        value, left = self._bound(objective)
+        return value - float(left @ self.force_bounds[:-2])
+
+    @cached_property
+    def force_bounds(self) -> Floats:
+        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven.
+
+        There are none if self-stress is unbounded.
+        """
+        if self._force_bounds is not None:
+            return self._force_bounds
+        modes = self.modes
+        strong = float(modes.constants.max(initial=0.0))
+        total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
+        value, left = self._bound(total)
+        missed = float(left.sum())
+        force_bounds = np.full(len(total), np.inf)
+        force_bounds[-2:] = max(abs(self.low), abs(self.high)), 1.0
+        if not np.isfinite(value) or missed > 0.5:
+            return force_bounds
+        # Every |F| is at most the sum of all slacks plus one strength, so this sum bounds itself.
+        force_bounds[:-2] = (strong - value + missed * strong) / (1.0 - missed) + strong
+        coarse = force_bounds.copy()
+        for face in range(modes.faces):
+            pressed = np.zeros(len(total))
+            pressed[3 * face] = -1.0
+            value, left = self._bound(pressed)
+            most = -(value - float(left @ coarse[:-2])) + strong
+            slides = modes.rows[4 * face + 2, 3 * face] * most + modes.constants[4 * face + 2]
+            force_bounds[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
+        return force_bounds
+
+    def closed_modes(self) -> Bools:
+        """Return a mask (4m,) of modes that are proven not to move: y > 0 in every state."""
+        return self.proven_positive(self.modes.slacks, ~self.held)
+
+    def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
+        """Return a mask (k,) of linear forms that are proven positive in every state.
+
+        forms: (k, 3m + 2) of (F, λ, 1). tested: (k,) True for forms to test; the others are False.
+        """
+        found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
+        for row in range(len(forms)):
+            if seen[row] > _SEEN:
+                answer = self._rows.minimise(forms[row, :-1])
+                seen = np.minimum(seen, forms @ np.append(answer.point, 1.0)) if answer.found else seen
+                found[row] = answer.found and seen[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
+        return found
+
+    def _bound(self, objective: Floats) -> tuple[float, Floats]:
+        """Prove a lower bound on a linear objective, as a constant and a residual.
+
+        objective: (3m + 2,) coefficients of (F, λ, 1). Every state satisfies objective ≥ value − r·|F|. Returns the
+        value and the residual r (3m,); the value is −inf if the solver fails.
+        """
+        modes = self.modes
+        answer = self._rows.minimise(objective[:-1])
+        if not answer.found:
+            return -np.inf, np.zeros(modes.rows.shape[1])
+        q, p = answer.dual[: self._equations], answer.dual[self._equations :]
+        p = np.where(self.held, p, np.maximum(p, 0.0))
+        left = objective[:-2] - modes.matrix.T @ q - modes.rows.T @ p
+        noise = abs(objective[:-2]) + abs(modes.matrix).T @ abs(q) + abs(modes.rows).T @ abs(p)
+        price = float(objective[-2] - modes.live @ q)
+        blur = abs(objective[-2]) + float(abs(modes.live) @ abs(q))
+        value = float(objective[-1] - modes.constants @ p - modes.dead @ q) + min(price * self.low, price * self.high)
+        total = abs(objective[-1]) + float(modes.constants @ abs(p) + abs(modes.dead) @ abs(q))
+        total += blur * max(abs(self.low), abs(self.high))
+        return value - _SUMS * total, abs(left) + _SUMS * noise
+
+
+def bound_velocities(statics: Statics) -> Floats | None:
+    """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,).
+
+    statics: states of the region, whose least friction is used. The result is None if no bound is proven. The cost is
+    Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and these bound
+    velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide together
+    carry some friction in every state.
+    """
+    modes, m = statics.modes, statics.modes.faces
+    width = len(modes.dead)
+    jumps = modes.matrix.T.reshape(m, 3, width)
+    openings = np.concatenate([jumps[:, 0], jumps[:, 2]])
+    _, values, basis = np.linalg.svd(openings)
+    rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
+    loose = basis[rank:].T
+    inverse = np.linalg.pinv(openings, rcond=1e-10)
+    rows, shares = [openings], [np.full(2 * m, 1.0)]
+    sizes, drift = statics.force_bounds, 0.0
+    if not np.isfinite(sizes).all():
+        return None
+    capacity = abs(modes.capacities) @ sizes
+    taken = np.zeros((0, loose.shape[1]))
+    for face in _by_weight(jumps[:, 1] @ loose):
+        if len(taken) == loose.shape[1]:
+            break
+        way = jumps[face, 1] @ loose
+        if np.linalg.matrix_rank(np.vstack([taken, way]), tol=1e-9) == len(taken):
+            continue
+        others = jumps[:, 1] @ loose
+        sign = np.where(others @ way >= 0.0, 1.0, -1.0)
+        together = np.abs(others - sign[:, None] * way).max(axis=1) <= 1e-9
+        least = statics.least(modes.capacities[together].sum(axis=0))
+        if not least > 1e-6:
+            continue
+        apart = jumps[together, 1] - sign[together, None] * jumps[face, 1]
+        rest = apart @ inverse
+        drift = max(drift, float(capacity[together].sum() * abs(apart - rest @ openings).sum(axis=1).max() / least))
+        spread = float(capacity[together].sum() * abs(rest).max(initial=0.0))
+        taken = np.vstack([taken, way])
+        rows.append(jumps[face, 1][None])
+        shares.append(np.array([(1.0 + spread) / least]))
+    if len(taken) < loose.shape[1]:
+        return None
+    stacked, per_cost = np.vstack(rows), np.concatenate(shares)
+    back = np.linalg.pinv(stacked, rcond=1e-12)
+    if abs(back @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
+        return None
+    # The openings and rotations of all faces together cost at most one. The factor 2 covers rounding, which the test
+    # below keeps small.
+    velocity = 2.0 * (abs(back[:, : 2 * m]).max(axis=1) + abs(back[:, 2 * m :]) @ per_cost[2 * m :])
+    if drift * float(velocity.max(initial=0.0)) > 1e-3:
+        return None
+    slips = abs(jumps[:, 1]) @ velocity
+    return np.asarray(np.concatenate([velocity, slips]))
+
+
+def _by_weight(ways: Floats) -> list[int]:
+    """Sort faces by the size of their slip in motions without opening, largest first.
+
+    ways: (m, k) slip of each face in k such motions. Returns the indices of the faces.
+    """
+    return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]
+
+
+@dataclass(frozen=True)
+class Region:
+    """Part of the solutions on which a bound is proven.
+
+    low, high: ends of the interval of scaled λ. closed: (4m,) closed modes, with the rate z = 0. held: (4m,) held
+    modes, with the yield slack y = 0.
+    """
+
+    low: float
+    high: float
+    closed: Bools
+    held: Bools
+
+    def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
+        """Split the region at the mode that most violates y z = 0; None if no mode violates it.
+
+        The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held; if
+        it is a slide, the other slide of its face is closed. rates, slacks: (4m,) mean z and mean y of a relaxation.
+        """
+        apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
+        if not apart.max() > 0.0:
+            return None
+        mode = int(np.argmax(apart))
+        number = np.arange(len(apart))
+        one = number == mode
+        other = (number == mode ^ 1) & (mode % 4 > 1)
+        return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
+
+
+@dataclass(frozen=True)
+class BoundedModes:
+    """Complementarity problem of a planar labelling, with bounds that all its solutions keep.
+
+    Every step of a lower-bound search takes this one description of the problem.
+
+    modes: the complementarity problem. force_bounds: (3m + 2,) upper bounds on |F|, |λ| and 1, see
+    `Statics.force_bounds`. velocity_bounds: (3n + m,) upper bounds on velocities and slides per unit of cost, see
+    `bound_velocities`; None if not proven.
+    """
+
+    modes: Modes
+    force_bounds: Floats
+    velocity_bounds: Floats | None
+
+    @classmethod
+    def up_to(cls, modes: Modes, high: float) -> BoundedModes:
+        """Compute the bounds for all solutions with 0 ≤ λ ≤ high.
+
+        modes: the complementarity problem. high: scaled λ. Bounds that are not proven are inf, or None for velocities.
+        """
+        statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
+        return cls(modes, statics.force_bounds, bound_velocities(statics))
+
+    def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
+        """Return the region of solutions with low ≤ λ ≤ high and given closed and held modes.
+
+        Modes that are proven not to move in it are closed as well. low, high: scaled λ. closed, held: (4m,) modes with
+        z = 0, and with y = 0.
+        """
+        statics = Statics(self.modes, low, high, held, self.force_bounds)
+        return Region(low, high, closed | statics.closed_modes(), held)

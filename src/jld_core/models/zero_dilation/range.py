@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,14 +12,165 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.deadline import DeadlinePassed
+from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.lower_bound import LowerBoundSearch
-from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
-from jld_core.models.zero_dilation.multi_start_search import MultiStartSearch
-from jld_core.models.zero_dilation.proof import pair_proof
+from jld_core.models.effective_area import require_rectangles
+from jld_core.models.zero_dilation.certificate import Certifier, pair_proof
+from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound
+from jld_core.models.zero_dilation.modes import BoundedModes, Modes, Region, has_opening
+from jld_core.models.zero_dilation.rlt_relaxation import (
+    LowerBound,
+    LowerBoundProblem,
+    RltOptions,
+    RltSolution,
+    solve_rlt,
+)
+from jld_core.models.zero_dilation.sweep import BlockSweep, MultiStartSearch, initial_forces
+
+FACES: Final = 60
+"""Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time."""
+
+# Distance from the lowest solution found, relative, below which a certificate is not refined further
+_ENOUGH: Final = 2e-7
+
+_SLACK: Final = 1e-8  # least slack σ: decrease of λ per unit of cost in the program, relative to λ or to 1
+
+# Slack σ while the bound is far from the solution: the bound is lower, but its certificate is exact at once
+_MORE: Final = 1e-6
+
+_FINER: Final = 0.1  # factor by which the slack decreases again near the solution, and the inverse by which it grows
+
+# Relative distance from the lowest solution found up to which the slack, not the rows, limits the bound
+_FAR: Final = 1e-4
+
+_BLOCKS: Final = 25  # number of faces from which programs are solved by matrix blocks
+
+_AT_ONCE: Final = 45  # number of faces up to which the first program by matrix blocks is solved to full accuracy
+
+_DEPTH: Final = 6  # maximum depth of branching
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Lower bounds on scaled λ of the solutions in one region.
+
+    proven: by certificates. believed: the highest one, which may rely on the solver.
+    """
+
+    proven: float
+    believed: float
+
+    def with_(self, proven: float, believed: float) -> _Bounds:
+        """Return a copy with each bound raised to the given value, if that is higher."""
+        return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
+
+    def least(self, other: _Bounds) -> _Bounds:
+        """Return the lower bounds of the union of two regions: the lower one of each kind."""
+        return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
+
+
+class LowerBoundSearch:
+    """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
+
+    analysis: of the assembly. labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest
+    solution found, time budget and log; the search updates it.
+    """
+
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
+        self.analysis, self.labels, self.modes, self.problem = analysis, labels, modes, problem
+        self._bounded = BoundedModes.up_to(modes, problem.interval_end(0.0))
+
+    def search(self) -> LowerBound:
+        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches.
+
+        The search ends where the bound meets the lowest solution found, or at the time limit. Without a proof the bound
+        is 0.
+        """
+        modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
+        force_bounds, velocity_bounds = self._bounded.force_bounds, self._bounded.velocity_bounds
+        if velocity_bounds is None:
+            problem.record("no certificate: velocities are not bounded")
+        normals = np.arange(0, modes.matrix.shape[1], 3)
+        low = frozen_friction_bound(self.analysis, self.labels, modes, normals, force_bounds, problem)
+        bounds = _Bounds(low, low)
+        if problem.allows_products(modes.faces, FACES, force_bounds):
+            if velocity_bounds is not None and modes.faces >= _BLOCKS and not problem.closes_gap(low):
+                # Programs by matrix blocks count only if proven; walls usually end here.
+                steps = BlockSweep(self._bounded, problem)
+                # Around openings, products with hinges alone prove nothing.
+                stage = len(steps.stages) - 1 if has_opening(modes.assembly) else 0
+                if modes.faces <= _AT_ONCE and stage == 0:
+                    low = max(low, steps.near_hinge_bound(low))
+                if modes.faces > FACES:
+                    low = steps.partial_bound(low, stage)
+                low = steps.sweep(low, none, none, stage)
+            bounds = self._sweep(_Bounds(low, low), none, none, modes.near_pairs, 0)
+        return problem.result(bounds.proven, bounds.believed)
+
+    # --- pieces -------------------------------------------------------------------------------------------
+
+    def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
+        """Solve relaxations of one region, each from the last bound; branch where they stall.
+
+        bounds: known of the region. closed, held: (4m,) modes with z = 0, and with y = 0. pairs: mask of product rows.
+        depth: of branching, 0 at the root.
+        """
+        name, slack, problem = "products" if depth == 0 else f"branch {depth}", _SLACK, self.problem
+        while not problem.closes_gap(bounds.believed) and problem.seconds_left > 0.0:
+            low = bounds.believed
+            region = self._bounded.region(low, problem.interval_end(low), closed, held)
+            bounded = self._bounded.velocity_bounds is not None
+            earned = problem.scaled_slack(slack) if bounded else 0.0
+            relaxed = solve_rlt(self._bounded, region, RltOptions(pairs, earned, max(problem.seconds_left, 1.0)))
+            problem.record(name if relaxed is not None else f"{name}: no answer", 1)
+            if relaxed is None:
+                return bounds
+            certifies = bounded and bounds.proven >= low * (1.0 - tolerances.GAP)
+            if certifies and slack < _MORE and relaxed.multipliers.bound < problem.load_below(_FAR):
+                # Another step follows in any case, so its certificate may use more slack.
+                slack = _MORE
+                problem.record("more slack")
+                continue
+            found = self._proven(region, relaxed, slack) if certifies else -math.inf
+            if certifies and found == -math.inf and slack < _MORE:
+                slack = min(slack / _FINER, _MORE)
+                problem.record("more slack")
+                continue
+            bounds = bounds.with_(
+                found, problem.less_solver_tolerance(relaxed.multipliers.bound) if relaxed.accurate else -math.inf
+            )
+            if depth == 0:
+                problem.offer_states(relaxed.states)
+            if problem.gains_enough(low, bounds.believed) or problem.closes_gap(bounds.believed):
+                continue
+            if slack > _SLACK and bounds.believed >= problem.load_below(_FAR):
+                slack = max(slack * _FINER, _SLACK)
+                problem.record("less slack")
+                continue
+            fresh = None if relaxed.violated is None else relaxed.violated & ~pairs
+            if fresh is not None and fresh.any():
+                pairs = pairs | fresh
+                problem.record("rows added")
+                continue
+            halves = region.split(relaxed.rates, relaxed.slacks) if depth < _DEPTH else None
+            if halves is None:
+                break
+            first, second = (self._sweep(bounds, half.closed, half.held, pairs, depth + 1) for half in halves)
+            return first.least(second)
+        return bounds
+
+    def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
+        """Return the lower bound on scaled λ that a certificate proves for a region; −inf if none.
+
+        region: part of the solutions. relaxed: solution of its relaxation. slack: σ, relative.
+        """
+        # With more than the least slack another step follows, so the first valid certificate is sufficient.
+        sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf
+        check = Certifier(self._bounded, region, self.problem.scaled_slack(slack))
+        return check.bound(relaxed.multipliers, sufficient_bound)
+
 
 _TRIED: Final = 3  # number of states of a relaxation from which the search for solutions continues
 
@@ -175,3 +327,70 @@ def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:
         "mechanism",
     )
     return {key: printed[key] for key in keys}
+
+
+# Largest number of faces for which linear programs in turn are tried after proximal steps did not converge
+_SEVERAL: Final = 1000
+
+
+def prove_zero_dilation(
+    analysis: LimitAnalysis,
+    labels: Bits,
+    options: ProximalOptions | None = None,
+    *,
+    associative: Proof | None = None,
+    stands: bool = False,
+    pruning_threshold: float = -math.inf,
+    range: float | None = None,
+) -> Proof:
+    """Prove the load factor of one labelling under friction without dilation.
+
+    analysis: analysis of associative friction, planar or spatial, of whole faces or of point contacts. labels: (m,)
+    True = dry. options: parameters of the fixed-point search. associative: associative proof for these labels; computed
+    if not given. stands: also decide whether the structure stands at λ = 0. pruning_threshold: λ in scene units at or
+    below which the labelling is irrelevant. If the associative upper bound does not exceed this value, the result keeps
+    the associative λ (`Proof.outbid`), which no λ without dilation exceeds. range: if given, search for the lowest and
+    the highest solution from many starts, and spend this processor time in seconds on a lower bound, see `load_range`.
+    Result: λ and the forces `found` are those of an exactly admissible state, and the motion does not dilate. The
+    bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN of that state. Its
+    width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper bound on all solutions
+    is `extra["associative_load_factor"]`. `extra` also holds `friction_violation` (max(|V| − μN)⁺ / max N),
+    `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces / largest slip), `bracket_of` and
+    `zero_dilation_iterations`. The status is `uncertified` if the search did not converge, or if the bracket is wider
+    than the gap of the analysis. Raises InputError if a material is missing, for the start "vertex" on a program with
+    cones, or for effective areas where they do not apply.
+
+    If the associative problem is locked, the search starts from the state of least forces. Source: Gilbert, Casapulla,
+    Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
+    """
+    start = time.perf_counter()
+    options = options or ProximalOptions()
+    if options.effective_area:
+        require_rectangles(analysis.assembly, labels)
+    if options.start == "vertex" and analysis.template.structure.cones:
+        raise ParameterError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
+    associative = associative or analysis.prove(labels, stands=stands)
+    collapses = associative.status is Status.COLLAPSE
+    if collapses and associative.bracket[1] * analysis.template.scaling.load <= pruning_threshold:
+        known = associative.load_factor
+        return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
+    if range is not None:
+        proof = load_range(analysis, labels, options, associative, RangeOptions(range, pruning_threshold))
+    elif associative.status is Status.UNSTABLE or associative.state is None:
+        proof = pair_proof(associative, analysis, None, 0)
+    else:
+        if associative.status is Status.LOCKED:
+            # With alpha > 0, friction grows with the present N and self-stress grows without limit.
+            options = replace(options, alpha=0.0)
+        search = FixedPointSearch(analysis, labels, options)
+        pair = search.pair_from(initial_forces(search, associative, options.start))
+        solves = search.solves
+        if not pair.is_solution(analysis.gap) and len(labels) <= _SEVERAL:
+            multi_start = MultiStartSearch(analysis, labels, options, associative)
+            multi_start.close_gap(np.append(pair.state.forces.ravel(), pair.state.load))
+            if multi_start.found.lowest is None:
+                multi_start.search_random_mechanisms()
+            pair, solves = multi_start.found.lowest or pair, solves + multi_start.fixed_point.solves
+        proof = pair_proof(associative, analysis, pair, solves)
+    proof.seconds = time.perf_counter() - start
+    return proof

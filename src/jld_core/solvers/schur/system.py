@@ -13,16 +13,28 @@ docs/method.md (8.5); Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch
 
 from __future__ import annotations
 
+import time
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 
+from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import SolverError
 from jld_core.linalg.cholesky import Fronts
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.schur.compiled_fronts import Solves, factorisation
-from jld_core.solvers.schur.face_blocks import FaceBlocks, Family, face_blocks, filled
-from jld_core.solvers.schur.nesterov_todd import NesterovTodd
+from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
+from jld_core.solvers.schur.compiled_fronts import (
+    BlockEquations,
+    FaceBlocks,
+    Family,
+    Solves,
+    face_blocks,
+    factorisation,
+    filled,
+)
+from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
 _RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
@@ -290,3 +302,390 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
         if j:
             inverse[:j, j] = -np.einsum("ikn,kn->in", inverse[:j, :j], table[:j, j]) * inverse[j, j]
     return np.ascontiguousarray(inverse.transpose(2, 0, 1))
+
+
+SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iterations leave the embedding
+
+_EXACT = 1e-13  # relative residual of linear systems near the solution
+_COARSE = 1e-10  # relative residual of linear systems far from it, where later iterations remove what is left
+_PER_GAP = 1e-9  # residual of linear systems for each unit of the relative duality gap, between the two above
+_WEIGHTS = 5  # weights of a corrector that are compared
+_LEAST_WEIGHT = 0.1  # smallest of them
+_CENTRAL = 0.1, 10.0  # range of complementarity products, in multiples of their target, that needs no correction
+_LONG = 0.9  # step from which no centrality corrector is worth its linear system
+_SHORT = 0.03  # step below which an iterate is jammed at the boundary of its cones and is centred instead
+_CENTRING = 0.9  # share of μ that is kept while an iterate is centred
+_LONGER = 1.5, 0.1  # step for which a centrality corrector aims: factor of the step at hand, and what is added
+
+
+@dataclass
+class Iterate:
+    """Iterate of the homogeneous self-dual embedding of a program.
+
+    x: values of the columns. u: multipliers of the equations. s, v: slacks and multipliers of the yield rows. tau,
+    kappa: the scalars τ and κ of the embedding.
+    """
+
+    x: Floats
+    u: Floats
+    s: Floats
+    v: Floats
+    tau: float = 1.0
+    kappa: float = 1.0
+
+    def relative_gap(self, objective: Floats) -> float:
+        """Return the duality gap over the larger of 1 and the objective, whose coefficients (columns,) are given."""
+        return float(self.s @ self.v) / self.tau**2 / max(1.0, abs(float(objective @ self.x) / self.tau))
+
+    def progress(self, objective: Floats) -> float:
+        """Return the relative duality gap, or the complementarity of an iterate that tends to a ray.
+
+        objective: coefficients (columns,). The gap of a ray is divided by a τ that vanishes, so it does not decrease.
+        """
+        return float(self.s @ self.v) if self.kappa > self.tau else self.relative_gap(objective)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Search direction: dx, du, W⁻¹ds, W dv, dτ and dκ."""
+
+    x: Floats
+    u: Floats
+    ws: Floats
+    wv: Floats
+    tau: float
+    kappa: float
+
+    def plus(self, first: float, second: float, more: Direction) -> Direction:
+        """Add multiples of another direction: `first` of its x, W⁻¹ds, τ and κ, `second` of its u and W dv."""
+        return Direction(
+            self.x + first * more.x,
+            self.u + second * more.u,
+            self.ws + first * more.ws,
+            self.wv + second * more.wv,
+            self.tau + first * more.tau,
+            self.kappa + first * more.kappa,
+        )
+
+
+class Newton:
+    """Newton system of the central path at one iterate, factored for several right-hand sides.
+
+    system: linear systems, with the program loaded. given: objective q (columns,), right-hand side r of the equations
+    and h of the yield rows. it: the iterate. embedded: True while τ and κ are variables. apart: True if forces and
+    motion may have steps of their own. In linear programs without the embedding, their residuals do not depend on each
+    other; with cones this was measured to take more iterations.
+    """
+
+    def __init__(self, system: SchurSystem, given: tuple[Floats, Floats, Floats], it: Iterate) -> None:
+        self.system, self.given, self.it, self.cones = system, given, it, system.blocks.cones
+        q, r, h = given
+        self.scaling = NesterovTodd(self.cones, it.s, it.v)
+        system.factor(self.scaling)
+        coarse = _COARSE if not self.cones.count else _EXACT
+        system.accuracy = min(coarse, max(_EXACT, _PER_GAP * it.progress(q)))
+        self.embedded = it.kappa > SETTLED * it.tau
+        self.apart = not self.embedded and not self.cones.count
+        more = (it.tau * it.kappa, 1) if self.embedded else (0.0, 0)
+        self.mu = (float(it.s @ it.v) + more[0]) / (self.cones.degree + more[1])
+        self.res_x = system.transposed(it.u, it.v) + it.tau * q
+        self.res_u = system.equations(it.x) - it.tau * r
+        self.res_v = system.yields(it.x) + it.s - it.tau * h
+        self.res_t = it.kappa + float(q @ it.x + r @ it.u + h @ it.v)
+        if self.embedded:
+            x1, u1, wv1 = system.solve(-q, r, h)
+            self.column = x1, u1, wv1
+            self.slope = float(q @ x1 + r @ u1 + h @ self.scaling.divide(wv1)) - it.kappa / it.tau
+
+    def direction(self, eta: float, ds: Floats, dk: float) -> Direction:
+        """Return one search direction.
+
+        eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ and
+        κ.
+        """
+        it, scaling = self.it, self.scaling
+        comp = self.cones.quotient(scaling.point, ds)
+        x2, u2, wv2 = self.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
+        if not self.embedded:
+            return Direction(x2, u2, comp - wv2, wv2, 0.0, 0.0)
+        (q, r, h), (x1, u1, wv1) = self.given, self.column
+        power = float(q @ x2 + r @ u2 + h @ scaling.divide(wv2))
+        dt = (-eta * self.res_t - dk / it.tau - power) / self.slope
+        wv = wv2 + dt * wv1
+        # Scaled slack and multiplier satisfy W⁻¹ds + W dv = λ \ ds.
+        return Direction(x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau)
+
+    def lengths(self, way: Direction, share: float = 1.0) -> tuple[float, float]:
+        """Return the steps of forces and of motion, at most 1: a share of the longest within slacks and multipliers."""
+        alpha, beta = (share * self.cones.step(self.scaling.point, part) for part in (way.ws, way.wv))
+        if self.apart:
+            return min(1.0, alpha), min(1.0, beta)
+        for value, change in ((self.it.tau, way.tau), (self.it.kappa, way.kappa)):
+            if change < 0.0:
+                alpha = min(alpha, share * -value / change)
+        alpha = min(1.0, alpha, beta)
+        return alpha, alpha
+
+    def corrected(self) -> Direction:
+        """Return the predictor-corrector direction of Mehrotra.
+
+        In linear programs the corrector is scaled for the longest step, and centred where that step is still short.
+        """
+        it, lam, cones = self.it, self.scaling.point, self.cones
+        square = cones.product(lam, lam)
+        way = self.direction(1.0, -square, -it.tau * it.kappa)
+        reached = self.lengths(way)
+        sigma = self._centring(way, reached)
+        target, eta = sigma * self.mu, sigma if self.embedded else 0.0
+        ds, dk = target * cones.unit() - cones.product(way.ws, way.wv), target - way.kappa * way.tau
+        if cones.count:
+            return self.direction(1.0 - eta, ds - square, dk - it.tau * it.kappa)
+        way, reached = self._weighted(way, self.direction(-eta, ds, dk), reached)
+        if min(reached) > _LONG:
+            return way
+        way = self._centred(way, reached, target)
+        return way if min(self.lengths(way)) > _SHORT else self._centring_direction(square)
+
+    def _centring_direction(self, square: Floats) -> Direction:
+        """Return the direction to the central path at nearly the same μ, along which a jammed iterate can move again.
+
+        square: complementarity products of the iterate, scaled.
+        """
+        target, it = _CENTRING * self.mu, self.it
+        return self.direction(1.0 - _CENTRING, target * self.cones.unit() - square, target - it.tau * it.kappa)
+
+    def _centring(self, way: Direction, reached: tuple[float, float]) -> float:
+        """Return the share of μ to aim at. way, reached: affine direction and its steps."""
+        if not self.apart:
+            return min(1.0, max(1e-6, (1.0 - reached[0]) ** 3))
+        # Mehrotra's share of μ that an affine step would leave.
+        lam, (alpha, beta) = self.scaling.point, reached
+        left = float((lam + alpha * way.ws) @ (lam + beta * way.wv)) / float(lam @ lam)
+        # Out of its cones a step leaves less than nothing, and the cube of −10¹¹⁰ is an error.
+        return max(1e-6, max(0.0, min(1.0, left)) ** 3)
+
+    def _weighted(
+        self, way: Direction, more: Direction, reached: tuple[float, float]
+    ) -> tuple[Direction, tuple[float, float]]:
+        """Add that multiple of a corrector which allows the longest steps; return the direction and its steps.
+
+        way, reached: direction and its steps. more: corrector.
+        """
+        weights = np.linspace(max(_LEAST_WEIGHT, min(reached) ** 2), 1.0, _WEIGHTS).tolist()
+        found = [self.lengths(way.plus(weight, weight, more)) for weight in weights]
+        # Where steps are equal, the larger weight is taken.
+        first, second = (max(range(_WEIGHTS), key=lambda k: (found[k][side], k)) for side in (0, 1))
+        return way.plus(weights[first], weights[second], more), (found[first][0], found[second][1])
+
+    def _centred(self, way: Direction, reached: tuple[float, float], target: float) -> Direction:
+        """Add a corrector that brings complementarity products nearer to their target, for longer steps.
+
+        way, reached: direction and its steps. target: value of the products, scaled.
+        """
+        it, lam = self.it, self.scaling.point
+        far, wide = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in reached)
+        low, high = (factor * target for factor in _CENTRAL)
+
+        def missing(product: Floats) -> Floats:
+            return np.asarray(np.maximum(np.clip(product, low, high) - product, -high))
+
+        ds = missing((lam + far * way.ws) * (lam + wide * way.wv))
+        dk = float(missing(np.array((it.tau + far * way.tau) * (it.kappa + far * way.kappa))))
+        return self._weighted(way, self.direction(0.0, ds, dk), reached)[0]
+
+
+_VANISHED = 1e-14  # τ/κ below which no further iterate can be a point; rays are reached to tolerance well above it
+
+
+class SchurSolver(Solver):
+    """Schur-complement interior-point solver for large assemblies.
+
+    The analysis of a structure is kept for later programs. Columns of a program must separate into faces, and its cones
+    must have one size, as in every template. `solve` raises SolverError for other programs.
+
+    tolerance: relative residuals to reach; None: the precision of the kind of program. gap: relative duality gap to
+    reach. most: largest number of iterations.
+    """
+
+    name = "schur"
+
+    def __init__(self, tolerance: float | None = None, gap: float = 1e-8, most: int = 100) -> None:
+        self._tolerance, self._gap, self._most = tolerance, gap, most
+        self._structure: Structure | None = None
+        self._system: SchurSystem | None = None
+        self._equations: BlockEquations | None = None
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        """Solve a program by the Schur-complement interior-point method.
+
+        The structure is analysed if it is not that of the previous program. The status is FAILED where the iterations
+        break down. Raises SolverError for a structure that does not separate into faces, or cones of several sizes.
+        """
+        return self.solve_until(program, None)
+
+    def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
+        """Solve a program, or stop at the first iterate that suffices; see `Solver.solve_until`.
+
+        An iterate is offered once its relative duality gap is at most `EARLY`. The structure is analysed if it is new.
+        Raises SolverError as `solve`.
+        """
+        start = time.perf_counter()
+        equations = self._block_equations(program)
+        if equations is not None:
+            program = equations.changed(program)
+        program = program.rounded
+        if self._system is None or self._structure is not program.structure:
+            self._system = SchurSystem(program.structure)
+            self._structure = program.structure
+        self._system.load(program)
+        usual = tolerances.FRICTION_CONES if program.structure.cones else tolerances.LINEAR
+        run = _Iteration(program, self._system, self._tolerance or usual.residual, self._gap)
+        # Breakdown shows as values that are not finite, so floating-point warnings add nothing.
+        with np.errstate(all="ignore"):
+            restored = equations.multipliers if equations is not None else np.asarray
+            if suffices is not None:
+                run.suffices = lambda point, dual: suffices(point, restored(dual))
+            status, iterate, iterations = run.to_the_end(self._most)
+            point, dual = run.answer(status, iterate)
+            dual = restored(dual)
+        return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
+
+    def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
+        """Return the transformation of a program to equilibrium of whole blocks.
+
+        None for a program without `bodies`, and where every block is one element. The last transformation is stored and
+        reused if it fits the program.
+        """
+        bodies, known = program.bodies, self._equations
+        if bodies is None:
+            return None
+        if known is None or not known.fits(program):
+            sums = bodies.sums(program.structure.equalities)
+            known = None if sums is None else BlockEquations(program, sums)
+            self._equations = known
+        return known
+
+
+class _Iteration:
+    """State of the interior-point iterations for one program."""
+
+    def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
+        edge = program.structure.equalities
+        self.system, self.tolerance, self.gap = system, tolerance, gap
+        self.cones: Cones = system.blocks.cones
+        self.q, self.r, self.h = program.objective, program.rhs[:edge], program.rhs[edge:]
+        self.unit = self.cones.unit()
+        self.note = ""
+        self.suffices: Suffices | None = None
+
+    def to_the_end(self, most: int) -> tuple[RawStatus, Iterate, int]:
+        """Iterate until convergence, a ray or stagnation; return status, iterate and count.
+
+        Without convergence the best iterate is returned. most: largest number of iterations.
+        """
+        try:
+            now = self._start()
+        except np.linalg.LinAlgError:
+            self.note = "singular"
+            nothing = Iterate(np.zeros(len(self.q)), np.zeros(len(self.r)), self.unit.copy(), self.unit.copy())
+            return RawStatus.FAILED, nothing, 0
+        best, least, stalled = now, np.inf, 0
+        for iteration in range(most):
+            status, merit = self._status_of(now)
+            if status is not None:
+                return status, now, iteration
+            if self._is_enough(now):
+                self.note = "bounds narrow enough"
+                return RawStatus.OPTIMAL, now, iteration
+            stalled = 0 if merit < 0.9 * least else stalled + 1
+            if merit < least:
+                best, least = now, merit
+            if stalled >= 6 and least < 1e6:
+                self.note = "no further progress"
+                return RawStatus.ALMOST, best, iteration
+            try:
+                following = self._advance(now)
+            except np.linalg.LinAlgError:
+                following = None
+            if following is None:
+                self.note = "breakdown"
+                return RawStatus.ALMOST, best, iteration
+            now = following
+        return RawStatus.LIMIT, best, most
+
+    def _is_enough(self, it: Iterate) -> bool:
+        """Return True if the caller accepts an iterate as sufficient.
+
+        It is asked only once the relative duality gap is at most `EARLY` and κ is small against τ.
+        """
+        if self.suffices is None or it.kappa > SETTLED * it.tau:
+            return False
+        return it.relative_gap(self.q) <= EARLY and self.suffices(*self.answer(RawStatus.OPTIMAL, it))
+
+    def answer(self, status: RawStatus, it: Iterate) -> tuple[Floats, Floats]:
+        """Return point (columns,) and multipliers (rows,) of an iterate, or a ray by its status."""
+        dual = np.concatenate([it.u, it.v])
+        if status in (RawStatus.INFEASIBLE, RawStatus.NEARLY_INFEASIBLE):
+            return it.x, dual / -(self.r @ it.u + self.h @ it.v)
+        if status is RawStatus.UNBOUNDED:
+            return it.x / -(self.q @ it.x), dual
+        return it.x / it.tau, dual / it.tau
+
+    def _start(self) -> Iterate:
+        """Return the first iterate: least-squares points, shifted into the cones."""
+        system, nothing = self.system, np.zeros(len(self.q))
+        system.factor(NesterovTodd(self.cones, self.unit, self.unit))
+        x, _, minus_s = system.solve(nothing, self.r, self.h)
+        _, u, v = system.solve(-self.q, np.zeros(len(self.r)), np.zeros(len(self.h)))
+        s = -minus_s
+        for vector in (s, v):
+            slack = self.cones.slack(vector)
+            if slack < 1e-3:
+                vector += (1.0 - slack) * self.unit
+        return Iterate(x, u, s, v)
+
+    def _status_of(self, it: Iterate) -> tuple[RawStatus | None, float]:
+        """Return the final status of an iterate, or None to continue, and its error.
+
+        The error is relative to the tolerances.
+        """
+        system, q, r, h = self.system, self.q, self.r, self.h
+        gradient = system.transposed(it.u, it.v)
+        left_u, left_v = system.equations(it.x), system.yields(it.x) + it.s
+        cost, value = float(q @ it.x), float(r @ it.u + h @ it.v)
+        primal = max(_largest(left_u - it.tau * r), _largest(left_v - it.tau * h)) / it.tau
+        dual = _largest(gradient + it.tau * q) / it.tau
+        merit = max(primal / self.tolerance, dual / self.tolerance, it.relative_gap(self.q) / self.gap)
+        if merit <= 1.0:
+            return RawStatus.OPTIMAL, merit
+        if it.kappa > it.tau:
+            ray = 10.0 * self.tolerance
+            if value < 0.0 and _largest(gradient) <= ray * -value:
+                return RawStatus.INFEASIBLE, merit
+            if cost < 0.0 and max(_largest(left_u), _largest(left_v)) <= ray * -cost:
+                return RawStatus.UNBOUNDED, merit
+            if value < 0.0 and it.tau < _VANISHED * it.kappa:
+                return RawStatus.NEARLY_INFEASIBLE, merit
+        return None, merit
+
+    def _advance(self, it: Iterate) -> Iterate | None:
+        """Take one predictor–corrector step; None if no step is possible."""
+        cones = self.cones
+        step = Newton(self.system, (self.q, self.r, self.h), it)
+        way = step.corrected()
+        alpha, beta = step.lengths(way, 0.99)
+        least = min(alpha, beta)
+        if not (np.isfinite(alpha) and np.isfinite(beta) and least > 1e-8 and np.all(np.isfinite(way.x))):
+            return None
+        s, v = it.s + alpha * step.scaling.times(way.ws), it.v + beta * step.scaling.divide(way.wv)
+        if cones.slack(s) <= 0.0 or cones.slack(v) <= 0.0:
+            return None
+        # τ may become zero at breakdown; numpy's float then gives inf or nan where Python's float would raise.
+        tau, kappa = np.float64(it.tau + alpha * way.tau), np.float64(it.kappa + alpha * way.kappa)
+        x, u, size = it.x + alpha * way.x, it.u + beta * way.u, 1.0 / max(tau, kappa)
+        return Iterate(x * size, u * size, s * size, v * size, tau * size, kappa * size)
+
+
+def _largest(vector: Floats) -> float:
+    """Return the largest absolute value of a vector, 0 if it is empty."""
+    return float(abs(vector).max(initial=0.0))

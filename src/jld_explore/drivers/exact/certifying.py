@@ -26,9 +26,9 @@ from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.formula_parts import InnerPaths
+from jld_explore.drivers.exact.formula import InnerPaths
+from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.drivers.exact.proof_state import Conflict
-from jld_explore.drivers.exact.trimming import refutation
 from jld_explore.space import SearchSpace, to_string
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import feasible

@@ -16,14 +16,14 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import ParameterError
 from jld_explore.drivers.base import Aim
-from jld_explore.drivers.exact.conflict_driver import ConflictDriver
-from jld_explore.drivers.exact.conflict_sources import ConflictSources
+from jld_explore.drivers.exact.cube_workers import ConflictSources
+from jld_explore.drivers.exact.driver import ConflictDriver
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.ranking import may_meet_requirement, meets_requirement
 from jld_explore.space import SearchSpace, count_named, values_of
-from jld_explore.space.measures import Range
+from jld_explore.space.limits import Range
 
 
 class MinimumCount(ConflictDriver):

@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.space import SearchSpace
-from jld_explore.space.measures import SizeOf
+from jld_explore.space.limits import SizeOf
 
 MOST: Final = 20_000
 """Number of possible blocks above which they are not listed."""

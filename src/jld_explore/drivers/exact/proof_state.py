@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.limit.block_batch import BlockMechanism
+from jld_core.limit.block_relaxation import BlockMechanism
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical

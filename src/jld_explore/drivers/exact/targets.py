@@ -19,7 +19,7 @@ from jld_core.limit import Status, exceeds
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, count_named, values_of
-from jld_explore.space.measures import Range
+from jld_explore.space.limits import Range
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Ints
 from jld_explore.space import SearchSpace
-from jld_explore.space.measures import CELLS, EXEMPT, Range, Sized
+from jld_explore.space.limits import CELLS, EXEMPT, Range, Sized
 
 Parts = list[int]
 """Partition: the name of the part of each atom, (atoms,); names are any integers."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import inf
 
 from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits
-from jld_explore.space.measures import CELLS
+from jld_explore.space.limits import CELLS
 
 
 class Cutter:

@@ -8,8 +8,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts
-from jld_explore.drivers.operators.interface import Operators
-from jld_explore.drivers.operators.segmentations import Segmentations
+from jld_explore.drivers.operators.segmentations import Operators, Segmentations
 from jld_explore.space import SearchSpace
 
 _LEAST_MOTION: Final = 0.01  # share of the largest jump above which a face counts as moving
