@@ -74,10 +74,8 @@ class ParameterError(InputError):
 def error_context(file: str | Path, *outside: str) -> Iterator[None]:
     """Add the name of a file to errors about its content.
 
-    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged.
-
-    file: file whose content is used within the context. *outside: paths of other files and folders. Raises InputError:
-    the error raised within the context.
+    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged. Raises InputError: the
+    error raised within the context.
     """
     try:
         yield

@@ -20,7 +20,7 @@ _UNPRINTABLE: Final = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]")
 def printable(text: str) -> str:
     """Replace each character that no font shows or that XML rejects by a blank.
 
-    text: any text. Result: text of the same number of characters.
+    Result: text of the same number of characters.
     """
     return _UNPRINTABLE.sub(" ", text)
 
@@ -28,11 +28,9 @@ def printable(text: str) -> str:
 def require_writable(path: Path) -> None:
     """Check that `whole_file` can write a file, by writing an empty one.
 
-    Permissions alone are not reliable on every file system. The check leaves no file and no folder behind.
-
-    path: file to be written later; neither the file nor its folder need exist. Raises OSError: the file or its folder
-    cannot be written.
+    Raises OSError: the file or its folder cannot be written.
     """
+    # Permissions alone are not reliable on every file system. The check leaves no file and no folder behind.
     path = Path(os.path.realpath(path))
     missing = list(itertools.takewhile(lambda parent: not parent.exists(), path.parents))
     try:
@@ -49,8 +47,7 @@ def require_writable(path: Path) -> None:
 def require_folder(folder: Path) -> None:
     """Raise InputError unless a folder exists or can be made, and is writable.
 
-    folder: folder; its parents need not exist. Raises InputError if the path is a file or a broken link, or the folder
-    is not writable.
+    Raises InputError if the path is a file or a broken link, or the folder is not writable.
     """
     missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
     for place in missing:
@@ -74,11 +71,10 @@ def _fresh(path: Path) -> Path:
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary name to write to, which replaces the file once writing succeeds.
 
-    If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file that
-    it points to is replaced.
-
-    path: file to write; its folder must exist. Raises OSError: the file cannot be written; the error names the file.
+    Raises OSError: the file cannot be written; the error names the file.
     """
+    # If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file
+    # that it points to is replaced.
     path = Path(os.path.realpath(path))
     fresh = _fresh(path)
     try:
@@ -93,8 +89,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 def write_text(path: Path, text: str) -> None:
     """Write a text file completely or not at all, replacing an existing one.
 
-    path: file to write; its folder must exist. text: content, encoded as UTF-8. Raises OSError: the file cannot be
-    written; the error names the file.
+    Raises OSError: the file cannot be written; the error names the file.
     """
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

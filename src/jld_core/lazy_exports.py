@@ -40,11 +40,7 @@ class _LazyPackage(ModuleType):
 
 
 def export_lazily(package: str, modules: Mapping[str, Sequence[str]], submodules: Sequence[str] = ()) -> None:
-    """Let a package load its exported names on first use.
-
-    package: its `__name__`. modules: exported names by the module of the package that defines them. submodules: names
-    of exported modules.
-    """
+    """Let a package load its exported names on first use."""
     of = {name: module for module, names in modules.items() for name in names}
     loaded = sys.modules[package]
     loaded.__dict__["_module_of"] = of | dict.fromkeys(submodules, "")

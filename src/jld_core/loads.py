@@ -204,11 +204,9 @@ def edge_traction(element: int, ends: Floats, values: Floats) -> Traction:
 
 
 def resultants(loads: Loads, elements: Bodies) -> Floats:
-    """Sum loads to forces and moments (n, 3) or (n, 6) about the centroids of elements.
-
-    The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero become
-    exactly zero.
-    """
+    """Sum loads to forces and moments (n, 3) or (n, 6) about the centroids of elements."""
+    # The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero
+    # become exactly zero.
     d = loads.body.shape[1]
     points, parts = loads.points, [one.resultant() for one in loads.tractions]
     element = np.concatenate([points.element, np.array([one.element for one in loads.tractions], dtype=np.int64)])

@@ -96,10 +96,7 @@ class Members:
         )
 
     def __add__(self, other: Members) -> Members:
-        """Return the members of both in one, without interfaces, bond and self-stress.
-
-        other: members that follow.
-        """
+        """Return the members of both in one, without interfaces, bond and self-stress."""
 
         def both(name: str) -> Floats:
             """Return a number of all members, in order."""
@@ -133,8 +130,7 @@ class Members:
     def refuse(self, what: str) -> None:
         """Raise InputError if there are members or bond, for computations that do not model them.
 
-        what: name of the computation, as the subject of a sentence in the singular: "an experiment". Raises InputError:
-        there is at least one member, or a joint with tensile strength.
+        Raises InputError: there is at least one member, or a joint with tensile strength.
         """
         if "fill" in self.kinds:
             problem = f"{what} does not model its variable pressure"

@@ -20,16 +20,10 @@ class View(Protocol):
         """
 
     def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the drawing of an object as a matplotlib figure, of any size.
-
-        ids: write the ids of elements. values: write the values of loads and forces, where the view has them.
-        """
+        """Return the drawing of an object as a matplotlib figure, of any size."""
 
     def html(self, thing: Any, drawing: str | bytes | None) -> str:
-        """Return the main facts of an object as HTML, followed by its drawing if there is one.
-
-        drawing: result of `drawing`, None for facts alone.
-        """
+        """Return the main facts of an object as HTML, followed by its drawing if there is one."""
 
 
 # Module that makes interactive pages; it uses this package, and is loaded by name when a page is asked for
@@ -44,10 +38,8 @@ class Showable:
 
         Make it the last line of a cell, or give it to `display`. The running kernel solves what the sliders say. A
         saved notebook keeps facts, picture and table; pages of planar structures that are not large stay interactive.
-
-        height: height of the page, pixels. Default: 700, of a search 950. Result: page; its `html` is the part that
-        needs no kernel. Raises ParameterError if the height is no number of pixels. Raises InputError if a scene is
-        invalid.
+        Result: page; its `html` is the part that needs no kernel. Raises ParameterError if the height is no number of
+        pixels. Raises InputError if a scene is invalid.
         """
         return import_module(_PAGES).make_page(self, height)
 
@@ -73,10 +65,7 @@ class NotebookRepr(Showable):
         return self._view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the object's drawing as a matplotlib figure.
-
-        ids, values: also write the ids of elements, and the values of loads and forces, where the view has them.
-        """
+        """Return the object's drawing as a matplotlib figure."""
         return self._view.figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:

@@ -142,8 +142,7 @@ class FaceStrengths:
     ) -> Strengths:
         """Return the strengths for a route; raise InputError if it does not know a fact that they hold.
 
-        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts. name:
-        of an interface, for the message.
+        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts.
         """
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
@@ -240,7 +239,7 @@ def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> 
     """Return the parameters of a criterion that a scene states, with defaults for the others.
 
     Raises InputError for an unknown criterion, one of the other label, and parameters that are unknown, missing or out
-    of bounds. key: of the material in the scene.
+    of bounds.
     """
     criterion = criterion_of(name, key)
     if criterion.label != label:
@@ -268,7 +267,7 @@ def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> 
 def criterion_of(name: str, key: str) -> Any:
     """Return the criterion of an entry point, an instance or a class without arguments.
 
-    Raises InputError for a name that no package adds, and for an object that is no criterion. key: of the material.
+    Raises InputError for a name that no package adds, and for an object that is no criterion.
     """
     known = list(plugins.entry_points(GROUP))
     if name not in known:

@@ -13,9 +13,9 @@ from jld_core.assembly import INNER, Assembly
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
     """Remove elements, with all their interfaces and loads, from an assembly.
 
-    assembly: assembly with n elements. gone: (n,) True for the elements to remove; no support that touches another
-    support may be among them. Result: assembly: assembly of the remaining elements, in the same order, with `sink` =
-    −1; faces: (k,) indices, in the given assembly, of the interfaces that remain.
+    gone: (n,) True for the elements to remove; no support that touches another support may be among them. Result:
+    assembly: assembly of the remaining elements, in the same order, with `sink` = −1; faces: (k,) indices, in the given
+    assembly, of the interfaces that remain.
     """
     rows = np.flatnonzero(~gone)
     place = np.cumsum(~gone) - 1
@@ -42,12 +42,8 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
 
 
 def faces_of(assembly: Assembly) -> Assembly:
-    """Return an assembly without the interfaces of members, for what draws or lists faces.
-
-    The members stay, as constant forces. The result serves no analysis.
-
-    assembly: assembly with or without members.
-    """
+    """Return an assembly without the interfaces of members, for what draws or lists faces."""
+    # The members stay, as constant forces. The result serves no analysis.
     rows = np.arange(assembly.faces)
     if len(rows) == len(assembly.interfaces):
         return assembly
@@ -61,10 +57,7 @@ def faces_of(assembly: Assembly) -> Assembly:
 
 
 def with_members(assembly: Assembly, labels: Bits) -> Bits:
-    """Return labels of faces with the label inner of the interfaces of members after them.
-
-    assembly: assembly with f faces, and with m interfaces in all. labels: (..., f) True = dry. Returns (..., m).
-    """
+    """Return labels of faces with the label inner of the interfaces of members after them."""
     if assembly.faces == len(assembly.interfaces):
         return labels
     whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)

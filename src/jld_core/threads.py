@@ -29,11 +29,9 @@ def _controller() -> ThreadpoolController:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Restrict matrix products to one thread inside the context, also as a decorator.
-
-    Nested contexts and contexts in several threads cost little. The first one to enter sets the limit, and the last one
-    to leave restores the previous number of threads.
-    """
+    """Restrict matrix products to one thread inside the context, also as a decorator."""
+    # Nested contexts and contexts in several threads cost little. The first one to enter sets the limit, and the last
+    # one to leave restores the previous number of threads.
     global _inside
     with _LOCK:
         # Reading the limit takes a tenth of the time of setting it.

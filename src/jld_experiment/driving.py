@@ -69,9 +69,7 @@ def collapse_record(load_factor: Floats) -> int:
 
     λ falls where it lies more than `FALL` × (highest λ of the whole curve) below its running maximum. If it never
     falls, the whole curve counts. A fall relative to the running maximum alone would take a small drop at half the load
-    for collapse.
-
-    load_factor: (k,) λ of each record, k ≥ 1.
+    for collapse. load_factor: (k,) λ of each record, k ≥ 1.
     """
     so_far = np.maximum.accumulate(load_factor)
     fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
@@ -80,11 +78,9 @@ def collapse_record(load_factor: Floats) -> int:
 
 
 def scout(specimen: Specimen, settled: State) -> float:
-    """Estimate the highest λ by a quick push with geometrically growing displacement.
-
-    The estimate provides the unit of displacement for `push`. `settled` is the state under the dead loads; it is not
-    changed. The estimate is inf if λ never stops rising, and 0 if the structure has neither dead load nor strength.
-    """
+    """Estimate the highest λ by a quick push with geometrically growing displacement."""
+    # The estimate provides the unit of displacement for `push`. `settled` is the state under the dead loads; it is not
+    # changed. The estimate is inf if λ never stops rising, and 0 if the structure has neither dead load nor strength.
     state, system = copied(settled), specimen.system
     assembly = specimen.assembly
     strength = float(np.nanmax(specimen.bench.law[:, 4:6].max(axis=1) * assembly.interfaces.area, initial=0.0))

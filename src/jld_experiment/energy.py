@@ -66,9 +66,9 @@ _SOURCES: Final = tuple(
 def compiled(function: F) -> F:
     """Return a function of arrays and numbers that numba compiles at its first call.
 
-    There is no fast-math, so two runs of one experiment are bitwise equal. The machine code is cached on disk.
-    The cache depends on the sources of the whole package: numba alone checks only the file of the function and would
-    keep outdated code of other files. Importing this module raises InputError where numba is not installed.
+    There is no fast-math, so two runs of one experiment are bitwise equal. The machine code is cached on disk. The
+    cache depends on the sources of the whole package: numba alone checks only the file of the function and would keep
+    outdated code of other files. Importing this module raises InputError where numba is not installed.
     """
     made: Any = numba.njit(cache=True, error_model="numpy")(function)
     made._cache._cache_file._source_stamp = _SOURCES

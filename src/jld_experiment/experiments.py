@@ -84,10 +84,7 @@ class Experiments:
         return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
-        """Run experiments on layouts that are not on disk yet, until the deadline passes.
-
-        wanted: text of each labelling, and its λ by limit analysis. Results are added to `rows` and written to disk.
-        """
+        """Run experiments on layouts that are not on disk yet, until the deadline passes."""
         fresh = [(name, value) for name, value in wanted if name not in self.rows]
         for part in _portions(fresh, self.jobs):
             if self.late:
@@ -118,11 +115,8 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """Run one experiment and return its row of the table.
-
-    A layout that does not stand under its dead loads carries 0. name: text of the labelling. load_factor: its λ by
-    limit analysis, which the row keeps.
-    """
+    """Run one experiment and return its row of the table."""
+    # A layout that does not stand under its dead loads carries 0.
     from jld_experiment import run_experiment
     from jld_experiment.report import status_of
 
@@ -152,12 +146,10 @@ def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]
 def search_by_experiment(
     experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
-    """Search by experiment with the genetic driver, starting from the best layouts by λ.
-
-    The initial layouts use a third of `budget`, which limits the number of all experiments.
-    A new layout is tested only if its λ exceeds the largest load carried so far: `ASSUMPTION`.
-    The driver receives half of λ for a layout that is not tested.
-    """
+    """Search by experiment with the genetic driver, starting from the best layouts by λ."""
+    # The initial layouts use a third of `budget`, which limits the number of all experiments. A new layout is tested
+    # only if its λ exceeds the largest load carried so far: `ASSUMPTION`. The driver receives half of λ for a layout
+    # that is not tested.
     seeds = best_by_load_factor(done, max(2, budget // 3))
     experiments.run(seeds)
     driver = make_driver("genetic", space, seed, aim="best")
@@ -184,10 +176,7 @@ def search_by_experiment(
 
 
 def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
-    """Return the evaluations that the driver receives: measured ones, else half of λ.
-
-    names: text of each labelling. evaluations: by limit analysis, in the same order; see `_worth` and `_below`.
-    """
+    """Return the evaluations that the driver receives: measured ones, else half of λ."""
     return [
         _worth(experiments, name) if name in experiments.rows else _below(evaluation)
         for name, evaluation in zip(names, evaluations, strict=True)
@@ -195,11 +184,7 @@ def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluati
 
 
 def _worth(experiments: Experiments, name: str) -> Evaluation:
-    """Return an evaluation whose λ is the load carried in an experiment.
-
-    name: text of the labelling, which is in `experiments.rows`. Its upper bound is the `load_factor` of that row. The
-    status is unstable if the layout did not stand or the load is not finite, else collapse.
-    """
+    """Return an evaluation whose λ is the load carried in an experiment."""
     row = experiments.rows[name]
     status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
     return Evaluation(status, np.nan, float(row["load_factor"]), float(row["experiment"]))
@@ -256,10 +241,11 @@ def _most_over_load_factor(ranked: pd.DataFrame) -> float | None:
 def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
     """Return the study with a column `experiment` in its results and facts in its summary.
 
-    Nothing is written. Layouts without an experiment have NaN. objective: True if experiments were the objective.
-    `none_better` is true if no layout without a certified experiment has a larger λ than the most that was carried, and
-    none with one carried over `ACCURACY` more than its λ. What it assumes is `none_better_assumes`, None for nothing.
+    objective: True if experiments were the objective. `none_better` is true if no layout without a certified experiment
+    has a larger λ than the most that was carried, and none with one carried over `ACCURACY` more than its λ. What it
+    assumes is `none_better_assumes`, None for nothing.
     """
+    # Nothing is written. Layouts without an experiment have NaN.
     rows = experiments.rows
     values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
     table = experiments.table()

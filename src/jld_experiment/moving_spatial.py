@@ -80,7 +80,7 @@ class Plane(NamedTuple):
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
     """Return the data of a planar assembly at rest, with no gap, slip or corner contact.
 
-    points: sub-contacts of all faces. kn, ks: (m,) normal and shear springs of the faces, stress per length.
+    kn, ks: (m,) normal and shear springs of the faces, stress per length.
     """
     faces, elements = assembly.interfaces, assembly.elements
     at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
@@ -116,9 +116,8 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
     """Return the constants of corner contacts, as `Plane.spring` (6,).
 
     They are medians over the faces: springs times the area of a sub-contact, and known friction coefficients, 0 without
-    any. The last entry, which `moving_forces` keeps at the largest elastic overlap, starts at 0.
-
-    kn, ks: (m,) springs of the faces, stress per length. typical: size of an element, length.
+    any. The last entry, which `moving_forces` keeps at the largest elastic overlap, starts at 0. kn, ks: (m,) springs
+    of the faces, stress per length.
     """
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
     known = assembly.strengths(_ROUTE).friction
@@ -131,11 +130,10 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
 def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
     """Return the pairs (p, 2) of a corner and another element that may meet.
 
-    These are the corners within one typical size of the bounding box of the element. Pairs of two supports are left
-    out.
-
-    corner: (c,) element of each corner. places: (c, d) positions of the corners. typical: size of an element, length.
+    corner: (c,) element of each corner. places: (c, d) positions of the corners.
     """
+    # These are the corners within one typical size of the bounding box of the element. Pairs of two supports are left
+    # out.
     elements, around = assembly.elements, _AROUND * typical
     found = []
     for other in range(len(elements)):
@@ -186,11 +184,10 @@ def _edge_along(shape: Floats, contact: Floats) -> int:
 def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> None:
     """Update all sub-contacts at the present positions of the elements and add their forces.
 
-    Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element.
-    A half that has slid past the end of the other face by its tributary length is lost, until it slides back.
-
-    motion, plane: their state is changed in place. force: (n, 3) forces and moments of the elements, to which is added.
+    force: (n, 3) forces and moments of the elements, to which is added.
     """
+    # Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element. A half that
+    # has slid past the end of the other face by its tributary length is lost, until it slides back.
     moved, ends, frame = motion.moved, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
     overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
@@ -245,11 +242,10 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
 def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
     """Return the edge of a pair's element that is nearest to its corner, and where it is met.
 
-    The result is the number of the edge within the element, the depth of the corner inside the element (length,
-    negative outside), the position along the edge (length), and the edge's direction (x, y) at present.
-
-    pair: row of `plane.pair`. moved: (n, 3) displacements and rotations of the elements.
+    moved: (n, 3) displacements and rotations of the elements.
     """
+    # The result is the number of the edge within the element, the depth of the corner inside the element (length,
+    # negative outside), the position along the edge (length), and the edge's direction (x, y) at present.
     c, j = plane.pair[pair, 0], plane.pair[pair, 1]
     i = plane.corner[c]
     ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
@@ -301,11 +297,10 @@ def near_pairs(moved: Floats, plane: Plane) -> Ints:
 def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
     """Add the forces of corners that have entered other elements, with friction.
 
-    A corner on an edge along which its element already has a face gets no force here: the face transfers it.
-
     pairs: (k,) rows of `plane.pair` to look at. moved: (n, 3) displacements and rotations. force: (n, 3) forces and
-    moments of the elements, to which is added. plane: its state is changed in place.
+    moments of the elements, to which is added.
     """
+    # A corner on an edge along which its element already has a face gets no force here: the face transfers it.
     kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
     clearance = plane.spring[3] + plane.spring[5]
     for pair in pairs:
@@ -427,10 +422,8 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """Return (p, k) faces along which a pair's element already touches that of the corner.
-
-    The value is −1 where there is no such face.
-    """
+    """Return (p, k) faces along which a pair's element already touches that of the corner."""
+    # The value is −1 where there is no such face.
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     found = []
     for c, other in pair.tolist():
@@ -444,11 +437,9 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
-    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's.
-
-    Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them.
-    The value is −1 where there is no such face.
-    """
+    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's."""
+    # Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them. The
+    # value is −1 where there is no such face.
     elements, planes = assembly.elements, []
     for shape, sides in zip(elements.shape, elements.faces, strict=True):
         rows = []
@@ -528,10 +519,8 @@ def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
 
 @compiled
 def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: Space) -> None:
-    """Update all sub-contacts and add the forces of their faces to `force` (n, 6).
-
-    All else is as in `moving_forces`; the rotations are those of `space.turn`.
-    """
+    """Update all sub-contacts and add the forces of their faces to `force` (n, 6)."""
+    # All else is as in `moving_forces`; the rotations are those of `space.turn`.
     axes, near, far = np.empty((3, 3)), np.empty(3), np.empty(3)
     between, part, jump = np.empty(3), np.empty(3), np.empty(3)
     moved, ends, first, place = motion.moved, bench.ends, bench.first, bench.place
@@ -587,9 +576,10 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
 def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest: Floats) -> tuple[int, float]:
     """Return the triangle of a pair's element that is nearest to its corner, and the distance.
 
-    Flush faces are left out. `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's
-    axes at rest. pair: row of `space.pair`. moved: (n, 6) displacements.
+    moved: (n, 6) displacements.
     """
+    # Flush faces are left out. `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's
+    # axes at rest.
     c, j = space.pair[pair, 0], space.pair[pair, 1]
     i = space.corner[c]
     arm, trial = np.empty(3), np.empty(3)

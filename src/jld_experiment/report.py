@@ -32,10 +32,8 @@ def status_of(curve: Curve) -> str:
 
 
 def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
-    """Return the data of `jld experiment --json`: status, loads, their accuracy and settings.
-
-    Numbers that are not finite are None. load_factor: λ of limit analysis for comparison, or NaN.
-    """
+    """Return the data of `jld experiment --json`: status, loads, their accuracy and settings."""
+    # Numbers that are not finite are None.
     found = curve.collapse_load
     joints, settings = curve.joints, curve.settings
     return {
@@ -65,13 +63,10 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 
 
 def table(curve: Curve) -> pd.DataFrame:
-    """Return both pushes of an experiment as a table with one row per record.
-
-    Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
-    `elastic` is the distance over that of the elastic structure at the collapse load.
-    The columns unbalanced, broken and energy_error are NaN for the fast push. The table is empty if the structure does
-    not stand.
-    """
+    """Return both pushes of an experiment as a table with one row per record."""
+    # Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
+    # `elastic` is the distance over that of the elastic structure at the collapse load. The columns unbalanced, broken
+    # and energy_error are NaN for the fast push. The table is empty if the structure does not stand.
     slow = pd.DataFrame(
         {
             "push": "slow",
@@ -94,8 +89,6 @@ def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
     `draw_mechanism` and tables can then show the end of the experiment. The displacement is that since the dead loads
     were in equilibrium, scaled to live power 1. If the structure does not stand or the live loads do not advance, it is
     scaled to a largest entry of 1.
-
-    result: result of the same assembly and labels; all but its mechanism is kept.
     """
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())
@@ -110,13 +103,8 @@ def draw_curve(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> None:
-    """Plot λ over displacement of an experiment, with λ of limit analysis as a line.
-
-    The displacement is relative to the elastic one at collapse.
-
-    load_factor: λ of limit analysis, NaN for no line. band: lowest and highest λ without dilation. proven: lower bound
-    on λ without dilation. None leaves a part out.
-    """
+    """Plot λ over displacement of an experiment, with λ of limit analysis as a line."""
+    # The displacement is relative to the elastic one at collapse.
     unit = curve.reach * (curve.collapse_load or np.nan)
     if band is not None:
         low, high = band
@@ -157,13 +145,8 @@ def figure_of(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> Figure:
-    """Draw the curve, the end of the experiment, and the mechanism of limit analysis.
-
-    The figure is not saved.
-
-    result: result of the same assembly and labels. band: lowest and highest λ without dilation. proven: lower bound on
-    λ without dilation. None leaves a part out.
-    """
+    """Draw the curve, the end of the experiment, and the mechanism of limit analysis."""
+    # The figure is not saved.
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))

@@ -14,10 +14,9 @@ from jld_experiment.energy import compiled
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
     """Cut the faces of a solid into triangles by ear clipping, also faces that are not convex.
 
-    The result is the triangles (t, 3, 3) with the orientation of their faces, and the face (t,) of each.
-
-    vertices: (v, 3) corners. faces: vertices around each face, outward.
+    vertices: (v, 3) corners.
     """
+    # The result is the triangles (t, 3, 3) with the orientation of their faces, and the face (t,) of each.
     table, which = [], []
     for number, face in enumerate(faces):
         left = list(face)
@@ -104,10 +103,8 @@ def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
 
 @compiled
 def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
-    """Set `out` (3,) to the point of a triangle (3, 3) nearest to a point (3,).
-
-    Source: Ericson, Real-Time Collision Detection, 2005, 5.1.5.
-    """
+    """Set `out` (3,) to the point of a triangle (3, 3) nearest to a point (3,)."""
+    # Source: Ericson, Real-Time Collision Detection, 2005, 5.1.5.
     a, b, c = triangle[0], triangle[1], triangle[2]
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for i in range(3):
@@ -140,11 +137,9 @@ def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
 
 @compiled
 def angle_seen(point: Floats, triangle: Floats) -> float:
-    """Return half the signed solid angle, rad, of a triangle (3, 3) seen from a point (3,).
-
-    The values of all outward triangles sum to 2π inside a solid and to 0 outside.
-    Source: van Oosterom & Strackee 1983.
-    """
+    """Return half the signed solid angle, rad, of a triangle (3, 3) seen from a point (3,)."""
+    # The values of all outward triangles sum to 2π inside a solid and to 0 outside. Source: van Oosterom & Strackee
+    # 1983.
     x, y, z = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         x[i], y[i], z[i] = triangle[0, i] - point[i], triangle[1, i] - point[i], triangle[2, i] - point[i]

@@ -51,8 +51,7 @@ class System:
 def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
     """Compute stiffness, scaled masses and periods of an assembly with all faces in contact.
 
-    points: sub-contacts of all faces. kn, ks: (m,) normal and shear springs of the faces, stress per length.
-    step: time step as a share of the largest stable one.
+    kn, ks: (m,) normal and shear springs of the faces, stress per length.
     """
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
@@ -109,11 +108,9 @@ def rounded(values: Floats) -> Floats:
 
 
 def jump_matrices(assembly: Assembly) -> Floats:
-    """Return matrices (m, q, 2q) from motions of elements a and b to jumps of faces.
-
-    Columns are the q freedoms of a, then those of b. The q jumps are opening, slips and rotations, conjugate to the
-    resultants of `Specimen.resultants`.
-    """
+    """Return matrices (m, q, 2q) from motions of elements a and b to jumps of faces."""
+    # Columns are the q freedoms of a, then those of b. The q jumps are opening, slips and rotations, conjugate to the
+    # resultants of `Specimen.resultants`.
     faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
     found = np.zeros((len(faces), q, 2 * q))
     axes = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
@@ -438,8 +435,9 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
     """Return the (m, 8) law of every face, columns as in `laws`.
 
-    Tension is limited by the apex of the friction cone. Raises InputError if a material is missing.
+    Raises InputError if a material is missing.
     """
+    # Tension is limited by the apex of the friction cone.
     strengths = assembly.strengths(_ROUTE)
     friction = np.where(labels, strengths.friction, strengths.inner_friction)
     cohesion = np.where(labels, strengths.cohesion, strengths.shear)

@@ -146,11 +146,9 @@ def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> 
 
 
 def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
-    """Return nodes and areas of triangles (t, 3, 2), each split into segments² equal ones.
-
-    A third of each small area goes to each corner, or with `middles` to each midpoint of its sides.
-    The midpoints integrate quadratic functions exactly.
-    """
+    """Return nodes and areas of triangles (t, 3, 2), each split into segments² equal ones."""
+    # A third of each small area goes to each corner, or with `middles` to each midpoint of its sides. The midpoints
+    # integrate quadratic functions exactly.
     points, areas = [], []
     for (base, first, second), whole in zip(triangles, share.tolist(), strict=True):
         one, two = first - base, second - base
@@ -200,14 +198,9 @@ def numbers_of(law: Floats, f: int) -> Law:
 def sub_contact(
     overlap: float, size: float, law: Law, brittle: bool, gaps: bool, broken: bool
 ) -> tuple[float, float, float, bool]:
-    """Return overlap, compressive stress, shear stress and broken state after a trial step.
-
-    A brittle sub-contact breaks if it exceeds its tension or shear strength. Afterwards it has residual friction alone.
-
-    overlap: elastic overlap of the trial, length; negative if apart. size: shear stress of the trial, ≥ 0. law: row of
-    `numbers_of`; passing an array costs more time than this function. brittle, gaps: properties of the face, see
-    `Bench`. broken: state before the step.
-    """
+    """Return overlap, compressive stress, shear stress and broken state after a trial step."""
+    # A brittle sub-contact breaks if it exceeds its tension or shear strength. Afterwards it has residual friction
+    # alone.
     kn, ks, mu, psi, cohesion, tension, crushing, residual = law
     p = kn * overlap
     if broken:
@@ -231,17 +224,11 @@ def record_loss(
     trial: tuple[float, float],
     final: tuple[float, float],
 ) -> None:
-    """Add the energy lost from an elastic trial to the final stress to `Motion.work`.
-
-    It is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
-    dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses nothing.
-    A brittle break loses the elastic energy at the beginning, plus the work of the step, less the elastic energy at the
-    end.
-
-    law: row of `numbers_of`. area: of the sub-contact. face: whether the face is dry, and whether the sub-contact was
-    broken before and after the step. start, trial, final: compressive stress and shear stress along that of the trial,
-    before the step, of the trial, and after the step.
-    """
+    """Add the energy lost from an elastic trial to the final stress to `Motion.work`."""
+    # It is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
+    # dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses
+    # nothing. A brittle break loses the elastic energy at the beginning, plus the work of the step, less the elastic
+    # energy at the end.
     dry, was, broken = face
     breaks = broken and not was
     lost = 0.5 * (start[1] + final[1]) * (trial[1] - final[1]) / law[1]
@@ -270,15 +257,12 @@ def contact_stress(
 ) -> tuple[float, float, float]:
     """Return a sub-contact from an elastic trial to its yield surface, per unit of area.
 
-    The return is the closest point in the elastic energy where dilation equals friction. With compressive stress p and
-    shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the slip and
-    c the cohesion. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
-
-    overlap: elastic overlap of the trial, length; negative if apart. size: shear stress |q| of the trial, ≥ 0. kn, ks:
-    springs, stress per length. friction: friction coefficient μ. dilation: tangent ψ of the dilation angle, opening per
-    slip while sliding. cohesion, tension, crushing: strengths ≥ 0. gaps: True if an opened gap stays open on reversal;
-    False if opening is plastic. Result: overlap, compressive stress and size of the shear stress.
+    gaps: True if an opened gap stays open on reversal; False if opening is plastic. Result: overlap, compressive stress
+    and size of the shear stress.
     """
+    # The return is the closest point in the elastic energy where dilation equals friction. With compressive stress p
+    # and shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the
+    # slip and c the cohesion. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
     p = kn * overlap
     if p > crushing:
         p = crushing

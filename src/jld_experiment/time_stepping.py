@@ -28,8 +28,7 @@ from jld_experiment.subcontacts import numbers_of, record_loss, sub_contact
 def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
     """Advance every planar sub-contact by one step and add the forces of its face.
 
-    motion: stresses are changed in place by the jumps of one step. force: (n, 3) forces and moments of the elements, to
-    which is added.
+    force: (n, 3) forces and moments of the elements, to which is added.
     """
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
@@ -69,10 +68,8 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 @compiled
 def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
-    """Advance every spatial sub-contact by one step and add the forces of its face.
-
-    All is as in `planar_forces`, with `force` (n, 6).
-    """
+    """Advance every spatial sub-contact by one step and add the forces of its face."""
+    # All is as in `planar_forces`, with `force` (n, 6).
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
     overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
@@ -163,13 +160,10 @@ def driven(
 ) -> tuple[float, float, float]:
     """Update velocities by one step under given forces; return λ and convergence measures.
 
-    λ is prescribed, or the multiplier that gives live·u its prescribed rate. The result is λ, the largest unbalanced
-    force and the largest displacement per step; moments and rotations are compared with them by `bench.radius`.
-
-    motion: `velocity` and `work` are changed in place. force: (n, q) forces without live loads; changed. drive: loads
-    of all steps. share: position between the first and the last step, in (0, 1]. drag: (n, q), set to the
-    damping forces.
+    force: (n, q) forces without live loads; changed. drag: (n, q), set to the damping forces.
     """
+    # λ is prescribed, or the multiplier that gives live·u its prescribed rate. The result is λ, the largest unbalanced
+    # force and the largest displacement per step; moments and rotations are compared with them by `bench.radius`.
     velocity, live, inverse, radius = motion.velocity, bench.live, bench.inverse, bench.radius
     count, q = velocity.shape
     d = 2 if q == 3 else 3
@@ -226,10 +220,7 @@ def driven(
 
 @compiled
 def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> None:
-    """Move the elements by one step and set `force` (n, q) to the dead loads of that step.
-
-    share: position between the first and the last step of `drive`, in (0, 1].
-    """
+    """Move the elements by one step and set `force` (n, q) to the dead loads of that step."""
     most = drive[1][0] + (drive[1][1] - drive[1][0]) * share
     for i in range(len(force)):
         for j in range(force.shape[1]):
@@ -239,11 +230,9 @@ def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: floa
 
 @compiled
 def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float, float, float]:
-    """Advance by a number of steps with fixed geometry, planar or spatial.
-
-    `motion` is changed in place. Returns the mean of λ, the largest unbalanced force and the largest displacement of an
-    element in one step, in scene units.
-    """
+    """Advance by a number of steps with fixed geometry, planar or spatial."""
+    # `motion` is changed in place. Returns the mean of λ, the largest unbalanced force and the largest displacement of
+    # an element in one step, in scene units.
     force, drag = np.empty_like(motion.velocity), np.zeros_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):

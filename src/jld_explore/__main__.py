@@ -21,12 +21,10 @@ def _leave_out_local_style() -> None:
 
 
 def main() -> None:
-    """Run the command line `jld` with one BLAS thread per process.
-
-    The matrices of one labelling are small, and the cores are used for different labellings. With one BLAS thread per
-    core the same search took up to 17 times as long on a busy machine. The environment must be set before numpy is
-    imported.
-    """
+    """Run the command line `jld` with one BLAS thread per process."""
+    # The matrices of one labelling are small, and the cores are used for different labellings. With one BLAS thread per
+    # core the same search took up to 17 times as long on a busy machine. The environment must be set before numpy is
+    # imported.
     started = time.perf_counter()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")

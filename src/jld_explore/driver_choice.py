@@ -44,11 +44,9 @@ def choose_driver(
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
-    settings: settings with the wanted driver and its options. deadline: deadline of the search; a count that exceeds a
-    share of it means a large space. many: True excludes drivers that prove by bounds on faces alone, if the settings
-    name no driver. cracks_by_fields: crack model of a search by fields; the exact driver proves the best layout to the
-    gap of this model. Result: driver: driver of the search; total: number of classes if known. Raises InputError if the
-    driver or an option is unknown, or the space provably holds no labelling.
+    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver:
+    driver of the search; total: number of classes if known. Raises InputError if the driver or an option is unknown, or
+    the space provably holds no labelling.
     """
     wanted = settings.driver
     if isinstance(wanted, str):
@@ -83,11 +81,8 @@ def choose_driver(
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the InputError, not raised, for a search without any layout.
-
-    It says whether the space is proven empty. seconds: time limit that ended the search, s; None if all labellings were
-    tried.
-    """
+    """Return the InputError, not raised, for a search without any layout."""
+    # It says whether the space is proven empty.
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
         problem = "no layout that satisfies the constraints was found"
@@ -122,7 +117,7 @@ def _farthest(laying: SequenceConstraint) -> Laying | None:
 def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
     """Return settings with as many jobs as memory allows, and append messages on long solves.
 
-    said: receives the messages. Raises InputError if the scene needs more memory than there is.
+    Raises InputError if the scene needs more memory than there is.
     """
     effort = require_memory(assembly)
     jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1

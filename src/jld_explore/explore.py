@@ -303,11 +303,7 @@ def _completed(
     late: Deadline,
     announce: Callable[[str], None] | None,
 ) -> Exploration:
-    """Add certificate, checks, experiments, reliability, page and pictures to the tables of a search, as far as asked.
-
-    checked: plan of the check by fields, None for none. steps: what follows, in order. deadline: time limit of the
-    command. late: deadline of what is added to tables. announce: as in `explore`.
-    """
+    """Add certificate, checks, steps, page and pictures to the tables of a search, as far as asked."""
     settings = study.settings
     if settings.certificate is not None and isinstance(study.driver, Exact):
         _certify(study.driver, study.scene, settings.certificate, done)
@@ -323,9 +319,10 @@ def _completed(
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
     """Return the space of the given driver, else that of the scene.
 
-    An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true. Raises InputError
-    for a driver of another scene, or whose space has symmetries that the objective may not have, and as `search_space`.
+    Raises InputError for a driver of another scene, or whose space has symmetries that the objective may not have, and
+    as `search_space`.
     """
+    # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
     own, driver = settings.own_objective, settings.driver
     apart = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
     if not isinstance(driver, Driver):
@@ -371,11 +368,9 @@ def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvalu
 def _draw(
     done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
 ) -> None:
-    """Write the page, then as many pictures as time allows.
-
-    The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
-    announced.
-    """
+    """Write the page, then as many pictures as time allows."""
+    # The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
+    # announced.
     clock, processor = time.perf_counter(), time.process_time()
     write_report(done, deadline=later(deadline, settings, PAGE))
     busy = busy_factor(time.perf_counter() - clock, time.process_time() - processor)

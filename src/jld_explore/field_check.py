@@ -55,9 +55,8 @@ class CheckPlan:
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
     """Decide how many layouts of a search by faces can be checked by fields.
 
-    settings: settings of the search; `check_fields` is the number of layouts wanted. Result: plan. None for spatial
-    scenes, other crack models, cells left out, and searches without dilation, by experiment or at low values. Also None
-    for `check_fields` = 0, and if `require_fields` refuses the assembly.
+    Result: plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by
+    experiment or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
     """
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
@@ -91,18 +90,14 @@ def _too_long(triangles: str, seconds: float) -> str:
 
 
 def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
-    """Return the part of a time limit that is kept back for a check, s; 0 without a limit.
-
-    plan: plan of the check, None for no check.
-    """
+    """Return the part of a time limit that is kept back for a check, s; 0 without a limit."""
     return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
 
 
 def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline) -> Exploration:
     """Check the best layouts by fields; add the bounds to tables and summary on disk.
 
-    done: finished search by faces. deadline: time after which no further layout is bounded. Result: the search with
-    columns `fields_lo` and `fields_hi`, and `fields` in its summary.
+    Result: the search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
     """
     start = time.perf_counter()
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)
@@ -162,10 +157,9 @@ def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> l
 def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
     """Describe in sentences how bounds by fields differ from λ by faces.
 
-    They may change λ of the best layout, the order of the layouts, and whether cuts are of use. values: (k,) λ by faces
-    of the best layouts, the best first. low, high: (k,) bounds by fields. uncut: bounds of the structure without cuts,
-    None if unknown.
+    values: (k,) λ by faces of the best layouts, the best first. low, high: (k,) bounds by fields.
     """
+    # They may change λ of the best layout, the order of the layouts, and whether cuts are of use.
     if not len(values):
         return []
     found = []

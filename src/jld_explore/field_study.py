@@ -123,10 +123,8 @@ class FieldStudy(Study):
         return reason
 
     def _run_proof(self, driver: FieldExact) -> StopReason:
-        """Prove by the exact driver, then record the bounds that its fields and conflicts prove.
-
-        Each layout on record gets its bounds. The result is also stored in `race`.
-        """
+        """Prove by the exact driver, then record the bounds that its fields and conflicts prove."""
+        # Each layout on record gets its bounds. The result is also stored in `race`.
         try:
             return super().run()
         finally:
@@ -192,14 +190,10 @@ class FieldStudy(Study):
     # --- what is told -----------------------------------------------------------------------------------
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return the proven facts of the search, for the summary; empty before it has run.
-
-        "bound": upper bound over all layouts. "gap": its relative distance to the best lower bound. "proven": True if
-        one layout is proven to be the strongest, or none stands. "next": sentence on how to narrow the gap. "race":
-        numbers of the race.
-
-        results: table of all evaluations.
-        """
+        """Return the proven facts of the search, for the summary; empty before it has run."""
+        # "bound": upper bound over all layouts. "gap": its relative distance to the best lower bound. "proven": True if
+        # one layout is proven to be the strongest, or none stands. "next": sentence on how to narrow the gap. "race":
+        # numbers of the race.
         race = self.race
         if race is None:
             return {}
@@ -233,8 +227,9 @@ class FieldStudy(Study):
     def _next(self, race: RaceResult, gap: float | None) -> str | None:
         """Return a sentence on how to narrow the remaining gap, and on its cause.
 
-        The reason is the discretisation or the search. race: result of the race. gap: None if unknown.
+        gap: None if unknown.
         """
+        # The reason is the discretisation or the search.
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
             if self.driver.finished and self.space.search.require is not None:
@@ -259,10 +254,8 @@ class FieldStudy(Study):
         return None
 
     def _enumerated(self) -> Bits:
-        """Return all layouts (k, m) of the driver, or those found until the deadline.
-
-        The flag `_complete` becomes False if the deadline ended the enumeration.
-        """
+        """Return all layouts (k, m) of the driver, or those found until the deadline."""
+        # The flag `_complete` becomes False if the deadline ended the enumeration.
         self.driver.start(self.deadline, lambda: None, self.records)
         parts: list[Bits] = []
         while True:
@@ -290,10 +283,9 @@ class FieldStudy(Study):
         self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
 
     def _record(self, pool: FieldPool) -> None:
-        """Record the bounds of all layouts of a pool.
-
-        New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside them.
-        """
+        """Record the bounds of all layouts of a pool."""
+        # New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside
+        # them.
         labellings, required = pool.labellings, self.assembly.required
         low, most = pool.bounds[0], pool.high()[:, None] * required
         enough = self._aim(labellings).enough(pool.low())

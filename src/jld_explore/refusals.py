@@ -26,10 +26,8 @@ _ROUTE: Final = Route("the virtual experiment")
 
 
 def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that exclude each other or do not support the loads.
-
-    With `strict` it is also raised for the first warning of the assembly.
-    """
+    """Raise InputError for settings that exclude each other or do not support the loads."""
+    # With `strict` it is also raised for the first warning of the assembly.
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or `strict=False`")
     refuse_beside_cracks(scene, settings, assembly)
@@ -45,10 +43,8 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings that exclude an objective of the user.
-
-    These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
-    """
+    """Raise InputError for settings that exclude an objective of the user."""
+    # These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
     if settings.own_objective is None:
         return
     driver = settings.driver
@@ -66,10 +62,8 @@ def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None
 
 
 def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that cracks by cells or by fields exclude.
-
-    Scenes that crack along faces alone pass.
-    """
+    """Raise InputError for settings that cracks by cells or by fields exclude."""
+    # Scenes that crack along faces alone pass.
     if scene.cracks == "faces":
         return
     fields = isinstance(scene.cracks, FieldCracks)
@@ -94,10 +88,8 @@ def refuse_beside_cracks(scene: Scene, settings: ExploreSettings, assembly: Asse
 
 
 def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
-    """Raise InputError if driver, model, experiment or certificate do not fit the structure.
-
-    If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
-    """
+    """Raise InputError if driver, model, experiment or certificate do not fit the structure."""
+    # If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
     if driver.modular and scene.cracks != "faces":
         raise ParameterError("driver", f"{driver.name} {_SHARED}", "another driver")
     if isinstance(driver, FieldExact) and not isinstance(scene.cracks, FieldCracks):

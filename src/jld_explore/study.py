@@ -160,10 +160,7 @@ class Study:
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
 
     def facts(self, results: pd.DataFrame) -> dict[str, Any]:
-        """Return entries that this kind of study adds to the summary.
-
-        results: table of all evaluations.
-        """
+        """Return entries that this kind of study adds to the summary."""
         return {}
 
     @property
@@ -184,10 +181,7 @@ class Study:
         self.driver.withdraw(reason)
 
     def keep_bound(self, bound: float | None) -> None:
-        """Record a proven upper bound on λ over the whole space, for runs that resume this one.
-
-        bound: scene units; None records nothing, and so does one that is not below the recorded bound.
-        """
+        """Record a proven upper bound on λ over the whole space, for runs that resume this one."""
         if bound is not None:
             self.records.keep_bound(bound)
 
@@ -322,11 +316,9 @@ class Study:
         return labellings
 
     def _proposed(self, limit: int | None) -> Bits:
-        """Request labellings (k, m) from the driver; none after its time is up.
-
-        If nothing has been evaluated and the driver spends most of the time without a proposal, the first layout found
-        without the driver is returned. limit: largest number k; None for no limit.
-        """
+        """Request labellings (k, m) from the driver; none after its time is up."""
+        # If nothing has been evaluated and the driver spends most of the time without a proposal, the first layout
+        # found without the driver is returned.
         begun = self._begun
         until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
         try:

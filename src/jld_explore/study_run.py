@@ -32,11 +32,10 @@ _FOUND: Final = 1.2  # time to find and evaluate a first layout after a signal, 
 def run_study(study: Study, deadline: Deadline) -> StopReason:
     """Run a study and bound all labellings if no other bound is known.
 
-    If the search is interrupted, its tables are written before the exception continues.
-
-    study: study that has not run. deadline: time limit of the command. Result: reason why the search ended. Raises
-    InputError if no labelling was found; the files of the search are removed. Raises Interrupted if a signal arrived.
+    Result: reason why the search ended. Raises InputError if no labelling was found; the files of the search are
+    removed. Raises Interrupted if a signal arrived.
     """
+    # If the search is interrupted, its tables are written before the exception continues.
     try:
         reason = study.run()
         cost = _BOUNDING * cost_estimate(study.assembly).seconds
@@ -74,11 +73,9 @@ def run_study(study: Study, deadline: Deadline) -> StopReason:
 
 
 def _solve_first(study: Study) -> bool:
-    """Evaluate one layout without the driver if none is on record, and record it; return True if it was.
-
-    The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
-    forgets the layout again, so that the search resumes as if it had not been stopped.
-    """
+    """Evaluate one layout without the driver if none is on record, and record it; return True if it was."""
+    # The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
+    # forgets the layout again, so that the search resumes as if it had not been stopped.
     left = _FOUND - study.evaluation_seconds
     if len(study.records) or left <= 0.0:
         return False

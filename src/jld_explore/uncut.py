@@ -24,8 +24,8 @@ MOST: Final = 2000
 def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> float | None:
     """Return the upper bound on λ by faces where every face that may be inner is inner.
 
-    space: space of the scene: its faces that may be dry or inner. Result: upper bound on the governing factor. None
-    where it is not finite, beside other crack models, uncertain values or cells left out, and above MOST interfaces.
+    Result: upper bound on the governing factor. None where it is not finite, beside other crack models, uncertain
+    values or cells left out, and above MOST interfaces.
     """
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if not plain or len(assembly.labels) > MOST:
@@ -37,9 +37,8 @@ def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> f
 def add_uncut(done: Exploration, space: SearchSpace, settings: ExploreSettings, deadline: Deadline) -> Exploration:
     """Compare the best layout of a search by faces with the structure without cuts.
 
-    done: finished search. settings: settings of the search. Only dilatant searches for λ, without options of the model,
-    are compared. deadline: time after which nothing is compared. Result: the search; where the best is proven stronger,
-    its summary has `uncut_at_most`, the upper bound without cuts.
+    Result: the search; where the best is proven stronger, its summary has `uncut_at_most`, the upper bound without
+    cuts.
     """
     facts = done.summary.facts
     other = settings.by_experiment or settings.own_objective is not None or facts.get("require")

@@ -55,27 +55,17 @@ def later(deadline: Deadline, settings: ExploreSettings, share: float) -> Deadli
 
 
 def busy_factor(clock: float, processor: float) -> float:
-    """Return the factor by which a busy machine prolongs work, 1 to `BUSY`.
-
-    clock, processor: time of the same work by the clock and by the processor, s.
-    """
+    """Return the factor by which a busy machine prolongs work, 1 to `BUSY`."""
     return min(max(1.0, clock / max(processor, 1e-9)), BUSY)
 
 
 def field_seconds(limit: float | None) -> float:
-    """Return the time in which bounds by fields are refined for a picture, s.
-
-    limit: time limit of the search, s; None for none.
-    """
+    """Return the time in which bounds by fields are refined for a picture, s."""
     return FIELD_PICTURE if limit is None else min(FIELD_PICTURE, _FIELDS * limit)
 
 
 def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Assembly, *, fields: bool) -> Deadline:
-    """Return the deadline of the search itself, which leaves time to write tables, page and pictures.
-
-    deadline: time limit of the whole command. assembly: structure, whose faces prolong the writing. fields: whether
-    bounds by fields are refined for the picture of the best layout.
-    """
+    """Return the deadline of the search itself, which leaves time to write tables, page and pictures."""
     if settings.seconds is None:
         return deadline
     # What has been done so far tells how much longer writing takes on a busy machine.

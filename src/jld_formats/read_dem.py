@@ -35,9 +35,9 @@ def data_of(value: Any) -> dict[str, Any]:
 def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
     """Find the first model in a document, and the data of all its problems.
 
-    The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself. Raises
-    InputError for problems without a model.
+    Raises InputError for problems without a model.
     """
+    # The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself.
     if isinstance(document, dict) and "dtype" not in document and "data" not in document:
         items = list(document.values())
     else:
@@ -63,9 +63,9 @@ def problem_facts(
 ) -> dict[str, Any]:
     """Return the scene keys of the first problem: loads, materials and settlements.
 
-    Each group of boundary conditions is a load case, a group whose name begins with "dead" is dead load. parts: blocks
-    of the model. names: their names by node. Raises InputError for a load on a block that is not there.
+    Raises InputError for a load on a block that is not there.
     """
+    # Each group of boundary conditions is a load case, a group whose name begins with "dead" is dead load.
     if not problems:
         return {}
     problem = problems[0]
@@ -104,9 +104,9 @@ def problem_facts(
 def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
     """Read the scene's materials "dry" and "inner" from the contact model of a problem.
 
-    Without a contact model they are defaults; assumptions are added to `notes`. Raises InputError for a model other
-    than Mohr–Coulomb.
+    Raises InputError for a model other than Mohr–Coulomb.
     """
+    # Without a contact model they are defaults; assumptions are added to `notes`.
     contact = data_of(problem.get("contact_properties") or {})
     law = contact.get("contact_model")
     if not law:
@@ -222,8 +222,7 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
     """Read the blocks, supports and interfaces of a COMPAS JSON file.
 
-    notes: receives what was found. Scene keys that jld has stored in the file are read back; stored interfaces replace
-    those of the file. Raises InputError where the file is not JSON or holds no assembly.
+    Raises InputError where the file is not JSON or holds no assembly.
     """
     try:
         document = json.loads(text_of(path), parse_constant=_refuse)
@@ -266,8 +265,9 @@ def _refuse(name: str) -> float:
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
     """Read the blocks at the nodes of a graph, and the name of each by node.
 
-    This is the form of compas_assembly and compas_cra. Raises InputError for a node without a block, or too many.
+    Raises InputError for a node without a block, or too many.
     """
+    # This is the form of compas_assembly and compas_cra.
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
     nodes = graph["node"].items()
@@ -287,10 +287,8 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
 
 
 def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Return the elements of a model (compas_dem) and their names by node of its graph.
-
-    The name of a block is the one that it states; a stated name that equals the name of its class is ignored.
-    """
+    """Return the elements of a model (compas_dem) and their names by node of its graph."""
+    # The name of a block is the one that it states; a stated name that equals the name of its class is ignored.
     node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
     materials = {guid: data_of(material) for guid, material in (model.get("materials") or {}).items()}
     parts, names = [], {}
@@ -309,10 +307,7 @@ def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part],
 
 
 def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
-    """Replace all names by "b" and the node number if any two are equal.
-
-    names: by node number. Returns parts and names.
-    """
+    """Replace all names by "b" and the node number if any two are equal."""
     if len({part.name for part in parts}) == len(parts):
         return parts, names
     # repeated names identify nothing
@@ -327,7 +322,7 @@ def _part(
 ) -> Part:
     """Return one block of a COMPAS mesh; matrix: (4, 4) transformation, None for none.
 
-    name: future id. key: node number. keys: further keys of the element. Raises InputError without faces.
+    Raises InputError without faces.
     """
     vertex, face = mesh["vertex"], mesh["face"]
     number = {label: k for k, label in enumerate(vertex)}
@@ -342,10 +337,7 @@ def _part(
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
-    """Yield both element names and the corners (k, 3) of each interface on a graph's edges.
-
-    names: by node. Interfaces with fewer than three corners are left out.
-    """
+    """Yield both element names and the corners (k, 3) of each interface on a graph's edges."""
     for u, others in graph.get("edge", {}).items():
         for v, attributes in others.items():
             faces = attributes.get("interfaces") or attributes.get("contacts") or []

@@ -53,7 +53,7 @@ class Densities:
     def of(self, product: Any, title: str) -> float | None:
         """Return the density of a product, kg/m³; None where its materials state none, or several.
 
-        title: words for the product. Raises InputError for a density that is no positive number.
+        Raises InputError for a density that is no positive number.
         """
         found = {value for material in self._materials_of(product) for value in self._stated(material)}
         for value in found:
@@ -90,9 +90,7 @@ _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
     """Read the solids of the products of an IFC file, in metres.
 
-    options: layers. The name of a layer of a product, its object type, its class or its name says what it is, the first
-    one with a role. notes: receives what was found and skipped. Raises InputError where the file is no IFC,
-    ifcopenshell is missing, or a product has a shape that is no polyhedron.
+    Raises InputError where the file is no IFC, ifcopenshell is missing, or a product has a shape that is no polyhedron.
     """
     ifc = library("ifcopenshell", path)
     readable(path)
@@ -133,10 +131,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
 
 
 def _group(product: Any, options: ImportOptions) -> str:
-    """Return the first of layer, object type, class and name with a role, else the class.
-
-    product: IFC product. options: state which names have a role.
-    """
+    """Return the first of layer, object type, class and name with a role, else the class."""
     layers = [
         str(layer.Name)
         for shape in product.Representation.Representations
@@ -204,10 +199,8 @@ def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
 
 
 def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
-    """Convert the faces of a closed shell to vertices (k, 3) and loops of vertex indices.
-
-    A face with holes becomes triangles. title: words for the product.
-    """
+    """Convert the faces of a closed shell to vertices (k, 3) and loops of vertex indices."""
+    # A face with holes becomes triangles.
     number: dict[tuple[float, ...], int] = {}
     bounds: list[list[tuple[int, ...]]] = []
     for face in faces:
@@ -222,10 +215,8 @@ def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
-    """Convert a tessellated shape to vertices (k, 3) and loops of vertex indices.
-
-    A face with holes becomes triangles. title: words for the product.
-    """
+    """Convert a tessellated shape to vertices (k, 3) and loops of vertex indices."""
+    # A face with holes becomes triangles.
     points = np.array(item.Coordinates.CoordList, dtype=float)
     if item.is_a("IfcTriangulatedFaceSet"):
         return points, tuple(tuple(int(k) - 1 for k in loop) for loop in item.CoordIndex)

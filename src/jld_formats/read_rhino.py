@@ -30,8 +30,7 @@ _PLANE: Final = 1e-6
 def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
     """Return vertices (k, 3) and faces of a mesh, extrusion or polysurface of rhino3dm.
 
-    title: words for the object in messages. Raises InputError for an object that is open or has a curved face. A face
-    with holes becomes triangles.
+    Raises InputError for an object that is open or has a curved face. A face with holes becomes triangles.
     """
     if type(geometry).__name__ == "Mesh":
         return _of_mesh(geometry)
@@ -97,9 +96,8 @@ _FLAT: Final = 1e-6  # largest height of curves over their common plane, relativ
 def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
     """Read a Rhino file as solids, or as a drawing where it holds curves alone.
 
-    Both are in the unit of the file. options: layers and accuracy of curves. notes: receives what was found and
-    skipped. Raises InputError where the file is no 3DM, rhino3dm is missing, an object has a curved face, or curves
-    lie in no common plane x–y or x–z.
+    Both are in the unit of the file. Raises InputError where the file is no 3DM, rhino3dm is missing, an object has a
+    curved face, or curves lie in no common plane x–y or x–z.
     """
     rhino = library("rhino3dm", path)
     readable(path)
@@ -172,8 +170,7 @@ class _Reader:
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
         """Return the name of an object's layer, and True if the layer is shown.
 
-        In a path of layers the last one with a role counts, else the last. parent: layer of the instance that holds the
-        object. It replaces layers without a role, and None stands for no instance.
+        In a path of layers the last one with a role counts, else the last.
         """
         layer = self._layers.get(index)
         if layer is None:
@@ -184,11 +181,8 @@ class _Reader:
         return (parent if parent is not None and not known else own), bool(layer.Visible)
 
     def _read(self, item: Any, parent: str | None, moves: list[Any]) -> None:
-        """Read one object: a solid, a mark, a curve or the objects of an instance.
-
-        Hidden objects and other kinds are counted. parent: layer of the instance that holds it. moves: transformations
-        of the instances around it, innermost first.
-        """
+        """Read one object: a solid, a mark, a curve or the objects of an instance."""
+        # Hidden objects and other kinds are counted.
         attributes, geometry = item.Attributes, item.Geometry
         layer, shown = self._layer(attributes.LayerIndex, parent)
         if not shown or not attributes.Visible:
@@ -296,9 +290,9 @@ def _force(texts: dict[str, str]) -> str:
 def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
     """Return density and block of an element from the user text of its object.
 
-    The block is left out where the text lists exactly one element. title: words for the object. Raises InputError for a
-    density that is no number.
+    Raises InputError for a density that is no number.
     """
+    # The block is left out where the text lists exactly one element.
     found: dict[str, Any] = {}
     if texts.get("block") and len(texts.get("elements", "").split()) != 1:
         found["block"] = texts["block"]

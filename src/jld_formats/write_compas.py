@@ -22,8 +22,7 @@ _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 def compas_text(layout: Layout, *, cells: bool) -> str:
     """Return a layout as the JSON text of a compas_assembly `Assembly`.
 
-    cells: write every element, not every block. Scene data that an assembly cannot represent are stored in its
-    attribute "jld". Raises InputError for a scene with "materials.faces".
+    Raises InputError for a scene with "materials.faces".
     """
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
@@ -111,11 +110,8 @@ def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
 
 
 def named_faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats, int]]:
-    """Return both names, corners (k, 3) and index of each interface between written solids.
-
-    Corners run counter-clockwise about the normal out of the first solid. cells: the solids are elements, not blocks;
-    interfaces inside a block are then written too.
-    """
+    """Return both names, corners (k, 3) and index of each interface between written solids."""
+    # Corners run counter-clockwise about the normal out of the first solid.
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -151,11 +147,7 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written free solids by name, scene units.
-
-    cells: the solids are elements, not blocks. For elements of a spatial scene the result is that of `element_keys`
-    instead: only values that the scene states. Blocks with a support are left out.
-    """
+    """Return weight and centroid of the written free solids by name, scene units."""
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)

@@ -28,11 +28,8 @@ _SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
 def dem_text(layout: Layout, *, cells: bool) -> str:
     """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`.
 
-    Without an analysis of the layout there are no results.
-
-    cells: write every element, not every block. The text is an object with the keys "analysis" and "results", which
-    `compas.json_load` returns as a dict. Loads of a case are a group of boundary conditions; load factor and bracket
-    are in the metadata of the results. Raises InputError for a scene whose joints differ in friction or cohesion.
+    Without an analysis of the layout there are no results. Raises InputError for a scene whose joints differ in
+    friction or cohesion.
     """
     file = _Dem(layout, cells)
     document: dict[str, Any] = {"analysis": file.analysis()}
@@ -163,9 +160,8 @@ class _Dem:
         """Return forces at an interface's corners, linear in place, with its resultants.
 
         points: (k, 3) corners. axes: (3, 3) e1, e2 and n. centre: (3,) origin. Empty without an analysis with forces.
-
-        Normal forces satisfy Σ f = N, Σ f x1 = −M2 and Σ f x2 = M1; shear forces Σ c = V, Σ (x1 c2 − x2 c1) = MT.
         """
+        # Normal forces satisfy Σ f = N, Σ f x1 = −M2 and Σ f x2 = M1; shear forces Σ c = V, Σ (x1 c2 − x2 c1) = MT.
         result = self._layout.result
         if result is None or result.forces is None:
             return []
@@ -312,11 +308,7 @@ class _Dem:
         return float(mechanism_scale(self._layout.assembly, result.mechanism))
 
     def _moved(self, number: int) -> dict[str, Any]:
-        """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation.
-
-        number: index of the solid. A block that cracks moves as its element of largest volume. Without a mechanism it
-        is the identity.
-        """
+        """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation."""
         from scipy.spatial.transform import Rotation
 
         layout, result = self._layout, self._layout.result

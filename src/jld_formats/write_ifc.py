@@ -34,10 +34,9 @@ PROPERTIES: Final = "Jld_Block"
 def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
     """Write an IFC 4 file with a building element proxy for each block.
 
-    Its properties are mass, mould, order, λ and faces.
-
-    cells: write every element, not every block. Raises InputError if ifcopenshell is missing.
+    Raises InputError if ifcopenshell is missing.
     """
+    # Its properties are mass, mould, order, λ and faces.
     ifc = library("ifcopenshell", path)
     file = _Ifc(ifc, layout)
     facts = block_facts(layout)
@@ -184,10 +183,7 @@ class _Ifc:
         )
 
     def materials(self, elements: list[Any], masses: list[float], volumes: list[float]) -> None:
-        """Add a material of each mass density, kg/m³, and relate the elements to theirs.
-
-        masses, volumes: of each element, scene units. Elements without mass, as supports often are, get none.
-        """
+        """Add a material of each mass density, kg/m³, and relate the elements to theirs."""
         make = self.model.create_entity
         by_density: dict[float, list[Any]] = {}
         for element, mass, volume in zip(elements, masses, volumes, strict=True):
@@ -207,10 +203,7 @@ class _Ifc:
 
 
 def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
-    """Return name, IFC type and value of each property of a block that is known.
-
-    kilograms: in the unit of mass of the scene.
-    """
+    """Return name, IFC type and value of each property of a block that is known."""
     found: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", printable(facts.block)),
         ("Elements", "IfcText", printable(" ".join(facts.elements))),

@@ -37,9 +37,7 @@ _LENGTH: Final = 0.25  # length of the largest force line of a spatial layout, r
 def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
     """Write a Rhino file of a layout: planar outlines in x–y, or in space a mesh per solid.
 
-    cells: write every element of a spatial layout, not every block. Blocks stand on layers by shape, with their facts
-    as user text; mechanism and thrust have layers of their own where there is an analysis. Scene data without a place
-    in a drawing are stored in the document's user text. Raises InputError if rhino3dm is missing.
+    Raises InputError if rhino3dm is missing.
     """
     rhino = library("rhino3dm", path)
     file = _File(rhino, layout)

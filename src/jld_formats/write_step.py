@@ -26,13 +26,8 @@ _UNCERTAINTY: Final = 1e-9  # stated uncertainty of lengths, relative to the siz
 
 
 def step_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of a STEP file with a solid of plane faces for each block.
-
-    Solids are `MANIFOLD_SOLID_BREP`.
-
-    cells: write every element, not every block. Solids and products carry the names of the blocks. Lengths are in the
-    scene's unit, in metres where it is unknown.
-    """
+    """Return the text of a STEP file with a solid of plane faces for each block."""
+    # Solids are `MANIFOLD_SOLID_BREP`.
     file = _Part21()
     context = file.context(layout.assembly.units[0], layout.assembly.size)
     for name, _, surface in solids_of(layout, cells=cells):
@@ -81,10 +76,7 @@ class _Part21:
         return f"#{len(self.lines)}"
 
     def context(self, unit: str, size: float) -> str:
-        """Add units and contexts; return the reference of the geometric context.
-
-        unit: of length. size: of the structure in this unit, for the stated accuracy.
-        """
+        """Add units and contexts; return the reference of the geometric context."""
         application = self.add("APPLICATION_CONTEXT('core data for automotive mechanical design processes')")
         self.add(
             "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000," + application + ")"
@@ -134,10 +126,8 @@ class _Part21:
         return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
 
     def solid(self, name: str, surface: Surface) -> str:
-        """Add a solid with plane faces, and return its reference.
-
-        Each edge is shared by the two faces that meet in it.
-        """
+        """Add a solid with plane faces, and return its reference."""
+        # Each edge is shared by the two faces that meet in it.
         places = [self._point(point) for point in surface.points]
         vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]
         edges: dict[tuple[int, int], str] = {}

@@ -44,8 +44,7 @@ class _Polygons:
     def add(self, corners: Floats, loops: list[tuple[int, ...]], element: int, part: int, face: int | None) -> None:
         """Add faces of an element or an interface with their fields.
 
-        corners: (k, 3). loops: corner indices of each face. part: 0 for a surface, 1 for an interface. face: the
-        interface, None for a surface.
+        corners: (k, 3).
         """
         start = sum(map(len, self.points))
         self.points.append(corners)
@@ -79,13 +78,12 @@ class _Polygons:
 def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
     """Write a layout and its analysis as a VTK grid of polygons, for ParaView.
 
-    A file that ends in .vtk has the older format. Raises InputError if meshio is missing.
-
-    Each polygon is part 0 (surface of an element) or part 1 (interface). Its further fields are: element, block, shape,
-    support, label, utilisation, force and normal_force. Label is 1 dry, 0 inner, and −1 on surfaces; force is the
-    vector on element b, scene units. The field of the points is mechanism, the velocity that gives the live load power
-    1. Without an analysis its fields are zero.
+    Raises InputError if meshio is missing.
     """
+    # A file that ends in .vtk has the older format. Each polygon is part 0 (surface of an element) or part 1
+    # (interface). Its further fields are: element, block, shape, support, label, utilisation, force and normal_force.
+    # Label is 1 dry, 0 inner, and −1 on surfaces; force is the vector on element b, scene units. The field of the
+    # points is mechanism, the velocity that gives the live load power 1. Without an analysis its fields are zero.
     meshio = library("meshio", path)
     found = _polygons_of(layout)
     faces = found.faces
@@ -140,11 +138,7 @@ _COLOURS: Final = ((0.87, 0.72, 0.5), (0.6, 0.73, 0.86), (0.72, 0.83, 0.6), (0.8
 
 
 def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
-    """Return the content of a .glb file: a node with a mesh of flat triangles for each block.
-
-    cells: write every element, not every block. Lengths are metres where the scene's unit is known, and the y axis
-    points up, as glTF has it. Each node carries the facts of its block as extras: mass, mould, order of laying, λ.
-    """
+    """Return the content of a .glb file: a node with a mesh of flat triangles for each block."""
     facts = block_facts(layout)
     scale = METRES.get(layout.assembly.units[0], 1.0)
     owner = [int(k) for k in layout.block_of] if cells else [

@@ -110,8 +110,9 @@ class BoxProblem:
     def require_valid(self, low: Floats, high: Floats) -> None:
         """Raise ParameterError where a box turns an element over or makes it meet itself.
 
-        Bounds hold for boxes that pass this check alone. low, high: (p,) bounds on the parameters, lengths.
+        low, high: (p,) bounds on the parameters, lengths.
         """
+        # Bounds hold for boxes that pass this check alone.
         places, ids = self.corners(low, high), self._assembly.elements.ids
         area, _ = self._bernstein_moments(low, high)
         for element, loop in enumerate(self._mesh.loops):
@@ -226,9 +227,9 @@ class BoxProblem:
     def bound(self, low: Floats, high: Floats) -> BoxBound:
         """Return a proven bound on λ, in scene units, of every position in a box.
 
-        It is inf where no mechanism valid in the whole box is found. Check the box by `require_valid` first.
         low, high: (p,) bounds on the parameters, lengths.
         """
+        # It is inf where no mechanism valid in the whole box is found. Check the box by `require_valid` first.
         cone = self.generators(low, high)
         if cone is None:
             return BoxBound(math.inf, None)
@@ -247,9 +248,8 @@ class BoxProblem:
     ) -> tuple[float, Floats | None]:
         """Repair a mechanism over a box; return its scaled bound on λ, and the repaired mechanism.
 
-        velocity: (3·free,) mechanism. forces, sizes: (g, 3·free) of `generators`. dead, live: (4^p, 3·free) of `loads`.
-        parameters: p. Possible rounding errors count against the proof. The bound is −inf where no position stands;
-        (inf, None) if no repair succeeds.
+        velocity: (3·free,) mechanism. forces, sizes: (g, 3·free) of `generators`. parameters: p. Possible rounding
+        errors count against the proof. The bound is −inf where no position stands; (inf, None) if no repair succeeds.
         """
         # coordinates far from the origin have lost digits before areas and moments are formed
         growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
@@ -295,8 +295,7 @@ def _extremes(force: Floats) -> Floats | None:
 def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = False) -> Floats | None:
     """Find the mechanism (3·free,) with the least upper bound on λ over a box; unverified.
 
-    forces: (g, 3·free) contact forces, on which it does no negative work. dead, live: (4^p, 3·free) loads. standing:
-    find a mechanism under which no position stands instead. None if the solver finds none.
+    forces: (g, 3·free) contact forces, on which it does no negative work.
     """
     count = forces.shape[1]
     rows = np.zeros((len(forces) + len(live) + len(dead), count + 1))
@@ -456,10 +455,8 @@ class _Search:
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far.
-
-        None where no valid scene has this position.
-        """
+        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far."""
+        # None where no valid scene has this position.
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -504,14 +501,10 @@ def prove_box(
 ) -> ProvenBox:
     """Find the best geometry in a box of positions, and prove a bound on λ of all of them.
 
-    scene: planar scene; its key "move" states the vertices that move, at most four after ties. labels: (m,) True = dry.
-    box: largest distance from the start, or least and largest distances of each parameter, length. gap: relative
-    distance of both bounds at which the search ends. seconds: time limit, s. progress: called with the best λ, the
-    bound and the number of boxes. Raises InputError: the structure is not of dry joints alone, the box has more than
-    four parameters or turns a cell over, or no position that was tried stands.
-
-    docs/method.md (11.7).
+    labels: (m,) True = dry. Raises InputError: the structure is not of dry joints alone, the box has more than four
+    parameters or turns a cell over, or no position that was tried stands.
     """
+    # docs/method.md (11.7).
     began = time.perf_counter()
     search = _Search(scene, assembly, labels)
     low, high = _ends(box, search.count)
@@ -581,11 +574,9 @@ def _branch(
 ) -> float:
     """Split the box of largest bound until the gap is closed or time is up.
 
-    Returns a bound on all positions in the box. low, high: (p,) of the whole box, lengths. deadline: time of
-    `time.perf_counter`, s. progress: called with the best λ, the bound and the number of boxes. tree: root with the
-    bound of the whole box, to which halves are added. Boxes below a least width are not split. The middle of each box
-    is tried as a position.
+    low, high: (p,) of the whole box, lengths.
     """
+    # Returns a bound on all positions in the box.
     whole = high - low
     heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf

@@ -88,10 +88,7 @@ def is_box_certificate(path: Path) -> bool:
 
 
 def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
-    """Write a certificate atomically.
-
-    path: file; its folder is created if missing. nodes: the tree, a split before both of its halves.
-    """
+    """Write a certificate atomically."""
     head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(node) for node in nodes)]
     write_lines(path, lines)
@@ -108,9 +105,9 @@ def _line(node: Node) -> dict[str, Any]:
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
     """Read a certificate without checking its tree.
 
-    Returns the claim, whose scene is not validated, and the nodes in the order of their lines. Raises InputError if the
-    file cannot be read, is no such certificate, or is not whole.
+    Raises InputError if the file cannot be read, is no such certificate, or is not whole.
     """
+    # Returns the claim, whose scene is not validated, and the nodes in the order of their lines.
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:

@@ -21,8 +21,8 @@ _RELATIVE_SLACK: Final = 1e-9
 def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
     """Return the claim of the certificate of a proof over a box, and the tree of its proof.
 
-    done: result of `prove_box`. Result: claim: scene, box and bound; the bound is raised by a little for rounding;
-    nodes: nodes of the tree, each before its halves. Raises InputError if no finite bound was proven.
+    Result: claim: scene, box and bound; the bound is raised by a little for rounding; nodes: nodes of the tree, each
+    before its halves. Raises InputError if no finite bound was proven.
     """
     nodes = list(_nodes(done.tree, done))
     places = done.places - done.moved
@@ -64,10 +64,8 @@ def _nodes(tree: BoxNode, done: ProvenBox) -> list[Node]:
 
 
 def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
-    """Return the leaf of a certificate for a node with a mechanism, without rounding.
-
-    Velocities are about the origin, as integers over a power of two.
-    """
+    """Return the leaf of a certificate for a node with a mechanism, without rounding."""
+    # Velocities are about the origin, as integers over a power of two.
     assert node.motion is not None
     exact = {}
     for element, (motion, centre) in enumerate(zip(node.motion.tolist(), done.centroids.tolist(), strict=True)):
@@ -83,7 +81,7 @@ def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
 def write_box_certificate(done: ProvenBox, path: Path) -> None:
     """Write the certificate of a proof over a box of positions, for `jld verify`.
 
-    done: result of `prove_box`. path: file. Raises InputError: no finite bound was proven.
+    Raises InputError: no finite bound was proven.
     """
     claim, nodes = box_claim(done)
     write(path, claim, nodes)
@@ -92,8 +90,8 @@ def write_box_certificate(done: ProvenBox, path: Path) -> None:
 def check_proof(done: ProvenBox) -> tuple[bool | None, float, str]:
     """Check a proof over a box of positions by exact arithmetic.
 
-    done: result of `prove_box`. Result: passed: True if the bound is verified in every box of the tree, False if not;
-    None if no bound was proven; seconds: time of the check, s; reason: reason for False or None; "" for True.
+    Result: passed: True if the bound is verified in every box of the tree, False if not; None if no bound was proven;
+    seconds: time of the check, s; reason: reason for False or None; "" for True.
     """
     start = time.perf_counter()
     try:

@@ -131,7 +131,7 @@ class BoxStructure:
     def _weights(self, scene: Scene, thickness: Fraction) -> tuple[dict[int, Vector], dict[int, Fraction]]:
         """Return the self-weight per area of each free element as a vector, and its magnitude.
 
-        thickness: of the elements. Raises InputError for a stated weight of an element whose shape changes.
+        Raises InputError for a stated weight of an element whose shape changes.
         """
         gravity = scene.materials.gravity
         vector = [0.0, -gravity] if isinstance(gravity, float | int) else list(gravity)
@@ -156,9 +156,7 @@ class BoxStructure:
     def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], start: dict[int, Vector]) -> Loads:
         """Return the loads of some entries, added to loads per area.
 
-        entries: load entries of the scene. sizes: magnitude of the weight per area of each element, for body loads.
-        start: loads per area to begin with. Raises InputError for pressure, and for a force at the centroid of an
-        element whose shape changes.
+        Raises InputError for pressure, and for a force at the centroid of an element whose shape changes.
         """
         per_area = dict(start)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
@@ -184,11 +182,8 @@ class BoxStructure:
     # --- polynomials over a box ------------------------------------------------------------------------
 
     def place(self, point: Pair, low: list[Fraction], high: list[Fraction]) -> tuple[Polynomial, Polynomial]:
-        """Return the coordinates x and y of a point over a box, as polynomials.
-
-        The variables of the polynomials run from 0 to 1 in the box. point: corner in the scene. low, high: least and
-        greatest value of each parameter.
-        """
+        """Return the coordinates x and y of a point over a box, as polynomials."""
+        # The variables of the polynomials run from 0 to 1 in the box.
         none = (0,) * self.parameters
         ways = self._ways.get(point)
         found: tuple[Polynomial, Polynomial] = ({}, {})

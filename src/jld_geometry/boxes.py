@@ -50,9 +50,8 @@ class VerifiedBox:
 def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
     """Check a certificate of `jld move --prove`.
 
-    path: file. scene: scene of which the certificate has to be; default the one that the file holds. Raises InputError
-    for the first box whose mechanism does not hold, for a tree that does not cover the box, a damaged file, or another
-    scene.
+    Raises InputError for the first box whose mechanism does not hold, for a tree that does not cover the box, a damaged
+    file, or another scene.
     """
     start = time.perf_counter()
     claim, nodes = read(path)
@@ -69,7 +68,7 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
 def _require_same(scene: Scene, held: Scene, path: str) -> None:
     """Raise InputError unless two scenes are the same structure under the same loads.
 
-    Numbers may differ by 1e-9, relative to size and loads. path: file of the certificate, for the message.
+    Numbers may differ by 1e-9, relative to size and loads.
     """
     one, other = build_assembly(scene), build_assembly(held)
     if one.elements.ids != other.elements.ids or _numbers(one).shape != _numbers(other).shape:
@@ -81,10 +80,8 @@ def _require_same(scene: Scene, held: Scene, path: str) -> None:
 
 
 def _numbers(assembly: Assembly) -> Floats:
-    """Return geometry, loads, friction and labels of an assembly as one vector.
-
-    Lengths are relative to the size of the structure, and loads to the largest one.
-    """
+    """Return geometry, loads, friction and labels of an assembly as one vector."""
+    # Lengths are relative to the size of the structure, and loads to the largest one.
     elements, faces, size = assembly.elements, assembly.interfaces, assembly.size
     loads = [load for case in assembly.by_case for load in (case.dead, case.live)]
     largest = np.array([abs(load).max(initial=0.0) for load in loads])
@@ -98,8 +95,7 @@ def _numbers(assembly: Assembly) -> Floats:
 def check_boxes(scene: Scene, claim: BoxClaim, nodes: list[Node]) -> int:
     """Check the tree of a certificate, and return its number of boxes with a mechanism.
 
-    claim: statement to check. nodes: the tree, a split before both of its halves, the lower one first. Raises
-    InputError for the first node that does not hold, or a tree that does not cover the box.
+    Raises InputError for the first node that does not hold, or a tree that does not cover the box.
     """
     checker = _Checker(BoxStructure(scene, claim), claim)
     start = [Fraction(low) for low, _ in claim.box], [Fraction(high) for _, high in claim.box]
@@ -123,8 +119,7 @@ def _halves(
 ) -> list[tuple[list[Fraction], list[Fraction]]]:
     """Return the upper and the lower half of a box, each as (low, high).
 
-    node: parameter and position of the split. low, high: ends of the box. number: of the node, for the message. Raises
-    InputError for a split outside of the box.
+    Raises InputError for a split outside of the box.
     """
     at = Fraction(node.at)
     if not 0 <= node.axis < len(low) or not low[node.axis] < at < high[node.axis]:
@@ -141,10 +136,7 @@ class _Checker:
         self._structure, self._bound = structure, Fraction(claim.bound)
 
     def check(self, leaf: Leaf, low: list[Fraction], high: list[Fraction], number: int) -> None:
-        """Raise InputError unless a mechanism proves the bound for all positions of a box.
-
-        leaf: the mechanism. low, high: ends of the box. number: of the node, for the message.
-        """
+        """Raise InputError unless a mechanism proves the bound for all positions of a box."""
         structure, unit = self._structure, 1 << leaf.digits
         if not 0 <= leaf.case < len(structure.cases) or not leaf.moves.keys() <= structure.free:
             raise InputError(
@@ -168,10 +160,8 @@ class _Checker:
             raise InputError(f"node {number}", "its mechanism lets positions carry more than the bound", "a proof")
 
     def _opens(self, moves: dict[int, Velocity], low: list[Fraction], high: list[Fraction]) -> bool:
-        """Return True if no joint resists a mechanism, at any position in the box.
-
-        A joint does not resist if it opens at both ends by at least friction times the slip.
-        """
+        """Return True if no joint resists a mechanism, at any position in the box."""
+        # A joint does not resist if it opens at both ends by at least friction times the slip.
         structure, none = self._structure, (0,) * self._structure.parameters
         for joint in structure.joints:
             jump = [b - a for a, b in zip(moves.get(joint.a, _STILL), moves.get(joint.b, _STILL), strict=True)]
@@ -198,10 +188,7 @@ class _Checker:
         return True
 
     def _power(self, loads: Loads, moves: dict[int, Velocity], low: list[Fraction], high: list[Fraction]) -> Polynomial:
-        """Return the power of loads under a mechanism over a box, as a polynomial.
-
-        moves: velocity of each moving element. low, high: ends of the box.
-        """
+        """Return the power of loads under a mechanism over a box, as a polynomial."""
         none = (0,) * self._structure.parameters
         total: Polynomial = {none: Fraction(0)}
         for element, (ux, uy, turn) in moves.items():

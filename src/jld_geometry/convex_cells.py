@@ -134,12 +134,11 @@ _EQUAL: Final = 1e-6
 def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
     """Pair equal outlines corner by corner: the first of each kind with every further one.
 
-    Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
-    out.
-
-    outlines: vertices of the corners around each element. places: (v, 2) positions. changing: (n,) True for elements
-    with a vertex that moves. Each pair holds two equally long arrays of vertices.
+    places: (v, 2) positions. changing: (n,) True for elements with a vertex that moves. Each pair holds two equally
+    long arrays of vertices.
     """
+    # Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
+    # out.
     kinds: list[list[tuple[int, Ints]]] = []
     for element, outline in enumerate(outlines):
         for kind in kinds:
@@ -157,7 +156,7 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
 def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
     """Reorder the corners `other` to match an equal outline `one`; None if they are not equal.
 
-    places: (v, 2) positions. one, other: vertices around two elements.
+    places: (v, 2) positions.
     """
     if len(one) != len(other):
         return None
@@ -263,10 +262,10 @@ class VertexMesh:
 def vertex_mesh(assembly: Assembly) -> VertexMesh:
     """Find the vertices that the elements and interfaces of a planar assembly share.
 
-    Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
-    element becomes a vertex of its outline; a straight corner inside an interface is left out. Raises InputError for
-    an assembly with members, since nothing says how their points move.
+    Raises InputError for an assembly with members, since nothing says how their points move.
     """
+    # Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
+    # element becomes a vertex of its outline; a straight corner inside an interface is left out.
     assembly.members.refuse("a move of joints")
     shapes, faces = assembly.elements.shape, assembly.interfaces
     lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
@@ -305,8 +304,7 @@ def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]
 def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
     """Insert interface ends on a loop's edges, and remove its corners inside interfaces.
 
-    loop: (k,) vertices of an element. ends: (j, 2) vertices of its interfaces. places: (v, 2) positions. reach:
-    distance within which a vertex lies on an edge.
+    loop: (k,) vertices of an element. ends: (j, 2) vertices of its interfaces. places: (v, 2) positions.
     """
     for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
         start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]

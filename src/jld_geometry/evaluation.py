@@ -114,18 +114,16 @@ class Evaluator:
     ) -> StepAnswer | None:
         """Solve the program of a step from a point; return its unproven answer, None without one.
 
-        The step of the answer is in lengths. low, high: (k,) bounds on the step, lengths. kick: see `solve_step`.
+        The step of the answer is in lengths. low, high: (k,) bounds on the step, lengths.
         """
         region = self.region(point.values, low, high)
         answer = solve_step(point.states, self.labels, self.mesh(point.values), region, goal, kick)
         return None if answer is None else replace(answer, change=answer.change * self.unit)
 
     def load_factor(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the point at variables z (k,) with its proven λ.
-
-        None where z is no structure, λ is not proven, or the dead load no longer stands. The first call decides whether
-        the dead load has to stand. near: point whose forces under the dead load are the start, or None.
-        """
+        """Return the point at variables z (k,) with its proven λ."""
+        # None where z is no structure, λ is not proven, or the dead load no longer stands. The first call decides
+        # whether the dead load has to stand.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -163,8 +161,7 @@ class Evaluator:
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
         """Return admissible forces under each different dead load of the load cases.
 
-        values: (k,) variables z. near: states of a point nearby. Its forces are reused if it has as many dead loads,
-        without a check of equilibrium. Otherwise a program finds them; an empty list means that it failed.
+        values: (k,) variables z.
         """
         known = [state for state in near if state.dead]
         different: list[Assembly] = []
@@ -182,11 +179,8 @@ class Evaluator:
         return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
-        """Return an unproven point at variables z (k,) with the forces that a step found.
-
-        It is where a second-order correction starts. answer: forces, λ and objective of the step. states: its load
-        cases, in order. None where elements turn over or overlap.
-        """
+        """Return an unproven point at variables z (k,) with the forces that a step found."""
+        # It is where a second-order correction starts.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -198,12 +192,10 @@ class Evaluator:
         return Evaluated(values, answer.value, None, found)
 
     def missing(self, values: Floats) -> Evaluated | None:
-        """Return an unproven point at variables z (k,), whose objective is its spare strength.
-
-        The objective is minus the least force that, added to every yield condition, lets the structure stand at some λ
-        ≥ 0. Phase one maximises it until it is positive. None where elements turn over or overlap, or the program
-        fails.
-        """
+        """Return an unproven point at variables z (k,), whose objective is its spare strength."""
+        # The objective is minus the least force that, added to every yield condition, lets the structure stand at some
+        # λ ≥ 0. Phase one maximises it until it is positive. None where elements turn over or overlap, or the program
+        # fails.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -222,11 +214,9 @@ class Evaluator:
         return Evaluated(values, -answer.value * states[0].template.scaling.force, None, states)
 
     def friction(self, values: Floats, first: float) -> Evaluated | None:
-        """Return the point at variables z (k,) with the least factor on friction that it needs.
-
-        The dead load is proven to stand at that factor, which is at most 1e-5 above the one that Newton steps found.
-        None where z is no structure, a program fails or standing is not proven. first: factor to start from.
-        """
+        """Return the point at variables z (k,) with the least factor on friction that it needs."""
+        # The dead load is proven to stand at that factor, which is at most 1e-5 above the one that Newton steps found.
+        # None where z is no structure, a program fails or standing is not proven.
         assembly, factor = self.assembly(values), first
         point = None if assembly is None else self.missing(values)
         if assembly is None or point is None:
@@ -254,11 +244,9 @@ class Evaluator:
         return None
 
     def thickness(self, values: Floats) -> Evaluated | None:
-        """Return a point near variables z (k,) with the least thickness at which it stands.
-
-        Only the last variable, the thickness, differs from z. The dead load is proven to stand there. None where a
-        program fails, or standing is not proven.
-        """
+        """Return a point near variables z (k,) with the least thickness at which it stands."""
+        # Only the last variable, the thickness, differs from z. The dead load is proven to stand there. None where a
+        # program fails, or standing is not proven.
         values, states = values.copy(), []
         low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
         whole = self.variables.thickness

@@ -63,7 +63,7 @@ class FieldMesh:
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
         """Return the coarsest mesh of one load case.
 
-        vertices: at the positions of the assembly. Raises InputError as `FieldSetting.of` does.
+        Raises InputError as `FieldSetting.of` does.
         """
         setting = FieldSetting.of(assembly)
         base, _ = loaded_mesh(assembly)
@@ -88,10 +88,8 @@ class FieldMesh:
         return sp.csr_array(sp.kron(self.inside @ self.follow, sp.eye_array(2)))
 
     def at(self, assembly: Assembly, moved: Floats) -> FieldMesh | None:
-        """Return the mesh with vertices moved by (v, 2); None where it is no longer valid.
-
-        Triangles may turn over, or loads may lose their faces. assembly: the load case at these positions.
-        """
+        """Return the mesh with vertices moved by (v, 2); None where it is no longer valid."""
+        # Triangles may turn over, or loads may lose their faces.
         old = self.setting
         points = self.base.points + self.follow @ moved
         try:
@@ -217,7 +215,7 @@ class FieldSearch:
     def start(self, values: Floats, parts: int = 1) -> FieldPoint | None:
         """Return the point at variables z (k,); None if it is invalid or has no stresses.
 
-        parts: number of parts of each edge of the coarsest meshes. Raises InputError where fields refuse the structure.
+        Raises InputError where fields refuse the structure.
         """
         assembly, vertices = self._search.evaluator.assembly(values), self._search.evaluator.mesh(values)
         if assembly is None or not isinstance(vertices, VertexMesh):
@@ -242,10 +240,8 @@ class FieldSearch:
         return FieldPoint(values, min(factors), meshes, forms, tuple(stress for stress, _ in found))
 
     def at(self, point: FieldPoint, values: Floats) -> FieldPoint | None:
-        """Return the point at other variables z (k,), with the triangles of a point nearby.
-
-        None where z is no structure, a triangle turns over, or a load case has no stresses.
-        """
+        """Return the point at other variables z (k,), with the triangles of a point nearby."""
+        # None where z is no structure, a triangle turns over, or a load case has no stresses.
         assembly = self._search.evaluator.assembly(values)
         if assembly is None:
             return None
@@ -271,7 +267,6 @@ class FieldSearch:
         """Solve the program of a step over stresses and positions at once (docs/method.md (11.9)).
 
         Returns the step (k,) of the variables, lengths, and the objective that it promises; None without an answer.
-        radius: of the trust region, a length.
         """
         unit = self._search.unit
         region = self._search.evaluator.region(point.values, *self._search.bounds(point.values, radius))
@@ -282,12 +277,8 @@ class FieldSearch:
     def improve(
         self, point: FieldPoint, deadline: float, report: Callable[[FieldPoint, float, float], None] | None = None
     ) -> tuple[FieldPoint, str]:
-        """Improve a point until it is stationary; return the last point and why the search ended.
-
-        The reason is "stationary", "locked", "time" or "points". deadline: time of `time.perf_counter`, s; a step that
-        would end late by the time of the last one is not begun. report: called with every accepted point, its predicted
-        objective and the trust radius, a length.
-        """
+        """Improve a point until it is stationary; return the last point and why the search ended."""
+        # The reason is "stationary", "locked", "time" or "points".
         trust, unit = self._search.trust, self._search.unit
         radius, stood, last = trust.first * unit, point.stands, 0.0
         for _ in range(trust.points):
@@ -316,11 +307,9 @@ class FieldSearch:
 
 
 def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeProgram, int, float]:
-    """Set up the program of a step.
-
-    Its columns are stresses and λ of each load case, steps of the variables, and the goal. Also returns the column of
-    the first step and the unit of the goal, λ / required.
-    """
+    """Set up the program of a step."""
+    # Its columns are stresses and λ of each load case, steps of the variables, and the goal. Also returns the column of
+    # the first step and the unit of the goal, λ / required.
     count = region.jacobian.shape[1]
     start = np.cumsum([0, *(form.width for form in point.forms)]).tolist()
     units = [form.problem.units.load / need for form, need in zip(point.forms, required.tolist(), strict=True)]
@@ -381,12 +370,11 @@ def move_by_fields(
 ) -> MovedJoints:
     """Move joints to raise λ of blocks that may crack anywhere (docs/method.md (11.9)).
 
-    Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
-    returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
-
     Result: best geometry found. Bound it by `bounds_by_fields` to know what it carries. Raises InputError as
     `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
     """
+    # Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
+    # returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
     run = MoveRun(**options)
     if assembly.dimension != 2:
         raise InputError("cracks", "joints in space move by faces alone", '"faces"')
@@ -438,11 +426,8 @@ def _improve(
     deadline: float,
     report: Callable[[FieldPoint, float, float], None],
 ) -> tuple[FieldPoint, str] | None:
-    """Improve variables z (k,) on coarse, then finer meshes; return last point and reason.
-
-    Where blocks do not stand at z, joints first move by faces. deadline: time of `time.perf_counter`, s. None where
-    blocks stand nowhere on the way.
-    """
+    """Improve variables z (k,) on coarse, then finer meshes; return last point and reason."""
+    # Where blocks do not stand at z, joints first move by faces.
     point = fields.start(values, _PARTS[0])
     if point is None:
         moved = _stood(search, values, deadline)

@@ -66,10 +66,8 @@ class Sine:
     waves: int
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) and side of each half wave, along and across a face of length 1.
-
-        A tooth of side 1 reaches into the second element, one of side −1 into the first.
-        """
+        """Return outline (k, 2) and side of each half wave, along and across a face of length 1."""
+        # A tooth of side 1 reaches into the second element, one of side −1 into the first.
         found, count = [], 2 * self.waves
         share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
         for k in range(count):
@@ -181,8 +179,7 @@ class SolidJoint:
     def cut(self, shape: Shape, cells: list[list[ConvexCell]]) -> None:
         """Cut each tooth of the joint out of one element's cells, and add it to the other's.
 
-        cells: of each element, changed in place; the first one is its body. Raises InputError for a tooth that does
-        not fit, and for elements or a joint that are not convex.
+        Raises InputError for a tooth that does not fit, and for elements or a joint that are not convex.
         """
         elements = self._assembly.elements
         for outline, side in shape.teeth():
@@ -225,10 +222,7 @@ class SolidJoint:
         return [plane for _, plane in sorted(found, key=lambda one: -one[0])]
 
     def _around(self, outline: Floats, side: int) -> list[Plane]:
-        """Return the planes of the box around a tooth: its level, then its ends along the joint.
-
-        outline: as for `_profile`. They keep cuts by inclined planes within the tooth's own reach.
-        """
+        """Return the planes of the box around a tooth: its level, then its ends along the joint."""
         level = outline[int(np.argmax(abs(outline[:, 1])))]
         low, high = outline[int(np.argmin(outline[:, 0]))], outline[int(np.argmax(outline[:, 0]))]
         sides = ((np.array([0.0, float(side)]), level), (np.array([-1.0, 0.0]), low), (np.array([1.0, 0.0]), high))
@@ -246,9 +240,9 @@ class SolidJoint:
     def _ends(self, receiver: int) -> list[Plane]:
         """Return the planes over the joint's edges, and over the receiver's faces at tooth ends.
 
-        A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it. Raises
-        InputError for a joint that is not convex.
+        Raises InputError for a joint that is not convex.
         """
+        # A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it.
         elements, polygon = self._assembly.elements, self._polygon
         inner, found, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
         for one, other in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -291,10 +285,7 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
 
 
 def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    """Return the entries of the cells of an element.
-
-    own: entry of the whole element, whose weight and volume the cells share.
-    """
+    """Return the entries of the cells of an element."""
     if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
         return [own]
     whole, found = sum(cell.volume for cell in cells), []
@@ -310,10 +301,7 @@ def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, An
 
 
 def _state_places(loads: dict[str, Any], assembly: Assembly) -> None:
-    """State the centroid as the place of every force without one, before elements are cut.
-
-    loads: entry of the scene, changed in place.
-    """
+    """State the centroid as the place of every force without one, before elements are cut."""
     elements = assembly.elements
     cases = [loads, *loads.get("cases", [])]
     for entry in (one for case in cases for name in ("dead", "live") for one in case.get(name) or []):
@@ -335,17 +323,14 @@ def shaped_scene(
 ) -> Scene:
     """Return a scene whose dry faces have a shape.
 
-    Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
-    off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
-
-    scene: scene; in space the elements that receive teeth are convex. labels: (m,) True = dry. shape: shape of each
-    joint; the key of a face belongs to its first element. direction: (3,) in space, direction along which shapes run
-    unchanged, projected on each joint; joints across it stay straight. Planar scenes take None. Result: scene with
-    stated interfaces; faces between the cells of a block are inner, all others dry. Raises InputError: the scene has
-    strengths or pressures of single faces or slits, a tooth does not fit into its element, or an element that receives
-    one in space is not convex. Raises ParameterError: the shape is none, or the direction is missing, given in the
-    plane or across all joints.
+    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run unchanged, projected on each
+    joint; joints across it stay straight. Planar scenes take None. Result: scene with stated interfaces; faces between
+    the cells of a block are inner, all others dry. Raises InputError: the scene has strengths or pressures of single
+    faces or slits, a tooth does not fit into its element, or an element that receives one in space is not convex.
+    Raises ParameterError: the shape is none, or the direction is missing, given in the plane or across all joints.
     """
+    # Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
+    # off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
     shape.check()
     assembly.members.refuse("a shape of joints")
     geometry = build_geometry(scene)
@@ -391,8 +376,7 @@ def shaped_scene(
 def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
     """Cut each tooth of a face out of one element's cells, and add it to the other's.
 
-    cells: polygons of each element, changed in place. For a key, the receiving block is also cut at the depth of the
-    key. Raises InputError for a tooth that does not fit.
+    Raises InputError for a tooth that does not fit.
     """
     faces = assembly.interfaces
     first, last = faces.polygon[face][0], faces.polygon[face][1]
@@ -488,15 +472,13 @@ def shape_joints(
 ) -> ShapedJoints:
     """Find the parameters of a shape, the same for all joints, with the largest λ.
 
-    Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
-    stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
-
-    scene: scene, as for `shaped_scene`. labels: (m,) True = dry. shape: shape from which the search begins. direction:
-    (3,) in space, direction along which shapes run, as for `shaped_scene`. seconds: time limit, s; the first shape is
-    always analysed. progress: called with every shape and its λ. Result: best shape found, and all that were tried.
-    Raises InputError as `shaped_scene`, for the first shape. Raises KeyboardInterrupt: an interrupt before the first
-    shape is analysed; a later one ends the search with the best so far.
+    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run, as for `shaped_scene`. Result:
+    best shape found, and all that were tried. Raises InputError as `shaped_scene`, for the first shape. Raises
+    KeyboardInterrupt: an interrupt before the first shape is analysed; a later one ends the search with the best so
+    far.
     """
+    # Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
+    # stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
     trials: list[tuple[Shape, float]] = []
     known: dict[tuple[float, ...], float] = {}
 
@@ -528,11 +510,7 @@ def shape_joints(
 def _improve(
     kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
 ) -> str:
-    """Search from the shape in `kept`, replace it by stronger ones; return why it ended.
-
-    kept: one shape and its λ. value: returns λ of a shape, NaN where it is not proven. trials: receives shapes that do
-    not fit. until: end of the search, a time of `time.perf_counter`, s.
-    """
+    """Search from the shape in `kept`, replace it by stronger ones; return why it ended."""
     best, most = kept[0]
     names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
     step = _FIRST

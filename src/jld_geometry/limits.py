@@ -90,10 +90,8 @@ class Limits:
         self.least = np.where(self.equal, 0.0, np.minimum(0.0, relaxed(start.values)))
 
     def _angles(self, mesh: VertexMesh, moving: Bools, free: Bools) -> tuple[Ints, Ints]:
-        """Return corners of free elements below 180° (c, 3), and straight ones (s, 3).
-
-        Each row holds the vertices before, at and after the corner; one of them moves.
-        """
+        """Return corners of free elements below 180° (c, 3), and straight ones (s, 3)."""
+        # Each row holds the vertices before, at and after the corner; one of them moves.
         loops = [loop for loop, one in zip(mesh.loops, free.tolist(), strict=True) if one]
         every = [np.column_stack([np.roll(loop, 1), loop, np.roll(loop, -1)]) for loop in loops]
         corners = np.concatenate(every)
@@ -112,11 +110,7 @@ class Limits:
         return found
 
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
-        """Return the values of all limits and their derivatives at positions (v, 2).
-
-        drafted: choose anew, at these positions, the side of each joint on which its draft angle is measured; later
-        calls keep this choice.
-        """
+        """Return the values of all limits and their derivatives at positions (v, 2)."""
         rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
         parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]
         parts += [
@@ -161,10 +155,8 @@ class Limits:
         return rates.area[self._elements] / start - LEAST_AREA, sp.csr_array(scaled)
 
     def _of_masses(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
-        """Return mass / least − 1 and 1 − mass / largest of blocks, and their derivatives.
-
-        Bounds that the user does not state give no values.
-        """
+        """Return mass / least − 1 and 1 − mass / largest of blocks, and their derivatives."""
+        # Bounds that the user does not state give no values.
         low, high = self._move.block_mass
         mass: Floats = np.asarray(self._masses @ (rates.area / self._areas))
         slopes = sp.csr_array(self._masses @ sp.diags_array(1.0 / self._areas) @ rates.by_area)
@@ -178,10 +170,8 @@ class Limits:
         return np.concatenate([np.empty(0), *values]), sp.csr_array(sp.vstack(parts))
 
     def _of_loads(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return distances of point loads to both ends of their edges, and their derivatives.
-
-        Half the width of a load is subtracted. Values are relative to the size of the structure.
-        """
+        """Return distances of point loads to both ends of their edges, and their derivatives."""
+        # Half the width of a load is subtracted. Values are relative to the size of the structure.
         values, rates, columns = [], [], []
         for point, first, last, half in self._loads:
             edge = places[last] - places[first]
@@ -195,10 +185,7 @@ class Limits:
         )
 
     def _of_draft(self, places: Floats, drafted: bool) -> tuple[Floats, sp.csr_array]:
-        """Return sine − least sine between joints and lifting direction, with derivatives.
-
-        drafted: as in `at`. Empty without a draft.
-        """
+        """Return sine − least sine between joints and lifting direction, with derivatives."""
         draft = self._move.draft
         if draft is None:
             return np.empty(0), sp.csr_array((0, places.size))
@@ -263,9 +250,10 @@ def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
     """Return place (2,), edge and half width of each point load on its element's outline.
 
-    An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
-    stated. Raises InputError as `loads_that_move`.
+    Raises InputError as `loads_that_move`.
     """
+    # An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
+    # stated.
     found = []
     for entry in loads_that_move(scene):
         if not isinstance(entry, PointLoad) or entry.at is None:

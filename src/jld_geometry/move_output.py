@@ -27,9 +27,7 @@ def write_move(
 ) -> None:
     """Write scene, table and picture of moved joints to files of one name.
 
-    after: moved assembly; None omits the picture. labels: (m,) True = dry. places, moved: (v, 2) vertices after the
-    move and their displacements, scene units. titles: of both drawings. out: file of the scene; the others get its name
-    with other endings.
+    labels: (m,) True = dry. places, moved: (v, 2) vertices after the move and their displacements, scene units.
     """
     import pandas as pd  # slow to import and needed for tables only
 

@@ -40,10 +40,7 @@ class MovedScene:
         self._size = assembly.size
 
     def document(self, places: Floats, friction: float = 1.0) -> dict[str, Any]:
-        """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked.
-
-        friction: factor on the friction of dry joints.
-        """
+        """Return the scene file as a dict with the vertices at the positions (v, 2), unchecked."""
         found = dict(self._document)
         found["elements"] = [
             {**entry, "polygon": places[loop].tolist()}
@@ -60,7 +57,7 @@ class MovedScene:
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
         """Return the validated scene with the vertices at the positions (v, 2).
 
-        friction: factor on the friction of dry joints. Raises InputError where the positions make no valid scene.
+        Raises InputError where the positions make no valid scene.
         """
         return parse_scene(self.document(places, friction), "the moved scene")
 
@@ -68,8 +65,7 @@ class MovedScene:
 def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: float) -> dict[str, Any]:
     """Return the key "move" with each point at a vertex replaced by the vertex's new position.
 
-    move: entry of the scene; points elsewhere stay. start, places: (v, d) positions before and now. size: size of the
-    structure, a length, for the tolerance.
+    start, places: (v, d) positions before and now.
     """
 
     def moved(point: list[float]) -> list[float]:

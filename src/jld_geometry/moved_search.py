@@ -89,10 +89,9 @@ def move_one(
 ) -> MovedLayout:
     """Move the joints of one layout, and bound λ by fields before and after.
 
-    The bounds before are computed only for the layout of the scene (row 0). labels: (m,) True = dry. number: of the
-    round. row: in the results of the round. seconds: time for all steps, s; inf for no limit. gap: relative width at
-    which bounds are narrow enough. If the joints cannot move, `end` of the result says why.
+    labels: (m,) True = dry.
     """
+    # The bounds before are computed only for the layout of the scene (row 0).
     limit = min((1.0 - _MOVING) * seconds, _FIRST)
     # the layout that the scene states is what a gain is measured by
     before = _bounds(assembly, labels, limit, gap) if row == 0 else _NONE
@@ -119,10 +118,7 @@ def move_one(
 
 
 def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
-    """Return a moved layout with refined bounds by fields.
-
-    seconds: largest time, s. gap: relative width at which refinement ends.
-    """
+    """Return a moved layout with refined bounds by fields."""
     assembly = build_assembly(layout.scene)
     low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
     known = layout.fields if layout.moved.any() else layout.fields_start
@@ -134,7 +130,7 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
     """Return the bounds by fields on the governing factor of one layout.
 
-    labels: (m,) True = dry. seconds: time for all load cases, s. gap: relative width at which refinement ends.
+    labels: (m,) True = dry.
     """
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
@@ -198,17 +194,11 @@ def explore_and_move(
 ) -> MovedSearch:
     """Alternate between a search of labels and the optimisation of joints.
 
-    scene: planar scene; its key "move" states variables and limits. Without it, vertices of inner faces follow. folder:
-    folder of the first search; later ones lie in `round-2`, ... within it. layouts: number of best layouts of each
-    round whose joints are moved. settings: settings of each search of labels; its time limit is that of the whole.
-    announce: called with messages. gap: relative width of brackets by fields at which their refinement ends. started:
-    start of the time limit, as `time.perf_counter` counts, s. Default: now. keep: called with all moved layouts,
-    ranked, whenever some were added or bounded; a signal may end the search later. Result: all searches and moved
-    layouts, ranked by the lower bound by fields. Raises InputError if the scene or a setting does not fit, or no layout
-    stands by fields. Raises Interrupted: after a signal; once layouts were moved, `done` is the result so far.
-
-    docs/method.md, chapter 11.
+    Result: all searches and moved layouts, ranked by the lower bound by fields. Raises InputError if the scene or a
+    setting does not fit, or no layout stands by fields. Raises Interrupted: after a signal; once layouts were moved,
+    `done` is the result so far.
     """
+    # docs/method.md, chapter 11.
     settings = settings or ExploreSettings()
     whole = Deadline(settings.seconds, started)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
@@ -240,11 +230,7 @@ def _in_rounds(
     announce: Callable[[str], None] | None,
     keep: Callable[[list[MovedLayout]], None] | None,
 ) -> str:
-    """Search labels and move joints in rounds until a deadline; return the reason of the end.
-
-    rounds, found: receive the searches and the moved layouts, ranked. say: called with messages. The other parameters
-    are those of `explore_and_move`, whose errors are raised.
-    """
+    """Search labels and move joints in rounds until a deadline; return the reason of the end."""
     while True:
         number = len(rounds) + 1
         share = deadline.remaining() * _ROUND
@@ -292,8 +278,7 @@ def _refined(
 ) -> list[MovedLayout]:
     """Refine the bounds of the most promising layouts, and return all layouts ranked.
 
-    Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first. count:
-    number of layouts to refine. seconds: time for all of them.
+    Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first.
     """
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
@@ -442,7 +427,7 @@ def words_of_move(facts: dict[str, Any]) -> str:
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
     """Write table, scene, picture and page of moved layouts; return the entry "moved".
 
-    folder: folder of the first search, whose summary also gets the entry. pictures: False omits picture and page.
+    pictures: False omits picture and page.
     """
     table, facts, best = moved_table(done), moved_facts(done), done.best
     write_text(folder / FILES[0], csv_of(table))

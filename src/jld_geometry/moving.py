@@ -168,7 +168,7 @@ def _finish(
 ) -> None:
     """Check a move by fields, write table and picture, and print the result.
 
-    assembly: before the move. labels: (m,) True = dry. until: deadline of the checks. out: file of the scene.
+    labels: (m,) True = dry.
     """
     facts = _facts(done)
     if assembly.has_low_values and done.after is not None:
@@ -199,10 +199,8 @@ def _check_out(source: Path, out: Path) -> None:
 
 
 def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | None) -> None:
-    """Raise InputError for a certificate that cannot be written, or without `--prove`.
-
-    It is called before any work.
-    """
+    """Raise InputError for a certificate that cannot be written, or without `--prove`."""
+    # It is called before any work.
     if prove is None:
         raise ParameterError("certificate", "it holds a proof, and none is asked for", "it with `prove`")
     if certificate.is_dir() or not certificate.absolute().parent.is_dir():
@@ -219,8 +217,7 @@ def _check_by_fields(
 ) -> dict[str, Any] | None:
     """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
 
-    facts: not changed. labels: (m,) True = dry. until: deadline. The result is None without inner faces, and if nothing
-    moved. λ by faces may be false if blocks moved away from their crack planes.
+    labels: (m,) True = dry.
     """
     if labels.all() or done.after is None or not done.moved.any():
         return None
@@ -242,8 +239,7 @@ def _bounded(
 ) -> dict[str, Any]:
     """Put bounds by fields into the facts of a move; return the lower ones before and after.
 
-    facts: changed in place; λ, bracket and status become those by fields. labels: (m,) True = dry. until: deadline,
-    after which each bound is that of one mesh.
+    labels: (m,) True = dry.
     """
     seconds = min(_FIELD_SECONDS, until.remaining() / 2.0)
     before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).governing

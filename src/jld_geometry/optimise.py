@@ -62,17 +62,13 @@ def move_joints(
 ) -> MovedJoints:
     """Move the joints of a structure to optimise the objective that its key "move" states.
 
-    The objective is the largest λ, or the least friction or thickness at which the dead load stands.
-
-    scene: scene; its key "move" states variables, limits and objective. In space λ is the objective, of dry joints.
-    assembly: its assembly; one of `build_robust` is optimised at the low values of materials. labels: (m,) True = dry.
-    **options: time limit, number of starts, trust region and progress, as in `MoveOptions`. Result: best geometry
-    found, every accepted point of all searches, and why the best one ended. Raises InputError: the key "move" does not
-    fit the structure, or neither it nor any position tried stands. Raises KeyboardInterrupt: an interrupt before the
-    first accepted point; a later one ends the search with the best so far.
-
-    docs/method.md (11.6).
+    labels: (m,) True = dry. Result: best geometry found, every accepted point of all searches, and why the best one
+    ended. Raises InputError: the key "move" does not fit the structure, or neither it nor any position tried stands.
+    Raises KeyboardInterrupt: an interrupt before the first accepted point; a later one ends the search with the best so
+    far.
     """
+    # The objective is the largest λ, or the least friction or thickness at which the dead load stands. docs/method.md
+    # (11.6).
     run = MoveRun(**options)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     before = search.first()
@@ -92,8 +88,7 @@ def _best_of_starts(
 ) -> tuple[Evaluated, str]:
     """Optimise from every start, then from the best end; return best point and reason.
 
-    before: the point of the scene itself, None where it does not stand. run: receives every accepted point. kept:
-    receives the best point alone. Raises InputError where no position stands.
+    Raises InputError where no position stands.
     """
     best: tuple[Evaluated, str] | None = None
 
@@ -152,10 +147,8 @@ def moved_result(
 
 
 def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> list[str]:
-    """Return a warning (list of one) if contacts found anew give another λ; else no warning.
-
-    Only results with λ as objective, dry joints alone and no strengths of single interfaces are compared.
-    """
+    """Return a warning (list of one) if contacts found anew give another λ; else no warning."""
+    # Only results with λ as objective, dry joints alone and no strengths of single interfaces are compared.
     result = point.result
     if search.goal != "load_factor" or result is None or result.status is not Status.COLLAPSE:
         return []
@@ -224,10 +217,7 @@ class _ProgramRates:
         self._stretch = sp.diags_array(1.0 / assembly.interfaces.l1) @ lengths
 
     def of(self, column: int) -> tuple[sp.csr_array, Floats]:
-        """Return the derivatives of matrix and right-hand side by one vertex coordinate.
-
-        column: the coordinate, 2·vertex + axis. The results have the shapes of the program's data.
-        """
+        """Return the derivatives of matrix and right-hand side by one vertex coordinate."""
         structure = self.solved.program.structure
         rows, columns, values = [], [], []
         active = self.template.yield_set.active(self.solved.labels)
@@ -253,10 +243,7 @@ class _ProgramRates:
 
 
 def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates, largest: float) -> Bools:
-    """Mark the coordinates (2v,) whose rate of λ varies over optimal forces or multipliers.
-
-    data: derivatives of the linear program. largest: greatest absolute rate, per length.
-    """
+    """Mark the coordinates (2v,) whose rate of λ varies over optimal forces or multipliers."""
     template, solved = data.template, data.solved
     structure = solved.program.structure
     held = solved.held.copy()

@@ -27,11 +27,7 @@ def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], facto
 
 
 def is_at_least_zero(polynomial: Polynomial, parameters: int, degree: int, *, strictly: bool = False) -> bool:
-    """Return True if Bernstein coefficients prove a polynomial non-negative on the unit box.
-
-    parameters: number of parameters. degree: largest exponent of each, 1 to 3. strictly: prove it positive. A result
-    False says nothing about the sign, since the coefficients only bound the polynomial from below.
-    """
+    """Return True if Bernstein coefficients prove a polynomial non-negative on the unit box."""
     terms = [(power, value) for power, value in polynomial.items() if value]
     if not terms:
         return not strictly

@@ -33,8 +33,7 @@ def prove_positions(
 ) -> None:
     """Prove a bound over a box, check the proof, write the best scene and print both bounds.
 
-    labels: (m,) True = dry. box: value of `--prove`. gap: relative distance of both bounds at which the proof ends.
-    seconds: time limit, s. out: file of the best scene. certificate: file for the proof, or None for none.
+    labels: (m,) True = dry.
     """
 
     def progress(best: float, bound: float, boxes: int) -> None:

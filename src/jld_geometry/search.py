@@ -112,10 +112,7 @@ class GeometrySearch:
         return goals.get(self.move.maximise, "load_factor")
 
     def evaluate(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Evaluate the objective at variables z (k,) with a proof; None where none is found.
-
-        near: a point not far away, whose forces or friction factor are the start; None for none.
-        """
+        """Evaluate the objective at variables z (k,) with a proof; None where none is found."""
         if self.goal == "friction":
             return self.evaluator.friction(values, 1.0 if near is None else near.friction)
         if self.goal == "thickness":
@@ -132,10 +129,8 @@ class GeometrySearch:
         return point.objective if self.goal == "load_factor" else -point.objective
 
     def restored(self, values: Floats) -> Floats | None:
-        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps.
-
-        None where the steps do not converge.
-        """
+        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps."""
+        # None where the steps do not converge.
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
@@ -153,10 +148,7 @@ class GeometrySearch:
         return None
 
     def bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds low, high (k,) on a step from z (k,) by trust region and user's box.
-
-        radius: of the trust region; all are lengths. The thickness of an arch is limited by the radius alone.
-        """
+        """Return bounds low, high (k,) on a step from z (k,) by trust region and user's box."""
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:
@@ -172,11 +164,9 @@ class GeometrySearch:
         return self.evaluate(np.zeros(self.variables.count), None)
 
     def standing(self, values: Floats, deadline: float) -> Evaluated | None:
-        """Move joints from variables z (k,) until the structure stands (phase one).
-
-        Returns the first point found with a proven value; None where none is found by `deadline`, a time of
-        `time.perf_counter`, s.
-        """
+        """Move joints from variables z (k,) until the structure stands (phase one)."""
+        # Returns the first point found with a proven value; None where none is found by `deadline`, a time of
+        # `time.perf_counter`, s.
         point, radius = self.evaluator.missing(values), self.trust.first * self.unit
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
@@ -197,12 +187,8 @@ class GeometrySearch:
     def improve(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
-        """Improve a point until it is stationary; return the last accepted point and why it ended.
-
-        The reason is "stationary", "locked", "time" or "points". deadline: time of `time.perf_counter`, s. report:
-        called with every accepted point, its predicted objective and the trust radius (length). gain: predicted gain,
-        relative to the objective, below which a point is stationary.
-        """
+        """Improve a point until it is stationary; return the last accepted point and why it ended."""
+        # The reason is "stationary", "locked", "time" or "points".
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
         for _ in range(trust.points):
@@ -228,12 +214,7 @@ class GeometrySearch:
         return point, "points"
 
     def _try(self, point: Evaluated, radius: float) -> tuple[Evaluated | None, float]:
-        """Take one step; return the best point found or None, and the predicted objective.
-
-        radius: of the trust region, length. With λ as goal, points that gain too little are corrected: the program is
-        solved again there, with the forces of the step (second-order correction). The prediction is inf if the program
-        fails.
-        """
+        """Take one step; return the best point found or None, and the predicted objective."""
         low, high = self.bounds(point.values, radius)
         answer = self.evaluator.step(point, low, high, self.goal)
         if answer is None:
@@ -285,8 +266,7 @@ class GeometrySearch:
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
         """Draw random variables z (k,) for a further start; None if none keeps all limits.
 
-        number: seed of the random numbers. best: (k,) best variables so far, or None. Odd numbers start around `best`,
-        others around the scene as it is.
+        best: (k,) best variables so far, or None. Odd numbers start around `best`, others around the scene as it is.
         """
         random = np.random.default_rng(number)
         basis = self.variables.basis

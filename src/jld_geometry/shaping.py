@@ -75,8 +75,7 @@ def move_shape(
 ) -> None:
     """Search the best shape of all joints, write the files and print the result.
 
-    labels: (m,) True = dry. text: value of `--joint`. direction: value of `--direction`, None in the plane. seconds:
-    time limit, s. out: file of the scene; table and picture have its name with other endings.
+    labels: (m,) True = dry.
     """
 
     def progress(shape: Shape, value: float) -> None:

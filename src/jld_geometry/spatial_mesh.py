@@ -109,10 +109,7 @@ class SpatialMovedScene:
         self._document = document
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the validated scene with the vertices at the positions (v, 3).
-
-        friction: not used in space.
-        """
+        """Return the validated scene with the vertices at the positions (v, 3)."""
         found = dict(self._document)
         found["elements"] = [
             {**entry, "vertices": places[corner].tolist()}
@@ -130,8 +127,8 @@ class SpatialMovedScene:
 def _parts(ring: Ints, face: list[int], joints: set[frozenset[int]], moving: Bools) -> list[list[int]]:
     """Triangulate a face of an element if it is outer and has a vertex that moves.
 
-    ring: (k,) vertices. face: the same as corners of the element. joints: vertex sets of all interfaces. moving: (v,)
-    True for vertices that move. Returns the loops of corners: triangles, or the face alone.
+    ring: (k,) vertices. moving: (v,) True for vertices that move. Returns the loops of corners: triangles, or the face
+    alone.
     """
     if frozenset(ring.tolist()) in joints or len(face) == 3 or not moving[ring].any():
         return [face]

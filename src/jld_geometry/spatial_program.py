@@ -28,10 +28,8 @@ _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")  # keys of "move" 
 
 
 def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
-    """Raise InputError for labels, strengths, options or loads that joints in space exclude.
-
-    Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
-    """
+    """Raise InputError for labels, strengths, options or loads that joints in space exclude."""
+    # Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
     if not labels.all():
         raise InputError("move", "in space only joints move, and no inner faces", "a scene of joints alone")
     assembly.strengths(_ROUTE, labels)  # refuses what it does not know
@@ -53,12 +51,11 @@ def spatial_residual_rates(
 ) -> sp.csr_array:
     """Return the derivatives (6·free, 3v) of the equilibrium residual by the vertices.
 
-    Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
-    the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
-
-    forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice.
-    used: (v,) True for the vertices whose derivatives are asked for.
+    forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice. used:
+    (v,) True for the vertices whose derivatives are asked for.
     """
+    # Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
+    # the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
     elements, faces = assembly.elements, assembly.interfaces
     row_of = np.full(len(elements), -1, dtype=np.int64)
     row_of[elements.free] = np.arange(len(elements.free))
@@ -143,10 +140,8 @@ class SpatialLimits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_planes(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return distances of corners of joints from the plane of three others, and derivatives.
-
-        Values are relative to the size of the joint; 0 keeps a joint plane.
-        """
+        """Return distances of corners of joints from the plane of three others, and derivatives."""
+        # Values are relative to the size of the joint; 0 keeps a joint plane.
         values, rows, columns = [], [], []
         for four in self._plane:
             p, q, r, s = places[four]
@@ -171,10 +166,8 @@ class SpatialLimits:
         return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
-        """Return limits on volumes of elements and masses of blocks, with their derivatives.
-
-        Values are (volume / volume at the start − least share), (mass / least − 1) and (1 − mass / largest).
-        """
+        """Return limits on volumes of elements and masses of blocks, with their derivatives."""
+        # Values are (volume / volume at the start − least share), (mass / least − 1) and (1 − mass / largest).
         share, rates = np.ones(len(self._volumes)), sp.lil_array((len(self._volumes), places.size))
         for k in self._elements.tolist():
             volume, by_corner = _volume(self._mesh, places, k)
@@ -212,9 +205,10 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
 def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Variables:
     """Choose the variables of a structure in space: corners of joints that slide along edges.
 
-    A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
-    that "along" names move in its direction. Raises InputError as `variables_of`.
+    Raises InputError as `variables_of`.
     """
+    # A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
+    # that "along" names move in its direction.
     held = np.zeros(len(mesh.places), dtype=bool)
     for element in np.flatnonzero(assembly.elements.support).tolist():
         held[mesh.corners[element]] = True
@@ -245,9 +239,10 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
     """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint.
 
-    Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
-    another. held: (v,) True for vertices that stay. taken: vertices to leave out.
+    held: (v,) True for vertices that stay.
     """
+    # Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
+    # another.
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))
     found = []
@@ -268,10 +263,7 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
 
 
 def _require_corners(mesh: SpatialMesh, assembly: Assembly, moving: set[int]) -> None:
-    """Raise InputError for a moving joint that is not a whole face of both elements.
-
-    moving: vertices that move; a joint moves if one of its corners does.
-    """
+    """Raise InputError for a moving joint that is not a whole face of both elements."""
     faces = assembly.interfaces
     for face, polygon in enumerate(mesh.polygons):
         own = set(polygon.tolist())

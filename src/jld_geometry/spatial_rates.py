@@ -90,9 +90,7 @@ def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_fa
 
     The residual is A_eq F + b + λ b_λ, see (11.1) and (11.2). Resultants N, V and M / (l/2) are held constant, and
     moments are taken about the present centroids. Rows are force x, force y and moment of each free element; column
-    2·vertex + axis. All is in scene units.
-
-    forces: (m, 3) N, V, M.
+    2·vertex + axis. All is in scene units. forces: (m, 3) N, V, M.
     """
     entries = face_rates(assembly, mesh, forces)
     shape = (3 * len(assembly.elements.free), mesh.places.size)
@@ -119,8 +117,9 @@ class FaceRates:
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
     """Compute the derivatives by the vertices of the forces of interfaces on free elements.
 
-    Moments are taken about the present centroids, which are held constant. forces: (m, 3) N, V, M, scene units.
+    forces: (m, 3) N, V, M, scene units.
     """
+    # Moments are taken about the present centroids, which are held constant.
     faces, elements = assembly.interfaces, assembly.elements
     start, end = mesh.places[mesh.ends[:, 0]], mesh.places[mesh.ends[:, 1]]
     edge = end - start
@@ -152,11 +151,9 @@ def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRate
 
 
 def load_rates(assembly: Assembly, mesh: VertexMesh, load_factor: float) -> sp.csr_array:
-    """Return the derivatives (3·free, 2v) of the loads on free elements by the vertices.
-
-    Rows are force x, force y and moment about the present centroid of each free element; column 2·vertex + axis. Scene
-    units. load_factor: λ of the live loads.
-    """
+    """Return the derivatives (3·free, 2v) of the loads on free elements by the vertices."""
+    # Rows are force x, force y and moment about the present centroid of each free element; column 2·vertex + axis.
+    # Scene units.
     loads = assembly.dead_loads + load_factor * assembly.live_loads
     by_volume, by_centroid = shape_loads(loads, assembly.elements)
     rates, free = area_rates(mesh), assembly.elements.free
@@ -197,10 +194,9 @@ _ROUNDED: Final = 1e-9
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
     """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions, scene units.
 
-    None for a labelling with inner faces, or for dry faces that crush.
-
     forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1.
     """
+    # None for a labelling with inner faces, or for dry faces that crush.
     assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).crush_dry).any():
         return None
@@ -217,7 +213,7 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
 def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
     """Return minus the derivatives of an element's load power by its vertices, (k, 3).
 
-    motion: (6,) velocity of the centroid, then rotation. load_factor: λ of the live loads. Scene units.
+    motion: (6,) velocity of the centroid, then rotation.
     """
     loads = assembly.dead_loads + load_factor * assembly.live_loads
     growing, riding = (load[element] for load in shape_loads(loads, assembly.elements))
@@ -228,11 +224,9 @@ def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor
 
 
 def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Floats]:
-    """Return the volume of an element, and the rates of volume and first moment by corners.
-
-    The rates are (k, 3) and (k, 3, 3). The first moment is about the present centroid. Its rate [corner, i, j] is that
-    of component i by coordinate j.
-    """
+    """Return the volume of an element, and the rates of volume and first moment by corners."""
+    # The rates are (k, 3) and (k, 3, 3). The first moment is about the present centroid. Its rate [corner, i, j] is
+    # that of component i by coordinate j.
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
     for ring in assembly.elements.faces[element]:
@@ -289,10 +283,7 @@ class HeldForces:
 
 
 def plane_frame(normal: Floats, beside: Floats) -> Floats:
-    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal.
-
-    beside: unit normal nearby, which chooses the first axis.
-    """
+    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal."""
     first = np.eye(3)[int(np.argmin(abs(beside)))]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)
@@ -351,9 +342,9 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
     """Return the normal forces (k,) at corners that have a face's N, M1 and M2 as resultants.
 
-    Of all such forces they have the least power on the gaps. corner: (k, 2) coordinates about the centroid. forces:
-    (6,) resultants of the face. gaps: (k,) opening rates.
+    corner: (k, 2) coordinates about the centroid. forces: (6,) resultants of the face. gaps: (k,) opening rates.
     """
+    # Of all such forces they have the least power on the gaps.
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])
     total = np.array([forces[0], -forces[4] / size, forces[3] / size])

@@ -90,11 +90,10 @@ def solve_step(
 ) -> StepAnswer | None:
     """Solve the program of one step, over forces and positions at once (11.6).
 
-    Returns None where the solver finds no answer. The answer is not proven: positions are linearised.
-
-    states: load cases with their forces at the present position. labels: (m,) True = dry. kick: (columns of the first
-    case,) objective on its forces. It replaces the goal, which keeps its present value, to find other optimal forces.
+    labels: (m,) True = dry. kick: (columns of the first case,) objective on its forces. It replaces the goal, which
+    keeps its present value, to find other optimal forces.
     """
+    # Returns None where the solver finds no answer. The answer is not proven: positions are linearised.
     rows = _Rows(states, region.jacobian.shape[1])
     if isinstance(mesh, SpatialMesh):  # joints in space that move have no strength that grows with them
         lengths = sp.csr_array((len(labels), rows.count))
@@ -145,8 +144,8 @@ class _Rows:
     def placed(self, case: int, own: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
         """Pad the rows of one load case to all columns of the program of a step.
 
-        case: its index. own: (r, columns of the case), steps: (r, k) and goal: (r,) coefficients of the case, of the k
-        shape variables and of the goal. None stands for zeros. Returns (r, width).
+        own: (r, columns of the case), steps: (r, k) and goal: (r,) coefficients of the case, of the k shape variables
+        and of the goal. None stands for zeros. Returns (r, width).
         """
         count = own.shape[0]
         before = sp.csr_array((count, self.start[case]))
@@ -188,7 +187,7 @@ def _add_case(
 ) -> None:
     """Add the equilibrium, yield and goal rows of one load case to the program of a step.
 
-    case: its index. lengths: (m, k) relative rates of the lengths of faces by the variables.
+    lengths: (m, k) relative rates of the lengths of faces by the variables.
     """
     template = state.template
     program, scaling = template.program(labels), template.scaling
@@ -233,7 +232,7 @@ def _add_case(
 def _friction_column(template: Template, labels: Bits, forces: Floats, count: int) -> Floats:
     """Return the derivatives (count,) of yield rows by a common factor on dry friction.
 
-    forces: (m, 3) at which they are taken, scene units. count: number of yield rows.
+    forces: (m, 3) at which they are taken, scene units.
     """
     pattern = template.yield_set.pattern
     scaled = (forces / template.scaling.face).ravel()

@@ -102,9 +102,9 @@ class Variables:
 def null_space(rows: Floats, count: int) -> Floats:
     """Return a basis (count, p) of the vectors x with rows @ x = 0.
 
-    Each column has an entry 1 in a position of its own, where all others are 0. Entries below 1e-9 count as 0.
     rows: (t, count).
     """
+    # Each column has an entry 1 in a position of its own, where all others are 0. Entries below 1e-9 count as 0.
     matrix = rows.copy()
     pivots: list[int] = []
     for column in range(count - 1, -1, -1):
@@ -131,9 +131,8 @@ def null_space(rows: Floats, count: int) -> Floats:
 def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move, *, named: bool = False) -> Variables:
     """Find the variables of a planar structure that the key "move" of its scene asks for.
 
-    labels: (m,) True = dry. mesh: vertices at the start. named: take only the vertices that "along" names, where it
-    names any. Raises InputError for a vertex that does not exist or belongs to a support. It also does so for ties that
-    contradict one another, and where nothing is left to move.
+    labels: (m,) True = dry. Raises InputError for a vertex that does not exist or belongs to a support. It also does so
+    for ties that contradict one another, and where nothing is left to move.
     """
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()
@@ -222,11 +221,8 @@ class _Finder:
         return found
 
     def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex.
-
-        Centres are NaN for lines. A vertex inside the structure has both axes as ways. circles: entries of "along" with
-        a circle. taken: vertices to leave out.
-        """
+        """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex."""
+        # Centres are NaN for lines. A vertex inside the structure has both axes as ways.
         found: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
             if vertex in taken:
@@ -259,10 +255,7 @@ class _Finder:
         return None
 
     def _line(self, vertex: int, around: list[int]) -> Floats | None:
-        """Return the unit direction (2,) of a straight outline at a vertex; None at a corner.
-
-        around: the two vertices before and after it.
-        """
+        """Return the unit direction (2,) of a straight outline at a vertex; None at a corner."""
         before, after = self._mesh.places[around] - self._mesh.places[vertex]
         lengths = np.hypot(*before) * np.hypot(*after)
         if abs(before[0] * after[1] - before[1] * after[0]) > _STRAIGHT * lengths or before @ after > 0.0:
@@ -292,9 +285,9 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     """Return the ties (t, k) by which vertices without joints follow their neighbours.
 
-    Each follower moves by the mean of its neighbours' movements, weighted by inverse distance. followers: (v,) True for
-    these vertices. Rows hold as ties @ z = 0.
+    followers: (v,) True for these vertices. Rows hold as ties @ z = 0.
     """
+    # Each follower moves by the mean of its neighbours' movements, weighted by inverse distance.
     own = np.flatnonzero(followers[found.vertex])
     if not len(own):
         return np.zeros((0, found.count))
@@ -320,9 +313,10 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
     """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0.
 
-    There are no rows for "none" and "equal-shapes". Raises InputError for a vertex that does not exist and for ties
-    that leave one no direction. It also does so where a vertex moves and its mirror image does not.
+    Raises InputError for a vertex that does not exist and for ties that leave one no direction. It also does so where a
+    vertex moves and its mirror image does not.
     """
+    # There are no rows for "none" and "equal-shapes".
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
         return np.zeros((0, found.count))
     jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(*found.start.shape, -1)
@@ -356,8 +350,9 @@ def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
 def mirrored(found: Variables, assembly: Assembly) -> Ints:
     """Return for each vertex (v,) the vertex nearest to its mirror image.
 
-    The axis is vertical, in the middle of the free elements. Raises InputError for a moving vertex without an image.
+    Raises InputError for a moving vertex without an image.
     """
+    # The axis is vertical, in the middle of the free elements.
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())
     image = found.start.copy()

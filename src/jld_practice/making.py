@@ -151,11 +151,7 @@ def making_of(stones: list[Stone]) -> Making:
 
 
 def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
-    """Return the cutting list: one row per stone, as it is numbered in the printed report.
-
-    unit: of lengths. Columns are stone, block, mould, mass, the sides of the smallest cuboid, numbers of sawn faces and
-    set-ups, sawn area (m² where the scene's unit of length is known), and waste as a share of the cuboid.
-    """
+    """Return the cutting list: one row per stone, as it is numbered in the printed report."""
     import pandas as pd  # slow to import and needed for tables only
 
     factor, metres = (factor_to(one, layout.scene.units.length) for one in (unit, "m"))

@@ -38,11 +38,8 @@ _PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are
 def load_rows(
     layout: Layout, factor: float, words: dict[str, str], stones: Sequence[Stone], language: str
 ) -> list[list[str]]:
-    """Return the rows of the table of loads: case, load, and λ times it.
-
-    Parallel forces of a case, as those of a load that is spread, are one force at their common line of action. factor:
-    λ. words: texts of the language. stones: numbered stones of the layout, by which the place of a force is named.
-    """
+    """Return the rows of the table of loads: case, load, and λ times it."""
+    # Parallel forces of a case, as those of a load that is spread, are one force at their common line of action.
     scene, rows = layout.scene, []
     cases = cases_of_scene(scene, layout.assembly.elements)
     for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
@@ -153,11 +150,9 @@ _SHARES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # places of a length along its edg
 
 
 def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
-    """Draw the outline of a planar stone with the lengths of its edges.
-
-    A length lies outside beside the middle of its edge. Where it would lie on an edge or on another length it moves
-    along its edge, or inside. factor: from the unit of the scene to that of the lengths.
-    """
+    """Draw the outline of a planar stone with the lengths of its edges."""
+    # A length lies outside beside the middle of its edge. Where it would lie on an edge or on another length it moves
+    # along its edge, or inside.
     if stone.outline is None:
         raise ValueError("a stone in space has no outline")
     ring = factor * stone.outline
@@ -294,8 +289,7 @@ class _Book:
 def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
     """Write the printed report of a layout as PDF; return its number of pages.
 
-    The file is written completely or not at all. language: one of `LANGUAGES`. unit: of lengths. Equal reports have
-    equal bytes.
+    The file is written completely or not at all.
     """
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}

@@ -86,12 +86,10 @@ def stock_of(
 ) -> Stock:
     """Place the smallest cuboids of stones in stock cuboids by guillotine cuts.
 
-    Each cut passes through a whole piece. Stones are placed from the largest to the smallest, in the free piece that
-    they fill best, turned about the axes as they fit (guillotine cuts; the least leftover side decides). stones: of one
-    layout. size: sides of a stock cuboid. kerf: width of a cut. All are lengths in the unit of the scene. said: factor
-    to the unit of messages, and its name after a space. Raises ParameterError if a size is wrong or a stone does not
-    fit.
+    Raises ParameterError if a size is wrong or a stone does not fit.
     """
+    # Each cut passes through a whole piece. Stones are placed from the largest to the smallest, in the free piece that
+    # they fill best, turned about the axes as they fit (guillotine cuts; the least leftover side decides).
     if not all(0.0 < side < math.inf for side in size):
         raise ParameterError("stock", "a side is not above 0", "three sides above 0, as 1.2,0.8,0.3")
     if not math.isfinite(math.prod(size)):
@@ -122,11 +120,9 @@ def stock_of(
 
 
 def least_number(volumes: list[float], stock: float) -> int:
-    """Return the least number of cuboids that any cutting of stones needs, by their volumes.
-
-    Bound L2 of Martello and Toth (1990, Discrete Applied Mathematics 28, 59-70): for each k, stones above stock − k
-    need a cuboid each, and none above half fits beside another. volumes: of the stones. stock: volume of one cuboid.
-    """
+    """Return the least number of cuboids that any cutting of stones needs, by their volumes."""
+    # Bound L2 of Martello and Toth (1990, Discrete Applied Mathematics 28, 59-70): for each k, stones above stock − k
+    # need a cuboid each, and none above half fits beside another.
     sizes = np.sort(np.array(volumes) / stock)[::-1] if volumes else np.zeros(0)
     found = math.ceil(float(sizes.sum()) - _FITS)
     for k in (0.0, *(float(one) for one in np.unique(sizes[sizes <= 0.5]))):
@@ -146,10 +142,7 @@ def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
 def _best(
     stone: Stone, free: list[tuple[int, tuple[float, ...], tuple[float, ...]]]
 ) -> tuple[int, tuple[float, ...]] | None:
-    """Return the free piece that a stone fills best, and its sides there; None if none fits.
-
-    free: cuboid number, corner and sides of each piece. The piece with the smallest least leftover wins.
-    """
+    """Return the free piece that a stone fills best, and its sides there; None if none fits."""
     a, b, c = stone.size
     turns = dict.fromkeys([(a, b, c), (a, c, b), (b, a, c), (b, c, a), (c, a, b), (c, b, a)])
     best: tuple[tuple[float, ...], int, tuple[float, ...]] | None = None
@@ -164,10 +157,8 @@ def _best(
 def _rest(
     corner: tuple[float, ...], room: tuple[float, ...], sides: tuple[float, ...], kerf: float
 ) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return the pieces (corner, sides) that remain beside a stone at a piece's corner.
-
-    Cuts pass through the whole piece: the first one where the most is left over.
-    """
+    """Return the pieces (corner, sides) that remain beside a stone at a piece's corner."""
+    # Cuts pass through the whole piece: the first one where the most is left over.
     found = []
     at, size = list(corner), list(room)
     for axis in sorted(range(3), key=lambda k: -(room[k] - sides[k])):
@@ -182,11 +173,7 @@ def _rest(
 
 
 def stock_table(stock: Stock, own: str, unit: str) -> pd.DataFrame:
-    """Return where each stone lies in its stock cuboid: one row per stone.
-
-    own: unit of length of the scene. unit: of the table. Columns are cuboid, stone, and corner and side along each axis
-    of the cuboid.
-    """
+    """Return where each stone lies in its stock cuboid: one row per stone."""
     import pandas as pd  # slow to import and needed for tables only
 
     factor = factor_to(unit, own)
@@ -353,10 +340,7 @@ def _printed(
     uncut: float | None = None,
     start: LayingStart = "ground",
 ) -> Printed:
-    """Return the content of a report, with an order of laying where one is found in time.
-
-    start: where laying starts.
-    """
+    """Return the content of a report, with an order of laying where one is found in time."""
     low, high = result.bracket
     faces = (low if math.isfinite(low) else -math.inf, high if math.isfinite(high) else math.inf)
     if fields == _NOTHING and layout.scene.cracks == "faces":  # what is drawn is not all that cracks

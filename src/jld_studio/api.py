@@ -81,9 +81,7 @@ class Api:
     def open(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Open a file: a scene, a drawing or a file of solids.
 
-        asked: "name" and "content" (base64) of the file, and "options" of an import. The answer has "scene", the name
-        of the new scene, "data" for the page, "report" (pairs of a kind and a sentence) and "unit" of the file. Raises
-        InputError in one line for a file that cannot be used.
+        Raises InputError in one line for a file that cannot be used.
         """
         found = open_file(asked.get("name"), asked.get("content"), asked.get("options", {}))
         opened = self._opened(self.scenes.add(found.scene))
@@ -96,8 +94,7 @@ class Api:
     def support(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Make an element a support, or free, in a new scene with labels and changes of the page.
 
-        asked: state, "element" and "support" (true or false). The answer has "scene" and "data" as of `open`. Raises
-        InputError if the new scene is not possible.
+        Raises InputError if the new scene is not possible.
         """
         document = self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
         changed = with_support(document, asked.get("element"), asked.get("support"))
@@ -106,8 +103,7 @@ class Api:
     def edit(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Check a changed part of the scene before the page takes it.
 
-        asked: state, and "part": materials, loads or search. The answer is {"value": the part as a scene file holds
-        it}. Raises InputError whose `where` begins with the key of the scene that is wrong.
+        Raises InputError whose `where` begins with the key of the scene that is wrong.
         """
         return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
 
@@ -132,21 +128,14 @@ class Api:
             return {"revision": revision, **desk.solve(asked.get("labelling"), _changes(asked))}
 
     def fields(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Solve one more mesh of the bounds by fields for a state of the page, and return them.
-
-        asked: as in `solve`. The answer has "revision" and the entries of `StudioSession.fields`; If the page has sent
-        a newer revision, it has "revision" and "superseded" only.
-        """
+        """Solve one more mesh of the bounds by fields for a state of the page, and return them."""
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         if self._note(page, revision) > revision:
             return {"revision": revision, "superseded": True}
         return {"revision": revision, **self._desk(asked).fields(asked.get("labelling"), _changes(asked))}
 
     def improve(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Move joints by some steps from a state of the page.
-
-        asked: state. The answer has the entries of `StudioSession.improve`.
-        """
+        """Move joints by some steps from a state of the page."""
         return self._desk(asked).improve(asked.get("labelling"), _changes(asked))
 
     def _note(self, page: str, revision: int) -> int:
@@ -165,8 +154,7 @@ class Api:
     def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Start a search from a state of the page, and return its facts (`Job.told`).
 
-        asked: state, "kind" ("improve", "prove" or "explore") and "seconds", its time limit, default 3600. Raises
-        InputError for anything else, or if too many searches are running.
+        Raises InputError for anything else, or if too many searches are running.
         """
         kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
         if kind not in ("improve", "prove", "explore"):
@@ -217,9 +205,9 @@ class Api:
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Write the candidates of the page to `candidates.json`, and their scenes.
 
-        The file in `root` is replaced. asked: "candidates", a list of at most 500 entries. The answer is {"kept":
-        number of entries}. Raises InputError for anything else.
+        Raises InputError for anything else.
         """
+        # The file in `root` is replaced.
         kept = asked.get("candidates")
         if not isinstance(kept, list) or len(kept) > 500:
             raise InputError("candidates", "it is no list of up to 500", "a list")

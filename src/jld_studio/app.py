@@ -35,10 +35,7 @@ def _asked(body: bytes) -> dict[str, Any]:
 
 
 def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
-    """Return the web application of the studio: page, front-end files and the API.
-
-    answers: handlers of the API. token: first part of every path. hosts: admissible values of the header `Host`.
-    """
+    """Return the web application of the studio: page, front-end files and the API."""
 
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:

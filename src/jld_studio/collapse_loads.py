@@ -21,9 +21,8 @@ METRIC: Final = ("MN", "kN", "N")
 def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
     """State λ times every live load of each load case.
 
-    result: result of one layout, with all load cases. Result: for each load case, one text per live entry, as "11.9 kN"
-    or, for a pressure in the plane, "3 kN/m (15 kN/m²)"; "" without a load factor. A case of a moving load has no
-    entries.
+    Result: for each load case, one text per live entry, as "11.9 kN" or, for a pressure in the plane, "3 kN/m (15
+    kN/m²)"; "" without a load factor. A case of a moving load has no entries.
     """
     results = result.cases or {"": result}
     return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})
@@ -44,10 +43,8 @@ def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float
 
 
 def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequence[float | None]]) -> list[list[str]]:
-    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"; brackets: one for each case.
-
-    Where one bound is missing or not above 0, the other one is named alone.
-    """
+    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"; brackets: one for each case."""
+    # Where one bound is missing or not above 0, the other one is named alone.
     names = [case.name for case in assembly.cases] or [""]
     low, high = (
         texts_of_loads(scene, assembly, {name: one[end] for name, one in zip(names, brackets, strict=True)})
@@ -95,10 +92,7 @@ def _range(values: Sequence[float], unit: str, behind: str) -> str:
 
 
 def _size(value: float, unit: str, behind: str = "") -> str:
-    """State a force with four digits, metric ones in a unit that fits their size.
-
-    behind: text after the unit, such as "/m".
-    """
+    """State a force with four digits, metric ones in a unit that fits their size."""
     if unit in METRIC:
         newtons = value * NEWTONS[unit]
         unit = next((name for name in METRIC if abs(newtons) >= NEWTONS[name]), unit)

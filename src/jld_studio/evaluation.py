@@ -22,9 +22,6 @@ KEYS = ("scene", "labelling")
 def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a scene as another program states it, and return JSON data.
 
-    asked: "scene", a scene document, and if wanted "labelling", letters d and i, one per face in the order of the
-    answer's "faces"; without it the scene's own labels. The answer has the entries of `jld solve --json`, "labelling",
-    "centroids" by element, about which the mechanism turns, and in "seconds" the time of the whole "answer".
     Raises InputError for a scene or labelling that cannot be used.
     """
     start = time.perf_counter()

@@ -48,12 +48,11 @@ class FieldBracket:
     def step(self) -> dict[str, Any]:
         """Solve one more mesh, if there is time, and return the bounds so far.
 
-        The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its required
-        factor.
-
         Result: bracket (lower bound None until every case has one), cases (bracket of each), status, triangles, seconds
         of work, and `more`: True if a further step may narrow the bracket.
         """
+        # The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its
+        # required factor.
         case = self._next()
         if case is not None:
             self._bounds[case] = self._cases[case].step()
@@ -101,9 +100,7 @@ class FieldBrackets:
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
         """Solve one more mesh of the bounds by fields of a layout, and return the bounds so far.
 
-        assembly: structure with the materials and loads shown; the same object for the same state of the page. labels:
-        (m,) True = dry. gap: relative width of the bracket at which refinement ends. Result: as `FieldBracket.step`, or
-        `refused` with the reason where fields do not apply.
+        labels: (m,) True = dry. Result: as `FieldBracket.step`, or `refused` with the reason where fields do not apply.
         """
         key = (id(assembly), labels.tobytes())
         with self._turn:

@@ -83,11 +83,9 @@ class Job:
         return max(0.0, limit - since - (time.time() - float(self.progress["at"])))
 
     def told(self) -> dict[str, Any]:
-        """Return the facts that a page shows about the search, as JSON data.
-
-        They are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main entries
-        of summary.json, which are None until the search ends.
-        """
+        """Return the facts that a page shows about the search, as JSON data."""
+        # They are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main entries
+        # of summary.json, which are None until the search ends.
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
         problem = self.error
@@ -138,9 +136,7 @@ class Jobs:
     ) -> Job:
         """Start a search of a scene in a new folder and process, and return it.
 
-        kind: purpose, which begins the folder's name. scene: document of the scene. orders: settings, as of
-        `orders_for`. shown: as `Job.shown`. Raises InputError if too many searches are running, and OSError if the
-        folder cannot be written.
+        Raises InputError if too many searches are running, and OSError if the folder cannot be written.
         """
         with self._turn:
             self._room()
@@ -202,10 +198,8 @@ class Jobs:
             return self.all[name]
 
     def close(self) -> None:
-        """Stop all running searches; wait for their processes and read their remaining output.
-
-        A process that is still running after 10 s is killed.
-        """
+        """Stop all running searches; wait for their processes and read their remaining output."""
+        # A process that is still running after 10 s is killed.
         for job in self.listed():
             self.stop(job.name)
         for job in self.listed():
@@ -252,11 +246,7 @@ class Jobs:
         job.listener.start()
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
-        """Read the progress of a process until it ends, then record its state in the job.
-
-        process: of the search. words: file that receives stderr of the process. told: content of the job's file, which
-        is written again with "done".
-        """
+        """Read the progress of a process until it ends, then record its state in the job."""
         if process.stdout is None:
             raise RuntimeError("a search was started without a pipe for its progress")
         with process.stdout, words:
@@ -309,7 +299,6 @@ def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
     """Return the settings of a search by its purpose, as keywords of `ExploreSettings`.
 
     "improve" uses hillclimb from a labelling (letters d and i), "prove" the exact driver, "explore" the default driver.
-    seconds: time limit.
     """
     if kind == "improve":
         return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}

@@ -68,11 +68,9 @@ class JointVertices:
         }
 
     def _tied(self) -> dict[int, list[tuple[int, int]]]:
-        """Return the vertices that move with each vertex by the key "ties".
-
-        They come with the factor on the displacement in x, 1 or −1 for mirrored ones. Vertices without ties have no
-        entry.
-        """
+        """Return the vertices that move with each vertex by the key "ties"."""
+        # They come with the factor on the displacement in x, 1 or −1 for mirrored ones. Vertices without ties have no
+        # entry.
         ties = "none" if self._move is None else self._move.ties
         found: dict[int, list[tuple[int, int]]] = {}
         if ties == "mirror-x":
@@ -87,8 +85,7 @@ class JointVertices:
     def placed(self, vertices: object) -> Floats:
         """Return the places (v, 2) of all vertices, with those of a request.
 
-        vertices: object from the number of a vertex to its place [x, y], lengths. Raises InputError for anything else,
-        or a vertex that may not move.
+        Raises InputError for anything else, or a vertex that may not move.
         """
         if not isinstance(vertices, dict):
             raise InputError("vertices", "they are no JSON object", "an object from vertex to [x, y]")
@@ -105,8 +102,7 @@ class JointVertices:
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
         """Return a scene with its vertices at the places (v, 2).
 
-        base: scene with the geometry of the studio's, and any materials and loads. labels: (m,) True = dry. Raises
-        InputError where the places make no valid scene.
+        labels: (m,) True = dry. Raises InputError where the places make no valid scene.
         """
         return self.mover(base, labels).at(places)
 
@@ -120,14 +116,13 @@ class JointVertices:
     def improved(self, scene: Scene, assembly: Assembly, labels: Bits, places: Floats) -> dict[str, Any]:
         """Move joints by some steps of `jld move` from the state that a page shows.
 
-        Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states another
-        objective.
-
-        scene: scene that the page shows. labels: (m,) labels shown, True = dry. places: (v, 2) places of the vertices
-        that the page shows. Result: `vertices`, from vertex to place [x, y], of those that are not where the studio's
-        scene has them; `start` and `value`, λ before and after (None: it does not stand, or is locked); `steps`; `end`,
-        as `MovedJoints.end`. Raises InputError: nothing can move, or nothing that was tried stands.
+        labels: (m,) labels shown, True = dry. places: (v, 2) places of the vertices that the page shows. Result:
+        `vertices`, from vertex to place [x, y], of those that are not where the studio's scene has them; `start` and
+        `value`, λ before and after (None: it does not stand, or is locked); `steps`; `end`, as `MovedJoints.end`.
+        Raises InputError: nothing can move, or nothing that was tried stands.
         """
+        # Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states
+        # another objective.
         move = (scene.move or Move(inner="follow")).model_copy(update={"maximise": "load_factor"})
         shown = scene.model_copy(update={"move": move})
         done = move_joints(shown, assembly, labels, seconds=SECONDS, trust=TrustRegion(points=STEPS))

@@ -116,8 +116,7 @@ class NotebookPage:
     def answer(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a message of the page.
 
-        asked: "kind": "hello", "page", or "solve" with "labelling", "materials" and "revision". Result: answer of the
-        same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
+        Result: answer of the same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
         """
         kind = asked.get("kind")
         if kind == "page":
@@ -134,9 +133,8 @@ class NotebookPage:
 def make_page(thing: object, height: int | None = None) -> NotebookPage:
     """Make the page of a scene, an assembly, a result or a finished search for a notebook.
 
-    thing: object to show. height: height of the frame, pixels. Default: 700, of a search 950. Result: page, shown by
-    Jupyter as the last line of a cell or by `display`. Raises ParameterError if the height is no number of pixels.
-    Raises InputError if the scene is invalid.
+    Result: page, shown by Jupyter as the last line of a cell or by `display`. Raises ParameterError if the height is no
+    number of pixels. Raises InputError if the scene is invalid.
     """
     if height is not None and (not isinstance(height, int) or not 100 <= height <= 10_000):
         raise ParameterError("height", f"it is {height!r}", "pixels, a whole number from 100 to 10000")

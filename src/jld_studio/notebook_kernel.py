@@ -101,11 +101,7 @@ def bonded(assembly: Assembly) -> bool:
 
 
 def structure_of(scene: Scene | None, assembly: Assembly) -> Structure:
-    """Return the structure of an assembly whose materials can be changed.
-
-    scene: its scene, None where it is unknown. The scene serves where its materials are plain numbers and strengths are
-    not taken at their low values, else the assembly.
-    """
+    """Return the structure of an assembly whose materials can be changed."""
     if scene is None or assembly.has_low_values:
         return AssemblyStructure(assembly)
     found = SceneStructure(scene)

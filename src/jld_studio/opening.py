@@ -44,9 +44,8 @@ class OpenedFile:
 def open_file(name: object, content: object, options: object) -> OpenedFile:
     """Return the scene of a file that the page sends.
 
-    name: file name, whose ending says what the file is. content: its bytes in base64. options: those of `KNOWN` that
-    are stated, layers as text separated by commas, lengths as numbers; None or "" count as not stated. Raises
-    InputError in one line for anything that is no such file, no valid option, or no scene that the studio follows.
+    Raises InputError in one line for anything that is no such file, no valid option, or no scene that the studio
+    follows.
     """
     stated = _options(options)
     if not isinstance(name, str) or not name or len(name) > 200 or not name.isprintable() or set(name) & set("/\\"):
@@ -70,10 +69,7 @@ def open_file(name: object, content: object, options: object) -> OpenedFile:
 
 
 def require_followed(scene: Scene, where: str) -> Scene:
-    """Return a scene; raise InputError if the studio does not support it.
-
-    where: name of its file.
-    """
+    """Return a scene; raise InputError if the studio does not support it."""
     if isinstance(scene.cracks, CellCracks):
         raise InputError(
             f"{where}: cracks", "the studio supports cracks by faces and by fields only", '"faces" or "fields"'

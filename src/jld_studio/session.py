@@ -82,9 +82,7 @@ class StudioSession:
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
         """Return the scene with changed materials, loads and vertices, ready to be solved.
 
-        changes: new values of the keys "materials", "loads" and "search", and under "vertices" the places of moved
-        vertices as in `JointVertices.placed`; {} for the scene itself. The last few are stored. Raises InputError for
-        another key, or an invalid scene.
+        Raises InputError for another key, or an invalid scene.
         """
         for key in changes:
             if key not in CHANGEABLE:
@@ -119,8 +117,8 @@ class StudioSession:
     def edited(self, changes: Mapping[str, Any], part: object) -> dict[str, Any]:
         """Return the new value of a changed part as in a scene file, with numbers for texts.
 
-        changes: as in `setup`. part: "materials", "loads" or "search". Raises InputError, with the key in front, if
-        the scene with all changes is invalid; limits must also leave something to search.
+        Raises InputError, with the key in front, if the scene with all changes is invalid; limits must also leave
+        something to search.
         """
         if part not in CHANGEABLE[:3]:
             raise InputError("part", f"there is no {str(part)[:40]!r}", ", ".join(CHANGEABLE[:3]))
@@ -138,10 +136,8 @@ class StudioSession:
         return self.joints
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | InputError:
-        """Return the search space of a scene, or why there is none; the scene can still be solved.
-
-        A space is used again unless limits or weights differ.
-        """
+        """Return the search space of a scene, or why there is none; the scene can still be solved."""
+        # A space is used again unless limits or weights differ.
         key = scene.search.model_dump_json(), assembly.elements.weight.tobytes()
         if key not in self._spaces:
             try:
@@ -195,19 +191,14 @@ class StudioSession:
     def improve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Move joints by some steps of `jld move` from a state of the page.
 
-        letters, changes: as in `solve`. The entries of the result are those of `JointVertices.improved`. Raises
-        InputError if nothing can move, or nothing stands.
+        Raises InputError if nothing can move, or nothing stands.
         """
         setup, joints = self.setup(changes), self._movable()
         places = joints.placed(changes.get("vertices") or {})
         return joints.improved(setup.scene, setup.assembly, self.labels(letters), places)
 
     def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return bounds by fields on λ of a labelling, refined by one mesh at each call.
-
-        letters, changes: as in `solve`. The entries are those of `FieldBrackets.step`, and "collapse", the bounds times
-        every live load of each case in words.
-        """
+        """Return bounds by fields on λ of a labelling, refined by one mesh at each call."""
         setup, cracks = self.setup(changes), self.scene.cracks
         gap = cracks.gap if isinstance(cracks, FieldCracks) else FieldCracks(kind="fields").gap
         found = self._brackets.step(setup.assembly, self.labels(letters), gap)
@@ -218,8 +209,7 @@ class StudioSession:
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the scene file of a state of the page as a document.
 
-        letters, changes: as in `solve`. Labels are written by pairs of elements, and with moved vertices at stated
-        interfaces. Raises InputError if a scene file cannot hold them, for instance if two faces of a pair differ.
+        Raises InputError if a scene file cannot hold them, for instance if two faces of a pair differ.
         """
         setup, labels = self.setup(changes), self.labels(letters)
         if changes.get("vertices"):

@@ -15,9 +15,9 @@ _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"  # letters from which a cell that
 def with_support(document: Mapping[str, Any], element: object, support: object) -> dict[str, Any]:
     """Return a scene document in which an element is a support, or is none.
 
-    document: scene document. element: id of the element. support: True for a support. A cell of a grid that becomes
-    free is a block of its own. Result: new document; pairs of its labels that are two supports are left out. Raises
-    InputError: there is no such element, or `support` is not true or false.
+    support: True for a support. A cell of a grid that becomes free is a block of its own. Result: new document; pairs
+    of its labels that are two supports are left out. Raises InputError: there is no such element, or `support` is not
+    true or false.
     """
     if not isinstance(support, bool):
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")

@@ -47,11 +47,7 @@ class _Teller:
 
 
 def main(scene: str, folder: str, orders: str) -> int:
-    """Search a scene into a folder, with progress as JSON lines on stdout.
-
-    scene: scene file. folder: results folder. orders: settings by the names of `ExploreSettings`, as JSON text. Returns
-    the exit code: 0 done, 2 bad input, 3 stopped by a signal.
-    """
+    """Search a scene into a folder, with progress as JSON lines on stdout."""
 
     def stop(number: int, frame: object) -> None:
         raise_deferred(Interrupted())

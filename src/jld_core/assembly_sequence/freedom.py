@@ -96,8 +96,7 @@ class Arcs:
     def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
         """Compute the begin (p,) and width (p,) of the directions that each resting piece blocks.
 
-        piece: index of the moving piece. resting: (p, k, 2) corners of the pieces at rest. same: distance up to which
-        coinciding corners are ignored. Angles are in radians; begins are not reduced to one turn.
+        resting: (p, k, 2) corners of the pieces at rest.
         """
         arm = resting[:, None] - self._corner[piece][None, :, None]
         arm = arm.reshape(len(self._corner), -1, 2)
@@ -145,11 +144,9 @@ class Arcs:
 
     @cached_property
     def turns(self) -> Floats:
-        """Angles (k,) of the directions tried for groups of blocks, radians, from 0 to 2π.
-
-        They are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends has the
-        directions along its contacts instead, at most 2000.
-        """
+        """Angles (k,) of the directions tried for groups of blocks, radians, from 0 to 2π."""
+        # They are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends has the
+        # directions along its contacts instead, at most 2000.
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
             found = _different(every[np.isfinite(every)])
@@ -254,8 +251,7 @@ class Blocks:
 def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
     """Return the blocks of a labelling as rigid bodies; all supports form one fixed body.
 
-    assembly: assembly with n elements and m interfaces. labels: (m,) True = dry. Result: the k blocks and the contacts
-    between them.
+    labels: (m,) True = dry. Result: the k blocks and the contacts between them.
     """
     faces, elements = assembly.interfaces, assembly.elements
     ground = np.flatnonzero(elements.support)
@@ -389,10 +385,7 @@ class Freedom:
         return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
 
     def _separable(self, group: Ints) -> bool:
-        """Return True if the blocks of a group can be separated by translations.
-
-        group: indices of the blocks, ascending. Results are stored.
-        """
+        """Return True if the blocks of a group can be separated by translations."""
         if len(group) < 2:
             return True
         key = group.tobytes()
@@ -407,10 +400,8 @@ class Freedom:
 
     @cached_property
     def _blocking(self) -> tuple[Floats, Bools]:
-        """Return directions (k, d) and a table (k, b, b) of the blocks that obstruct others.
-
-        Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
-        """
+        """Return directions (k, d) and a table (k, b, b) of the blocks that obstruct others."""
+        # Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:
             angle = self.bodies.arcs.turns
@@ -443,10 +434,8 @@ def _closed(arrows: Bools) -> Bools:
 
 
 def _directions(normals: Floats) -> Floats:
-    """Return candidate unit directions in space (k, 3) derived from contact normals (c, 3).
-
-    They are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
-    """
+    """Return candidate unit directions in space (k, 3) derived from contact normals (c, 3)."""
+    # They are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
     if not len(normals):
         return np.concatenate([np.eye(3), -np.eye(3)])
     both = np.concatenate([normals, -normals]) + 0.0

@@ -40,10 +40,10 @@ Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]
 def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
     """Return the sort key by which removals are tried, so that laying begins at `start`.
 
-    ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right: farthest from that
-    side first. springings: farthest from the supports first, in blocks between them. Raises InputError for another
-    start.
+    Raises InputError for another start.
     """
+    # ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right: farthest from that
+    # side first. springings: farthest from the supports first, in blocks between them.
     if start not in get_args(LayingStart):
         raise ParameterError("start", f"{start!r} is no start of laying", "one of " + ", ".join(get_args(LayingStart)))
     elements, up = blocks.assembly.elements, upwards(blocks)
@@ -57,7 +57,7 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
     def key(there: Bools, removed: Sequence[int]) -> tuple[float, ...]:
         """Return the sort key of removing some blocks: distance from the start, height, contacts.
 
-        there: (k,) mask of the blocks present. removed: indices of the blocks.
+        there: (k,) mask of the blocks present.
         """
         touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in removed)
         chosen = np.isin(blocks.of, removed)
@@ -93,10 +93,8 @@ def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
 
 
 def _steps_from_supports(blocks: Blocks) -> Floats:
-    """Return for each element (n,) the least number of contacts from its block to a support.
-
-    Elements of fixed blocks have 0; without a connection the number is that of all blocks.
-    """
+    """Return for each element (n,) the least number of contacts from its block to a support."""
+    # Elements of fixed blocks have 0; without a connection the number is that of all blocks.
     steps = np.where(blocks.fixed, 0.0, np.inf)
     while True:
         across = np.concatenate([steps[blocks.first], steps[blocks.second]])
@@ -187,10 +185,7 @@ class Laying:
 
 
 def words_of_fall(laying: Laying, number: int, step: Step) -> str:
-    """Describe a stage that falls without props: what is laid, and the props that it needs.
-
-    laying: the order. number: of the step, from 1.
-    """
+    """Describe a stage that falls without props: what is laid, and the props that it needs."""
     blocks = laying.blocks
     laid = " + ".join(blocks.name(block) for block in step.blocks)
     propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
@@ -267,12 +262,10 @@ def locked_blocks(
 ) -> tuple[int, ...]:
     """Return the elements of blocks that prevent any assembly by translations.
 
-    These blocks lock one another in every labelling that has them.
-
-    labels: (m,) True = dry. group: largest number of blocks that are moved together where single blocks are locked.
-    bodies: translation data of the assembly, for reuse. Result: element indices, ascending; empty where the labelling
-    can be assembled by translations.
+    labels: (m,) True = dry. Result: element indices, ascending; empty where the labelling can be assembled by
+    translations.
     """
+    # These blocks lock one another in every labelling that has them.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, False, bodies)
@@ -290,8 +283,7 @@ Move = tuple[tuple[int, ...], Floats]
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
     """List the blocks that can be removed now with directions; else the smallest group.
 
-    there: (k,) mask of the blocks present. group: largest number of blocks that are moved together. The list is empty
-    if neither exists.
+    there: (k,) mask of the blocks present.
     """
     blocks = freedom.blocks
     found: list[Move] = []
@@ -314,11 +306,9 @@ def _without(there: Bools, move: Move) -> Bools:
 
 
 def _course(blocks: Blocks, moves: list[Move]) -> list[Move]:
-    """Return the first moves, sorted from above, that belong to the course of the highest one.
-
-    A wall that grows from the ground needs its props when a course needs them: to put off a removal that needs one
-    would leave a tower of it, which needs the same prop at the end.
-    """
+    """Return the first moves, sorted from above, that belong to the course of the highest one."""
+    # A wall that grows from the ground needs its props when a course needs them: to put off a removal that needs one
+    # would leave a tower of it, which needs the same prop at the end.
     elements, up = blocks.assembly.elements, upwards(blocks)
     reach = (np.maximum(elements.lower @ up, elements.upper @ up), np.minimum(elements.lower @ up, elements.upper @ up))
 
@@ -334,12 +324,9 @@ def _course(blocks: Blocks, moves: list[Move]) -> list[Move]:
 def _disassembly(
     freedom: Freedom, standing: Standing, group: int, turn: Turn, *, by_courses: bool
 ) -> tuple[list[Move] | None, Bools]:
-    """Take a structure apart; return the moves in order, and the blocks (k,) that remain.
-
-    The moves are None if the remaining blocks lock one another. At each step the first few moves in the order of `turn`
-    are tried. The first whose remaining stage stands is taken, else the one that needs the least prop force. group: as
-    in `_moves`. turn: sort key of a removal.
-    """
+    """Take a structure apart; return the moves in order, and the blocks (k,) that remain."""
+    # The moves are None if the remaining blocks lock one another. At each step the first few moves in the order of
+    # `turn` are tried. The first whose remaining stage stands is taken, else the one that needs the least prop force.
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
     taken: list[Move] = []
@@ -364,8 +351,7 @@ def _disassembly(
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
     """Return the mask (k,) of blocks that remain when all that can leave are removed.
 
-    there: (k,) bool mask of the blocks present. group: largest number of blocks that may leave together. Fixed blocks
-    stay. The result does not depend on the order of removal.
+    there: (k,) bool mask of the blocks present.
     """
     blocks = freedom.blocks
     there = there.copy()
@@ -386,7 +372,7 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
     """Return the indices of an irreducible set of blocks that lock one another.
 
-    there: (k,) mask of the blocks present. group: as in `_moves`. Empty if all blocks can leave.
+    there: (k,) mask of the blocks present.
     """
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
@@ -402,11 +388,7 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
 
 
 def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
-    """Search moves of disassembly whose every stage stands, depth first.
-
-    group: as in `_moves`. turn: sort key of a removal. Returns the moves, None if none were found, and True if the
-    search was exhaustive. It is not if it stopped at its limit or met an undecided stage. Failed stages are remembered.
-    """
+    """Search moves of disassembly whose every stage stands, depth first."""
     blocks = freedom.blocks
     failed: set[bytes] = set()
     looked, settled = 0, True

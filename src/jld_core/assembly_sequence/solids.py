@@ -44,8 +44,9 @@ class Solids:
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
         """Return the elements of `others` (k,) that an element of `mine` meets along a direction.
 
-        mine, others, and the result: indices of elements. direction: (3,) unit vector.
+        direction: (3,) unit vector.
         """
+        # mine, others, and the result: indices of elements.
         low, high = self.elements.lower, self.elements.upper
         met = np.zeros(len(others), dtype=bool)
         for e in mine.tolist():
@@ -60,8 +61,7 @@ class Solids:
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
         """Return True if an element translated along a direction would overlap another at rest.
 
-        moving, still: indices of elements. direction: (3,) unit vector. Sliding contact is no overlap. Results are
-        stored.
+        direction: (3,) unit vector. Sliding contact is no overlap. Results are stored.
         """
         key = (moving, still, direction.tobytes())
         if key not in self._met:
@@ -102,7 +102,7 @@ class Solids:
     def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
         """Return True if a point inside a moving convex element comes to lie on a triangle.
 
-        moving: index of the element. face: (3, 3) corners of the triangle. direction: (3,) unit vector.
+        face: (3, 3) corners of the triangle. direction: (3,) unit vector.
         """
         p = self.planes[moving]
         normal = np.cross(face[1] - face[0], face[2] - face[0])
@@ -131,11 +131,7 @@ class Solids:
         return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
 
     def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
-        """Maximise the depth over the unknowns (x, t, depth) with t ≥ 0; −inf if infeasible.
-
-        rows, right: inequalities rows · unknowns ≤ right. equal: matrix and right-hand side of equations, None for
-        none. x: point in space, t: distance along the direction.
-        """
+        """Maximise the depth over the unknowns (x, t, depth) with t ≥ 0; −inf if infeasible."""
         bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
         matrix, values = equal or (None, None)
         from scipy.optimize import linprog
@@ -158,10 +154,8 @@ class Solids:
 
 
 def _volumes(elements: Elements) -> Floats:
-    """Compute the volumes (n,) of polyhedra from their faces.
-
-    Volumes given by a scene are ignored.
-    """
+    """Compute the volumes (n,) of polyhedra from their faces."""
+    # Volumes given by a scene are ignored.
     found = []
     for corners, faces in zip(elements.shape, elements.faces, strict=True):
         total = 0.0
@@ -210,10 +204,10 @@ class Stations:
 def stations_below(assembly: Assembly, spacing: float) -> Stations:
     """Return places below a planar structure at equal horizontal distances.
 
-    They are the same on both sides of its middle. Places above a support are left out. spacing: scene units of length.
     Raises ParameterError for a spacing that is not above 0, leaves no place or more than 500, and for a spatial
     structure.
     """
+    # They are the same on both sides of its middle. Places above a support are left out.
     if assembly.dimension != 2:
         raise ParameterError("props", "props along a line are for planar scenes", "a search without it")
     if not 0.0 < spacing < math.inf:

@@ -253,11 +253,9 @@ class BatchSolver:
         return np.asarray(dice.random((count, self.faces)) < low + (high - low) * dice.random((count, 1)))
 
     def _starting(self, template: Template, sampled: int) -> _Start:
-        """Return the starting point of the iterations; store `_start` and `settled_fraction`.
-
-        It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which there
-        are `sampled`.
-        """
+        """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
+        # It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which
+        # there are `sampled`.
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -351,10 +349,9 @@ class BatchSolver:
     def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
         """Compute bounds on λ of one labelling for samples of its strengths and loads.
 
-        rows: rows of each sample in the place of those of a label: k samples, at most `SAMPLES_OF_A_CALL`. dead, live:
-        (k, q·free) scaled loads of each sample, in the order of elements. thresholds: (k,) scaled λ, as in `solve`.
-        Result: scaled bounds and verdicts, one for each sample. Raises MemoryError: the compiled solver cannot allocate
-        its workspace.
+        dead, live: (k, q·free) scaled loads of each sample, in the order of elements. thresholds: (k,) scaled λ, as in
+        `solve`. Result: scaled bounds and verdicts, one for each sample. Raises MemoryError: the compiled solver cannot
+        allocate its workspace.
         """
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
@@ -378,12 +375,11 @@ class BatchSolver:
     def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:
         """Minimise the conflicts of labellings at their thresholds.
 
-        A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
-        caller must verify the work balance of the mechanism, docs/method.md (6.4).
-
-        asked: k labellings, scaled thresholds and options. Result: row i·(1 + neighbours) belongs to labelling i; the
-        rows of its neighbours follow. Raises MemoryError: the compiled solver cannot allocate its workspace.
+        Result: row i·(1 + neighbours) belongs to labelling i; the rows of its neighbours follow. Raises MemoryError:
+        the compiled solver cannot allocate its workspace.
         """
+        # A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
+        # caller must verify the work balance of the mechanism, docs/method.md (6.4).
         count, how = len(asked.labellings), asked.how
         wide = 1 + how.neighbours
         begun = asked.labellings
@@ -418,10 +414,8 @@ class BatchSolver:
         return back
 
     def _problem(self) -> library.Problem:
-        """Return the problem as a structure of the compiled library.
-
-        It points to arrays of this solver, and is valid while the solver exists.
-        """
+        """Return the problem as a structure of the compiled library."""
+        # It points to arrays of this solver, and is valid while the solver exists.
         start = self._start
         arrays = library.pointers(
             low=self._low,

@@ -117,10 +117,7 @@ class BatchBlockSolver:
 
     @staticmethod
     def supports(blocks: Sequence[BlockColumns]) -> bool:
-        """Return True if no block has more rows than the compiled solver can hold.
-
-        blocks: all possible blocks.
-        """
+        """Return True if no block has more rows than the compiled solver can hold."""
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
@@ -182,10 +179,7 @@ class BatchBlockSolver:
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
-    """Return where each of several consecutive ranges starts, then where the last one ends.
-
-    counts: lengths of the ranges.
-    """
+    """Return where each of several consecutive ranges starts, then where the last one ends."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 

@@ -98,10 +98,8 @@ def runs_here(variant: str) -> bool:
 
 @lru_cache(maxsize=1)
 def processor_flags() -> frozenset[str]:
-    """Return the flags of this processor; an empty set where they are unknown.
-
-    They are read from /proc/cpuinfo; on systems without that file numpy is asked, where it is installed.
-    """
+    """Return the flags of this processor; an empty set where they are unknown."""
+    # They are read from /proc/cpuinfo; on systems without that file numpy is asked, where it is installed.
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
@@ -187,12 +185,7 @@ _RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
-    """Compile one variant of the batch solver, and return the path of the library.
-
-    variant: name. folder: receives `_VARIANT.so`. compiler: command in parts. extra: further compiler flags. patience:
-    seconds after which the compiler is given up; None: never. Raises subprocess.SubprocessError or OSError if the
-    compiler fails, takes too long, or is missing.
-    """
+    """Compile one variant of the batch solver, and return the path of the library."""
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]
@@ -233,8 +226,7 @@ def reason_of(problem: OSError | subprocess.SubprocessError) -> str:
 def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
     """Compile one variant with the first compiler that works.
 
-    The results are the path of the library, None if no compiler works, and one line per compiler that failed. variant,
-    folder, extra: as in `compile_variant`.
+    The results are the path of the library, None if no compiler works, and one line per compiler that failed.
     """
     problems = list[str]()
     for compiler in compilers():
@@ -261,13 +253,11 @@ def remove_others(library: Path) -> None:
 
 
 def main() -> None:
-    """Compile variants of the batch solver for this machine, and print their paths.
-
-    Command-line arguments: names of variants (default: all); or --in-place (all that are not there, into the package);
-    or --in-place --best (the best one of this processor only); or --in-place --ends (that one and the base of the
-    family); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The
-    last two use the compiler's sanitizers.
-    """
+    """Compile variants of the batch solver for this machine, and print their paths."""
+    # Command-line arguments: names of variants (default: all); or --in-place (all that are not there, into the
+    # package); or --in-place --best (the best one of this processor only); or --in-place --ends (that one and the base
+    # of the family); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data
+    # races). The last two use the compiler's sanitizers.
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())
     in_place = wanted[0] == "--in-place"

@@ -439,10 +439,7 @@ _POINTERS: Final[dict[str, Any]] = {
 
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
-    """Return ctypes pointers to arrays by name; leave out arrays that are None.
-
-    arrays: contiguous arrays of float64, int32, int64 or uint8. The pointers are valid while the arrays exist.
-    """
+    """Return ctypes pointers to arrays by name; leave out arrays that are None."""
     known = {name: array for name, array in arrays.items() if array is not None}
     return {name: array.ctypes.data_as(_POINTERS[array.dtype.str]) for name, array in known.items()}
 
@@ -465,11 +462,9 @@ def _within(folder: Path) -> dict[str, Path]:
 
 
 def _compiled() -> dict[str, Path]:
-    """Compile the fastest variant of this processor on first use, if nothing is built.
-
-    Try the compilers of `build.compilers` in order. If there is none or all of them fail, warn once for the process
-    and return an empty dictionary.
-    """
+    """Compile the fastest variant of this processor on first use, if nothing is built."""
+    # Try the compilers of `build.compilers` in order. If there is none or all of them fail, warn once for the process
+    # and return an empty dictionary.
     best, reason = build.best(), "no C++ compiler was found"
     for compiler in build.compilers():
         try:
@@ -488,10 +483,8 @@ def _compiled() -> dict[str, Path]:
 def _found(wish: str) -> tuple[str, Path] | None:
     """Return name and path of the library that `wish` names; None where there is none.
 
-    wish: name of a variant, path of a library, "off", "" or `_BUILT`. "" asks for the fastest variant, and compiles it
-    if none is built. `_BUILT` asks for the fastest variant that is built. The result is None for "off", and where no
-    library runs here. Raises InputError for a variant that is not built or does not run here, and for a library that
-    was not built from these sources.
+    Raises InputError for a variant that is not built or does not run here, and for a library that was not built from
+    these sources.
     """
     if wish == "off":
         return None
@@ -678,18 +671,15 @@ def samples(dimension: int, faces: int) -> int:
 
 
 def dry_shares(dimension: int, faces: int) -> tuple[float, float]:
-    """Return the range of the share of dry faces of the labellings that give the starting point.
-
-    dimension: 2 or 3. faces: number of interfaces.
-    """
+    """Return the range of the share of dry faces of the labellings that give the starting point."""
     return LARGE_DRY_SHARES if dimension == 2 and faces >= LARGE else DRY_SHARES
 
 
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[Try, ...]:
     """Return the settings of each pass over the labellings that are still open.
 
-    dimension: 2 or 3. faces: number of interfaces. parabolas: True if some face crushes along a parabola, which passes
-    for rays and for states on the boundary do not support.
+    parabolas: True if some face crushes along a parabola, which passes for rays and for states on the boundary do not
+    support.
     """
     if dimension == 3:
         usual = SPATIAL_TRIES

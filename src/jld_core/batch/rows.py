@@ -80,13 +80,12 @@ class Joining:
     def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
         """Join atoms into parts, once for each order of the pairs.
 
-        A pair is joined unless the part would have more than `most` cells.
-
         order: (k, pairs) indices of the pairs, in the order in which they are tried. wanted: (k,) number of leading
         pairs of each order that are tried; the others only serve to enlarge parts with too few cells. Result: part of
         each atom, and True where no part has too few cells; None without a batch solver. Raises MemoryError: the
         compiled library cannot allocate its workspace.
         """
+        # A pair is joined unless the part would have more than `most` cells.
         kernel = _library(self._variant)
         if kernel is None:
             return None
@@ -103,10 +102,7 @@ class Joining:
 
 
 def _library(variant: str | None) -> Any:
-    """Return the loaded library of a variant, or None if there is none.
-
-    variant: name or path; None: the variant in use.
-    """
+    """Return the loaded library of a variant, or None if there is none."""
     name = variant or library.chosen()
     return None if name is None else library.library(name)
 
@@ -164,10 +160,7 @@ def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
 
 
 def number_of_products(a: Ints, b: Ints, places: Floats) -> int:
-    """Return `FactorPattern.products` of a pattern without laying it out.
-
-    a, b, places: as in `factor_pattern`.
-    """
+    """Return `FactorPattern.products` of a pattern without laying it out."""
     return _pattern_products(_elimination(*_key(a, b, places))[1])
 
 
@@ -191,10 +184,7 @@ def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) 
 
 @lru_cache(maxsize=4)
 def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> tuple[Ints, list[list[int]]]:
-    """Return the elimination order with the fewest products, and the rows of its columns; see `_fill`.
-
-    first, second: ends of the edges. where: coordinates of the nodes. shape: shape of these coordinates.
-    """
+    """Return the elimination order with the fewest products, and the rows of its columns; see `_fill`."""
     a, b = _ends(first, second)
     places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
@@ -214,7 +204,7 @@ def _pattern_products(columns: list[list[int]]) -> int:
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
     """Return the neighbours of each node of a graph, in a fixed order.
 
-    a, b: (e,) ends of the edges. count: number of nodes.
+    a, b: (e,) ends of the edges.
     """
     found: list[dict[int, None]] = [{} for _ in range(count)]
     for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
@@ -226,7 +216,7 @@ def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
 def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
     """Return the minimum-degree elimination order of a graph.
 
-    a, b: (e,) ends of the edges. count: number of nodes.
+    a, b: (e,) ends of the edges.
     """
     near = _neighbours(a, b, count)
     # entries whose degree has changed since are stale
@@ -251,7 +241,7 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
     """Return the row numbers below the diagonal of each column of the factor, fill included.
 
-    a, b: (e,) ends of the edges. order: elimination order.
+    a, b: (e,) ends of the edges.
     """
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
@@ -270,7 +260,7 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
     """Build the factor pattern of an elimination order.
 
-    a, b: (e,) ends of the edges. columns: row numbers below the diagonal of each column.
+    a, b: (e,) ends of the edges.
     """
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
@@ -332,9 +322,8 @@ _SMALL: Final = 300  # number of faces up to which every structure stays below `
 def fits(template: Template, undecided: Rows | None = None) -> bool:
     """Return True if the batch solver supports the rows and the size of a template.
 
-    template: assembly and yield sets. undecided: rows of undecided faces (see `rows_of`). Result: False for more than
-    `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or for a member that acts on
-    more than two elements.
+    Result: False for more than `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or
+    for a member that acts on more than two elements.
     """
     return (
         len(template.assembly.interfaces) <= LARGEST
@@ -397,11 +386,7 @@ class BatchRows:
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
-    """Return a template's yield rows in the layout of the batch solver.
-
-    undecided: rows of undecided faces, which become a third label beside inner and dry. The result is None if the batch
-    solver does not support the rows.
-    """
+    """Return a template's yield rows in the layout of the batch solver."""
     # Cached, because both `fits` and the constructor of the batch solver ask for the same template.
     return _decided(template) if undecided is None else _rows_of(template, undecided)
 
@@ -409,8 +394,8 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
     """Compute the yield rows of many samples of strengths under one labelling.
 
-    own: yield sets of the faces of all samples, sample by sample. labels: (k, m) labels of each sample, True = dry.
-    dimension: 2 or 3. Result: rows of k samples; None if the batch solver does not support them.
+    labels: (k, m) labels of each sample, True = dry. Result: rows of k samples; None if the batch solver does not
+    support them.
     """
     both = rows_of_sets(own, labels.size, dimension)
     if both is None:
@@ -431,18 +416,14 @@ def _decided(template: Template) -> BatchRows | None:
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
-    """Compute the rows of all labels; None if the batch solver does not support them.
-
-    undecided: rows of a third label, None without one.
-    """
+    """Compute the rows of all labels; None if the batch solver does not support them."""
     return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
 
 
 def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
     """Compute the rows of the yield sets of faces, in the layout of the batch solver.
 
-    own: yield sets of all faces under both labels. faces: number m of faces. dimension: 2 or 3. undecided: rows of
-    undecided faces, which become a third label. Result: None if the batch solver does not support the rows.
+    Result: None if the batch solver does not support the rows.
     """
     every = np.ones(faces, dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
@@ -489,8 +470,7 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
     """Return the linear rows (m, pairs, 3) of planar faces under one label.
 
     A pair is a, b, h of −a N ± b X ≤ h. X is M, V and, where inner faces crush, M again. Cones are ignored here: they
-    are the parabolas of crushing joints. pattern: rows of the yield sets. dry: True for the dry label. faces: m. The
-    result is None if the batch solver does not support the rows.
+    are the parabolas of crushing joints. dry: True for the dry label.
     """
     if pattern.extra:
         return None
@@ -498,11 +478,8 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, pairs, 3).
-
-    X is M, V and, where inner faces crush, M again. pattern: rows of the yield sets. values, sides: coefficients and
-    right-hand sides of the label. faces: m. None if the rows form no such pairs.
-    """
+    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, pairs, 3)."""
+    # X is M, V and, where inner faces crush, M again.
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
@@ -537,7 +514,7 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
     """Return the rows (m, most) of each face in order, −1 where a face has fewer; None if a face has none.
 
-    rows: numbers of rows, ascending. owner: (all rows,) face of each.
+    owner: (all rows,) face of each.
     """
     rows = rows[np.argsort(owner[rows], kind="stable")]
     counts = np.bincount(owner[rows], minlength=faces)
@@ -552,10 +529,10 @@ def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
     """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label.
 
-    Rows 0 to EDGES − 1 of a face hold a, p, q, h of −a N + p M1 + q M2 ≤ h, one per hull edge; those left over have p =
-    q = 0. The last row holds a, b, h, 0 of −a N ± b MT + b t ≤ h, where t is the bound on shear. pattern: rows of the
-    yield sets. dry: True for the dry label. faces: m. The result is None if the batch solver does not support the rows.
+    dry: True for the dry label.
     """
+    # Rows 0 to EDGES − 1 of a face hold a, p, q, h of −a N + p M1 + q M2 ≤ h, one per hull edge; those left over have p
+    # = q = 0. The last row holds a, b, h, 0 of −a N ± b MT + b t ≤ h, where t is the bound on shear.
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None
     values, sides = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
@@ -572,11 +549,9 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return the coefficients (m, EDGES + 1, 4) of spatial yield rows under one label.
-
-    Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
-    torsion. table: dense rows of the program. None if unsupported.
-    """
+    """Return the coefficients (m, EDGES + 1, 4) of spatial yield rows under one label."""
+    # Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
+    # torsion.
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
     owners = pattern.row_face
@@ -633,9 +608,9 @@ def _in_pairs(found: Floats) -> Floats | None:
 def _along_edges(found: Floats) -> Floats:
     """Return rows of R edges, their corners, and torsion of each face, (labels, m, 6 R + 3).
 
-    R is the smallest compiled number of edges that holds all hulls. found: (labels, m, EDGES + 1, 4) rows of
-    `_spatial_table`.
+    found: (labels, m, EDGES + 1, 4) rows of `_spatial_table`.
     """
+    # R is the smallest compiled number of edges that holds all hulls.
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)
     corners = np.zeros((*found.shape[:2], most, 2))

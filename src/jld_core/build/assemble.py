@@ -40,10 +40,9 @@ _NAMED = 4  # largest number of values with uncertainty that a sentence names
 def build_geometry(scene: Scene) -> Geometry:
     """Compute the elements and interfaces of a scene.
 
-    Both are independent of materials and loads.
-
-    scene: validated scene. Result: elements without weights, interfaces, and the scene's own entries for both. Raises
-    InputError: geometry or references are invalid, or an element has no path of interfaces to a support.
+    Both are independent of materials and loads. Result: elements without weights, interfaces, and the scene's own
+    entries for both. Raises InputError: geometry or references are invalid, or an element has no path of interfaces to
+    a support.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry)
@@ -180,10 +179,8 @@ def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) ->
 
 
 def _check_paths(geometry: Geometry) -> None:
-    """Raise InputError for an element without a path of interfaces to a support.
-
-    Equilibrium of such an element has no solution.
-    """
+    """Raise InputError for an element without a path of interfaces to a support."""
+    # Equilibrium of such an element has no solution.
     elements, interfaces = geometry.elements, geometry.interfaces
     part = components(len(elements), interfaces.a, interfaces.b)
     reached = np.isin(part, part[elements.support])
@@ -199,10 +196,10 @@ def _check_paths(geometry: Geometry) -> None:
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
     """Return the labels (m,) of all interfaces that the scene states, True = dry.
 
-    The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
-    inside a named block are inner, except those at supports, and all others are dry. given: the scene's entry for each
-    interface. Raises InputError for unknown elements, or a pair in both lists.
+    Raises InputError for unknown elements, or a pair in both lists.
     """
+    # The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
+    # inside a named block are inner, except those at supports, and all others are dry.
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])
     same = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
@@ -224,10 +221,8 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
 
 
 def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
-    """Return the load cases of a scene, each including the common dead load and self-weight.
-
-    A scene without "cases" has one case with an empty name. boundary: elements and interfaces, for loads on faces.
-    """
+    """Return the load cases of a scene, each including the common dead load and self-weight."""
+    # A scene without "cases" has one case with an empty name.
     elements = boundary.elements
     common = boundary.loads(scene.loads.dead, "loads.dead")
     fill = () if boundary.backing is None else tuple(boundary.backing.permanent())
@@ -246,8 +241,7 @@ def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
 def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
     """Return the load cases of a scene, stated ones and those of moving loads and pushes.
 
-    elements: of the structure. The list is empty for a single live load. Raises InputError for invalid paths or
-    directions, and for names used twice.
+    Raises InputError for invalid paths or directions, and for names used twice.
     """
     direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
     stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]
@@ -262,10 +256,7 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
 
 
 def _case(name: str, key: str, dead: Loads, live: Loads, required: float, elements: Elements) -> LoadCase:
-    """Return one load case; raise InputError if its live load is zero.
-
-    key: key of the case in the scene. required: required load factor.
-    """
+    """Return one load case; raise InputError if its live load is zero."""
     if not np.any(resultants(live, elements)):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
     return LoadCase(name, dead, live, required)

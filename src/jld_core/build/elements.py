@@ -61,8 +61,8 @@ def collect_elements(
 ) -> Elements:
     """Build the elements of a scene from its entries and computed geometry, without weights.
 
-    centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. shape, faces: as in
-    `Elements`. Raises InputError where all or none of the elements are supports.
+    centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. Raises InputError where all
+    or none of the elements are supports.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
@@ -90,10 +90,7 @@ def collect_elements(
 
 
 def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Compute the self-weights of all elements, and return the elements with them.
-
-    entries: the scene's entry for each element, in the same order; it may state weight or density.
-    """
+    """Compute the self-weights of all elements, and return the elements with them."""
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -124,11 +121,7 @@ class Geometry:
 
 
 def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
-    """Return the snapping tolerance of a scene and its shortest edge, both lengths.
-
-    edges: lengths of all edges. Gaps and overlaps up to the tolerance are closed. It is the scene's own, or a small
-    share of the shortest edge; without edges the results are 0 and inf.
-    """
+    """Return the snapping tolerance of a scene and its shortest edge, both lengths."""
     shortest = float(edges[edges > 0.0].min(initial=np.inf))
     tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
     return (tolerance if tolerance < np.inf else 0.0), shortest
@@ -146,8 +139,7 @@ def refuse_twins(ids: list[str]) -> None:
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
     """Return the indices of two elements that are named by their ids.
 
-    where: key of the pair in the scene, for the message. Raises InputError for an unknown id, or for one id given
-    twice.
+    Raises InputError for an unknown id, or for one id given twice.
     """
     for name in pair:
         if name not in elements.index:
@@ -204,9 +196,10 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
 def planar_geometry(scene: Scene) -> Geometry:
     """Compute the elements and interfaces of a planar scene, given as a grid or as polygons.
 
-    Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts found.
-    Interfaces between two supports are dropped. Raises InputError for invalid polygons or interfaces.
+    Raises InputError for invalid polygons or interfaces.
     """
+    # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
+    # found. Interfaces between two supports are dropped.
     entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])
     thickness = scene.plane_thickness
     ids = [entry.id for entry in entries]
@@ -246,10 +239,10 @@ def planar_geometry(scene: Scene) -> Geometry:
 def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
     """Close gaps and overlaps between outlines, each up to the tolerance of the scene.
 
-    ids: names of the elements. outlines: corners (k, 2) of each. Returns the new outlines and the largest displacement.
-    Grids and scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the
-    tolerance of contact detection, and scenes without a stated tolerance in which an element would vanish. Raises
-    InputError if an element vanishes within a stated tolerance.
+    outlines: corners (k, 2) of each. Returns the new outlines and the largest displacement. Grids and scenes with
+    stated interfaces stay unchanged. So do scenes whose largest displacement is within the tolerance of contact
+    detection, and scenes without a stated tolerance in which an element would vanish. Raises InputError if an element
+    vanishes within a stated tolerance.
     """
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
@@ -269,10 +262,8 @@ def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tup
 
 
 def _cells(grid: Grid) -> list[Element]:
-    """Return the elements of a grid, named c{column}r{row}.
-
-    Blocks are the connected parts of equal letters.
-    """
+    """Return the elements of a grid, named c{column}r{row}."""
+    # Blocks are the connected parts of equal letters.
     width, height = grid.cell
     count = len(grid.rows)
     block = _joined_letters(grid.rows)
@@ -294,10 +285,7 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block name of each free cell of a grid, by (row, column).
-
-    rows: letters of the grid. The name is the letter, numbered where one letter forms several connected blocks.
-    """
+    """Return the block name of each free cell of a grid, by (row, column)."""
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}
     for r, row in enumerate(rows):
@@ -337,8 +325,7 @@ def _polygon_misfits(scene: Scene, contacts: list[PlanarContact], elements: Elem
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
     """Convert an interface stated by the scene to a contact.
 
-    position: index of the entry, for messages. The normal points out of the first element. Raises InputError for an
-    unknown element, or a polygon that is no straight line of two points.
+    Raises InputError for an unknown element, or a polygon that is no straight line of two points.
     """
     where = f"interfaces[{position}]"
     a, b = pair_index(entry.elements, elements, f"{where}.elements")
@@ -363,9 +350,10 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
 def spatial_geometry(scene: Scene) -> Geometry:
     """Compute the elements and interfaces of a spatial scene.
 
-    Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts found.
-    Interfaces between two supports are dropped. Raises InputError for invalid polyhedra or interfaces.
+    Raises InputError for invalid polyhedra or interfaces.
     """
+    # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
+    # found. Interfaces between two supports are dropped.
     entries = list(scene.elements or [])
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
@@ -412,9 +400,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
     """Close gaps between solids and make their faces plane, up to the tolerance of the scene.
 
-    vertices: (k, 3) of each solid. faces: loops of vertex indices of each. Returns the new vertices and the largest
-    displacement. Scenes with stated interfaces or a tolerance of 0 stay unchanged. So do scenes whose largest
-    displacement is within the tolerance of contact detection.
+    vertices: (k, 3) of each solid.
     """
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0
@@ -432,9 +418,9 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:
     """Convert interfaces stated by the scene to contacts.
 
-    Normals point out of the first element of each. Raises InputError for an unknown element, or a polygon that is not
-    spatial and plane.
+    Raises InputError for an unknown element, or a polygon that is not spatial and plane.
     """
+    # Normals point out of the first element of each.
     if not entries:
         return []
     couples, polygons = [], []

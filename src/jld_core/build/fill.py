@@ -81,10 +81,8 @@ class Backing:
         return tuple(sorted(found, key=lambda edge: float(edge.place.mean())))
 
     def permanent(self) -> list[Traction]:
-        """Return weight of fill and surcharge, and active pressure, as tractions on free elements.
-
-        Each covered edge has a vertical one, and a horizontal one unless it is level.
-        """
+        """Return weight of fill and surcharge, and active pressure, as tractions on free elements."""
+        # Each covered edge has a vertical one, and a horizontal one unless it is level.
         found: list[Traction] = []
         for edge in self._free:
             depth = self.fill.level - edge.height
@@ -98,13 +96,11 @@ class Backing:
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
         """Return a load on the surface as vertical loads on the free elements below.
 
-        The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
-        falls beside free elements is left out: supports and ground carry it.
-
-        load: load on a strip of the surface. where: key of the load in the scene, for the message. Result: one traction
-        for each covered edge, or a force at a point for a load without width. Raises InputError: no element lies below
-        the middle of the load.
+        Result: one traction for each covered edge, or a force at a point for a load without width. Raises InputError:
+        no element lies below the middle of the load.
         """
+        # The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
+        # falls beside free elements is left out: supports and ground carry it.
         at, edges = load.on_fill.at, [edge for edge in self.edges if edge.place[1] > edge.place[0]]
         below = [edge for edge in edges if edge.place[0] <= at <= edge.place[1]]
         if not below:
@@ -153,11 +149,9 @@ class Backing:
         return float(point @ self._right)
 
     def pressures(self) -> Members:
-        """Return the pressure beyond the active one as bars from free elements to supports.
-
-        The bars act in compression. A bar pushes an element horizontally with a force between 0 and the difference of
-        passive and active pressure.
-        """
+        """Return the pressure beyond the active one as bars from free elements to supports."""
+        # The bars act in compression. A bar pushes an element horizontally with a force between 0 and the difference of
+        # passive and active pressure.
         supports = np.flatnonzero(self.elements.support)
         across = self.elements.centroid[supports] @ self._right
         names: list[str] = []

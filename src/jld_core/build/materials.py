@@ -35,8 +35,7 @@ def _coefficient(coefficient: float | None, angle: float | None) -> float | None
 def gravity_vector(materials: Materials, dimension: int) -> Floats:
     """Return gravity as a vector.
 
-    materials: materials; a number for gravity acts along −y (planar) or −z (spatial). dimension: dimension d of the
-    scene, 2 or 3. Returns (d,). Raises InputError: a given vector has the wrong length.
+    dimension: dimension d of the scene, 2 or 3. Returns (d,). Raises InputError: a given vector has the wrong length.
     """
     if isinstance(materials.gravity, float | int):
         vector = np.zeros(dimension)
@@ -66,8 +65,7 @@ def direction_of_weight(scene: Scene) -> Floats:
 def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
     """Return the self-weight (d,) of one element as a force, scene units.
 
-    It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero. volume: of the
-    element. direction: unit vector of gravity. gravity: magnitude of the acceleration.
+    It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero.
     """
     if element.weight is not None:
         return element.weight * direction
@@ -95,8 +93,8 @@ def criteria(
 ) -> tuple[StatedCriterion, ...]:
     """Return the criteria of plug-ins that a scene states, each with the interfaces (m,) that have it.
 
-    contacts, faces: as for `strengths`. Raises InputError for a criterion or parameters that are unknown or out of
-    bounds, and for an interface with standard strengths of its own beside a criterion.
+    Raises InputError for a criterion or parameters that are unknown or out of bounds, and for an interface with
+    standard strengths of its own beside a criterion.
     """
     found: dict[tuple[str, str, tuple[tuple[str, float], ...]], list[int]] = {}
     for label in ("dry", "inner"):
@@ -133,13 +131,10 @@ def strengths(
 ) -> Strengths:
     """Return the strengths of m interfaces under both labels, scene units.
 
-    contacts: for each interface the scene's own entry, or None. faces: for each interface the entry of
-    "materials.faces" for its two elements, or None. Values of a contact replace those of `faces`, which replace those
-    of `materials`.
-
-    Friction, tension and shear that are not stated are NaN; compressive strengths are inf, cohesion and inner friction
-    0. Raises InputError where the inner tension of a face or contact entry exceeds the apex of its friction cone.
+    Raises InputError where the inner tension of a face or contact entry exceeds the apex of its friction cone.
     """
+    # Friction, tension and shear that are not stated are NaN; compressive strengths are inf, cohesion and inner
+    # friction 0.
     dry, inner = materials.dry, materials.inner
     usual = {
         "friction": friction(dry) if dry else None,
@@ -190,15 +185,12 @@ _KEY = "materials.dry.tensile_strength"
 def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMaterial | None]) -> Assembly:
     """Return an assembly whose dry joints have a tensile strength.
 
-    With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has the cohesion
-    c − μ σt, an inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides
-    of the face together, part of the dead load. Results subtract it from N'.
-
-    assembly: assembly without members. materials: materials of the scene, with the tensile strength σt of dry joints.
-    entries: for each interface the entry of "materials.faces" for its two elements, or None. Result: assembly with
-    changed strengths and dead loads, and the forces σt A in `members.bond`. Raises InputError: a tensile strength
-    exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
+    Result: assembly with changed strengths and dead loads, and the forces σt A in `members.bond`. Raises InputError: a
+    tensile strength exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
     """
+    # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has the cohesion c −
+    # μ σt, an inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of
+    # the face together, part of the dead load. Results subtract it from N'.
     usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
     values = [None if one is None or one.dry is None else one.dry.tensile_strength for one in entries]
     strength = np.array([usual if value is None else value for value in values], dtype=float)

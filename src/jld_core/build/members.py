@@ -23,10 +23,9 @@ from jld_core.strengths import Strengths
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
     """Return an assembly with members, in addition to its interfaces.
 
-    assembly: assembly without members. more: further members, which follow. Result: assembly with one more interface
-    for each member whose force may vary. Prestress is part of all dead loads. Raises InputError: an element is unknown,
-    a point lies outside its element, two successive points coincide, or the ends do not belong to two elements of which
-    one is free.
+    Result: assembly with one more interface for each member whose force may vary. Prestress is part of all dead loads.
+    Raises InputError: an element is unknown, a point lies outside its element, two successive points coincide, or the
+    ends do not belong to two elements of which one is free.
     """
     if not entries and not more:
         return assembly
@@ -94,8 +93,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
 def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
     """Return the element index and the point (d,) of an anchor.
 
-    where: key of the anchor, for the message. Raises InputError for an unknown element, a wrong number of coordinates,
-    or a point outside the element.
+    Raises InputError for an unknown element, a wrong number of coordinates, or a point outside the element.
     """
     elements, d = assembly.elements, assembly.dimension
     if anchor.element not in elements.index:
@@ -111,10 +109,7 @@ def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floa
 
 
 def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
-    """Raise InputError if a member connects a single element, or supports only.
-
-    elements: element of each point. where: key of the member, for the message.
-    """
+    """Raise InputError if a member connects a single element, or supports only."""
     if len(np.unique(elements)) == 1:
         problem = f"all its points belong to element {assembly.elements.ids[elements[0]]!r}"
         raise InputError(where, problem, "points of two elements, since an element is rigid")
@@ -125,9 +120,7 @@ def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
 def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
     """Return the unit vector (d,) along the first segment of a member.
 
-    elements, points: of all anchors. where: key of the member, for the message. The axis of a pin whose ends coincide
-    is the normal of the nearest face between its elements. Raises InputError if other successive points coincide, or if
-    those elements share no face.
+    Raises InputError if other successive points coincide, or if those elements share no face.
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -151,11 +144,9 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
 
 
 def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
-    """Return the interfaces of the members at the positions `rows`.
-
-    Both sides are the same element, so that an interface never joins or separates blocks. Area and sizes are 1, which
-    makes a stress of the same number a force.
-    """
+    """Return the interfaces of the members at the positions `rows`."""
+    # Both sides are the same element, so that an interface never joins or separates blocks. Area and sizes are 1, which
+    # makes a stress of the same number a force.
     d, support = assembly.dimension, assembly.elements.support
     own = np.array([members.elements[k][np.argmin(support[members.elements[k]])] for k in rows], dtype=np.int64)
     axis, one = members.axis[rows], np.ones(len(rows))
@@ -182,10 +173,7 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
 
 
 def _strengths(members: Members, rows: Ints) -> Strengths:
-    """Return the strengths of the interfaces of members: those of inner faces without bending.
-
-    rows: positions of the members.
-    """
+    """Return the strengths of the interfaces of members: those of inner faces without bending."""
     none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
     tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]
     # A pin without axial capacity has no column of N; the range of N only has to leave its yield set an interior.
@@ -202,10 +190,8 @@ def _strengths(members: Members, rows: Ints) -> Strengths:
 
 
 def _prestress(assembly: Assembly, members: Members) -> Floats:
-    """Return forces and moments (n, q) of all prestress about the centroids of elements.
-
-    They are zero on supports.
-    """
+    """Return forces and moments (n, q) of all prestress about the centroids of elements."""
+    # They are zero on supports.
     elements, d = assembly.elements, assembly.dimension
     pushes = [(members.prestress[k], *members.push(k)) for k in np.flatnonzero(members.prestress).tolist()]
     if not pushes:

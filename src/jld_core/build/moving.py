@@ -35,12 +35,10 @@ def cases_of(
 ) -> list[PlacedCase]:
     """Return one load case for each position of a vehicle.
 
-    moving: the vehicle and its path. downwards: (2,) direction of the weights, a unit vector. where: key of the moving
-    load in the scene, for error messages. backing: fill, on whose surface the path may lie. An axle there spreads over
-    the structure below. Result: load cases in the order of the positions, named by the position of the first axle along
-    the path. Where axles stand on joints, there is a case for each side of them. A position with no axle on a free
-    element is left out. Raises InputError if the scene is spatial, a point of the path coincides with the one before,
-    or an axle on the path touches no element.
+    downwards: (2,) direction of the weights, a unit vector. Result: load cases in the order of the positions, named by
+    the position of the first axle along the path. Where axles stand on joints, there is a case for each side of them. A
+    position with no axle on a free element is left out. Raises InputError if the scene is spatial, a point of the path
+    coincides with the one before, or an axle on the path touches no element.
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')

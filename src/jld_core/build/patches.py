@@ -21,9 +21,8 @@ from jld_core.scene.loads import FaceLoad
 def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
     """Return a uniform load on a patch, one traction for each part of an element face below it.
 
-    interfaces: its interfaces, on which no load may act. entry: load with a patch. where: key of the entry in the
-    scene, for error messages. Result: tractions on the parts of the patch. Parts on supports are left out. Raises
-    InputError if the scene is planar, the patch is no plane polygon, or part of it is no free surface.
+    Result: tractions on the parts of the patch. Parts on supports are left out. Raises InputError if the scene is
+    planar, the patch is no plane polygon, or part of it is no free surface.
     """
     key = f"{where}.face.patch"
     corners = _corners(elements, entry, key)
@@ -80,10 +79,7 @@ def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
 
 
 def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
-    """Return a uniform pressure on the whole free surface of a solid, one traction for each free part of a face.
-
-    interfaces: its interfaces, on which no load acts. index: the element. pressure: force per area, positive inwards.
-    """
+    """Return a uniform pressure on the whole free surface of a solid, one traction for each free part of a face."""
     reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
     for loop in elements.faces[index]:
         face = elements.shape[index][list(loop)]
@@ -116,7 +112,7 @@ def _free(
 ) -> shapely.Geometry:
     """Return what the interfaces of an element leave of a part of its face, in the coordinates of `frame`.
 
-    normal: (3,) of the plane through `origin`. reach: distance from the plane within which interfaces lie on it.
+    normal: (3,) of the plane through `origin`.
     """
     for face in np.flatnonzero((interfaces.a == index) | (interfaces.b == index)).tolist():
         outline = interfaces.polygon[face]

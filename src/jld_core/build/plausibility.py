@@ -57,8 +57,8 @@ class Resultant:
 def resultant(loads: Floats, elements: Elements) -> Resultant:
     """Compute the resultant of the generalised forces on the free elements.
 
-    loads: (n, 3) planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids. elements: the n
-    elements. Result: force, moment and line of action, scene units.
+    loads: (n, 3) planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids. Result: force,
+    moment and line of action, scene units.
     """
     free = elements.free
     d = elements.centroid.shape[1]
@@ -137,11 +137,7 @@ def _within(value: float, usual: tuple[float, float]) -> bool:
 
 
 def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "", *, first: bool = False) -> str:
-    """Describe which readings of an implausible number lie within the usual range.
-
-    readings: value of the number in each reading, by words such as "MPa are meant". usual: least and greatest usual
-    value. unit: text after a value. first: mention only the first such reading. Returns "" if there is none.
-    """
+    """Describe which readings of an implausible number lie within the usual range."""
     likely = [f"{value:.4g}{unit} if {how}" for how, value in readings.items() if _within(value, usual)]
     return "".join(f"; {text}" for text in likely[: 1 if first else None])
 

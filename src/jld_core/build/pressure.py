@@ -36,10 +36,9 @@ class Boundary:
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
         """Return load entries of a scene as loads on elements.
 
-        entries: load entries of a scene. key: key of the entries in the scene, for error messages. Result: pressures
-        and loads on fill are tractions on straight pieces of free boundary, in space on free faces. Raises InputError
-        for an unknown element, a support, or a vector of the wrong length; if a pressure names no free boundary, or
-        varies where it has no direction to vary along; if a load stands on fill where there is none.
+        Result: pressures and loads on fill are tractions on straight pieces of free boundary, in space on free faces.
+        Raises InputError for an unknown element, a support, or a vector of the wrong length; if a pressure names no
+        free boundary, or varies where it has no direction to vary along; if a load stands on fill where there is none.
         """
         d = self.elements.centroid.shape[1]
         body = np.zeros((len(self.elements), d))
@@ -67,10 +66,7 @@ class Boundary:
         return Loads(body, couples, points_of(points, d), tuple(tractions))
 
     def _on_fill(self, entry: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface of the fill; raise InputError without fill.
-
-        where: key of the entry.
-        """
+        """Return a load on the surface of the fill; raise InputError without fill."""
         if self.backing is None:
             raise InputError(f"{where}.on_fill", "the scene has no fill", '"fill" with level, density and friction')
         return self.backing.spread(entry, where)
@@ -83,8 +79,7 @@ class Boundary:
     def _around(self, entry: FaceLoad, where: str) -> list[Traction]:
         """Return the tractions of a uniform pressure on the whole free boundary of one element.
 
-        where: key of the entry. Raises InputError for a support or an unknown element, pressure that varies, or no free
-        boundary.
+        Raises InputError for a support or an unknown element, pressure that varies, or no free boundary.
         """
         name, other = entry.face.between or ("", "")
         if other != OUTSIDE or name not in self.elements.index:
@@ -111,10 +106,9 @@ class Boundary:
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[Traction]:
         """Return the tractions of a pressure or line load along a polyline on the free boundary.
 
-        Planar scenes only. entry: supplies the pressures at both ends, between which it is linear. along: points of the
-        polyline. where: key in the scene. Supports get no load. Raises InputError for a spatial scene, coinciding
-        points, or a part of the polyline that is no free boundary.
+        Raises InputError for a spatial scene, coinciding points, or a part of the polyline that is no free boundary.
         """
+        # Planar scenes only.
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
             raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')
         points = np.array(along, dtype=float)
@@ -147,8 +141,7 @@ class Boundary:
     def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
         """Yield the pieces of free boundary along one leg of a polyline.
 
-        start: (2,) first point of the leg. unit: (2,) direction. length: of the leg. A piece is given by its element,
-        its first and last distance along the leg, and True if the edge of the element has the direction of the leg.
+        start: (2,) first point of the leg. unit: (2,) direction.
         """
         reach = self._reach
         ends = np.array([start, start + length * unit])
@@ -167,11 +160,7 @@ class Boundary:
                         yield index, least, most, forward
 
     def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
-        """Yield the ends of each edge of a planar element, with its free intervals.
-
-        index: of the element. A free interval is a pair of points in the direction of the edge, covered by no
-        interface. Edges shorter than `_reach` are left out.
-        """
+        """Yield the ends of each edge of a planar element, with its free intervals."""
         reach = self._reach
         outline = self.elements.shape[index]
         mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
@@ -194,10 +183,6 @@ class Boundary:
             yield first, last, free
 
     def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> Traction:
-        """Return a linear pressure on a straight free piece of an outline (planar).
-
-        index: of the element. start, end: in the direction of the outline, which is counter-clockwise. pressures: at
-        start and end, positive inwards.
-        """
+        """Return a linear pressure on a straight free piece of an outline (planar)."""
         inward = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
         return edge_traction(index, np.array([start, end]), np.outer(pressures, self.thickness * inward))

@@ -18,11 +18,10 @@ _PLANAR: Final = 2  # number of horizontal directions of a planar structure
 def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]:
     """Return one load case for each direction of a push.
 
-    pushes: share of the weight and directions. downwards: (d,) direction of the weights, a unit vector. where: key of
-    the push in the scene, for error messages. Result: load cases in the order of the directions. Names end with the
-    angle of the direction in degrees: planar 0 or 180 where both are horizontal, spatial from the first horizontal axis
-    of the scene. Raises InputError: a planar scene has more than two horizontal directions, or a vector has a wrong
-    length, is zero or occurs twice.
+    downwards: (d,) direction of the weights, a unit vector. Result: load cases in the order of the directions. Names
+    end with the angle of the direction in degrees: planar 0 or 180 where both are horizontal, spatial from the first
+    horizontal axis of the scene. Raises InputError: a planar scene has more than two horizontal directions, or a vector
+    has a wrong length, is zero or occurs twice.
     """
     d = len(downwards)
     first = _first_axis(downwards)

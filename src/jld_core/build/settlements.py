@@ -29,8 +29,8 @@ class Settlement:
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
     """Return the settlements of a scene, in the scene's order.
 
-    scene: scene with settlements. Raises InputError: an element is unknown, is no support, or touches no free element;
-    a vector has the wrong length; or nothing moves.
+    Raises InputError: an element is unknown, is no support, or touches no free element; a vector has the wrong length;
+    or nothing moves.
     """
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
@@ -40,7 +40,7 @@ def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
 def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
     """Return the velocities (n, q) of all elements for one settlement.
 
-    place: index of the settlement. Raises InputError as `settlements_of`.
+    Raises InputError as `settlements_of`.
     """
     elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
     velocity = np.zeros((len(elements), q))

@@ -39,11 +39,10 @@ def find_cells(
 ) -> list[Cell]:
     """Find the cells of a drawing that become elements; cells in openings are left out.
 
-    Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without outlines
-    of free elements they are the cells of the network of lines. paths, snapped: the drawing before and after snapping.
-    size, tolerance: lengths in scene units. notes: receives findings and omissions. Raises InputError where nothing is
-    enclosed, or there are too many cells.
+    Raises InputError where nothing is enclosed, or there are too many cells.
     """
+    # Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without
+    # outlines of free elements they are the cells of the network of lines.
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
     role = [options.role(path.layer) for path in paths]
     outlines = [k for k in kept if paths[k].closed and role[k] != "hole"]
@@ -75,10 +74,7 @@ def find_cells(
 
 
 def say_large(cells: list[Cell], notes: Notes) -> None:
-    """Note the free cells that are far larger than the others, which may be openings.
-
-    cells: named cells with known supports.
-    """
+    """Note the free cells that are far larger than the others, which may be openings."""
     free = [cell for cell in cells if not cell.support]
     areas = np.array([shapely.Polygon(cell.points).area for cell in free])
     if len(free) < _FEW:
@@ -114,11 +110,8 @@ def _outlined(
     size: float,
     notes: Notes,
 ) -> list[Cell]:
-    """Return the cells of closed outlines, cut by the lines that cross them.
-
-    Supports are not cut. An outline around others loses their areas. used: indices into `paths` of the outlines.
-    segments: lines that cut. size: of the drawing, scene units. notes: receives the numbers of cells.
-    """
+    """Return the cells of closed outlines, cut by the lines that cross them."""
+    # Supports are not cut. An outline around others loses their areas.
     cells: list[Cell] = []
     cut = pieces_in_all = 0
     tree = shapely.STRtree(segments) if segments else None
@@ -147,10 +140,8 @@ def _outlined(
 
 
 def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
-    """Map each outline that covers others to the outlines inside it, by their keys.
-
-    The map is empty if any outline crosses itself.
-    """
+    """Map each outline that covers others to the outlines inside it, by their keys."""
+    # The map is empty if any outline crosses itself.
     found: dict[int, list[int]] = {}
     keys, polygons = list(shapes), list(shapes.values())
     if not all(polygon.is_valid for polygon in polygons):
@@ -165,11 +156,7 @@ def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
 def _beside(
     cells: list[Cell], own: list[tuple[shapely.LineString, str]], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells that lines enclose beside closed outlines, with the layer of each.
-
-    cells: those of the outlines. own: lines with their layers; those through the inside of an outline are ignored. A
-    face counts if most of its boundary lies on lines and it is connected to the outlines. size: of the drawing.
-    """
+    """Return the cells that lines enclose beside closed outlines, with the layer of each."""
     shapes = [shape for shape in (shapely.Polygon(cell.points) for cell in cells) if shape.is_valid]
     if not own or not shapes:
         return []
@@ -199,10 +186,7 @@ def _beside(
 
 
 def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
-    """Drop the faces that are not connected to an area, directly or through other faces.
-
-    faces: polygons with their layers. covered: the area.
-    """
+    """Drop the faces that are not connected to an area, directly or through other faces."""
     shapes = [face for face, _ in faces]
     reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()
     tree, pending = shapely.STRtree(shapes), list(reached)
@@ -216,10 +200,7 @@ def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry
 def _count_unused(
     segments: list[shapely.LineString], layers: list[str], cells: list[Cell], reach: float, notes: Notes
 ) -> None:
-    """Note by layer how many lines bound no cell, and so have no effect.
-
-    reach: distance within which a line lies on a boundary, scene units.
-    """
+    """Note by layer how many lines bound no cell, and so have no effect."""
     edges = [shapely.LinearRing(cell.points) for cell in cells]
     tree = shapely.STRtree(edges)
     unused: Counter[str] = Counter()
@@ -250,11 +231,7 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Return the indices of outlines without those drawn twice; the first of equal ones stays.
-
-    outlines: indices into `paths`. Two outlines are equal if they have the same snapped corners in any order. notes:
-    receives the number left out.
-    """
+    """Return the indices of outlines without those drawn twice; the first of equal ones stays."""
     seen: dict[bytes, int] = {}
     kept = []
     for k in outlines:
@@ -271,10 +248,8 @@ def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, 
 def _network(
     segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells enclosed by a network of lines, from below to above.
-
-    A cell is a support where more than half of its boundary lies on support lines.
-    """
+    """Return the cells enclosed by a network of lines, from below to above."""
+    # A cell is a support where more than half of its boundary lies on support lines.
     noded = shapely.node(shapely.MultiLineString(segments))
     cells, _, _, invalid = shapely.polygonize_full([noded])
     notes.skip("rings", len(invalid.geoms), "they cross themselves")
@@ -302,10 +277,7 @@ def _pieces(face: shapely.Polygon, layer: str) -> list[Cell]:
 
 
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], layer: str, size: float) -> list[Cell]:
-    """Cut an outline by lines; return its cells, lowest first, or none if no line crosses.
-
-    size: of the drawing, relative to which tiny lines and cells are ignored.
-    """
+    """Cut an outline by lines; return its cells, lowest first, or none if no line crosses."""
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
@@ -338,9 +310,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) -> Faces:
     """Return a plane face as loops of corners without holes, in the sense of its outline.
 
-    points: (k, 3). loops: indices of corners, of the outline and of each hole in any order and sense; the largest is
-    the outline. title: words for the solid in messages. The face itself where it has no hole, else triangles between
-    its own corners. Raises InputError where a hole reaches beyond the outline, or they lie in no common plane.
+    points: (k, 3). Raises InputError where a hole reaches beyond the outline, or they lie in no common plane.
     """
     if len(loops) == 1:
         return (tuple(loops[0]),)
@@ -382,8 +352,7 @@ def hardly_meant(size: float) -> bool:
 def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
     """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
 
-    size: largest extent, scene units. outlines: (k, 2) corners of each free element. unit: unit of the scene. drawn_in:
-    unit of the file, of which size and outlines were converted.
+    outlines: (k, 2) corners of each free element.
     """
     if unit != "m" or not outlines:
         return

@@ -41,12 +41,11 @@ _LEAST, _MOST_SIZE = 1e-12, 1e12
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
     """Convert the content of a planar drawing to a scene document.
 
-    The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports, labels
-    and loads. Decisions are added to `notes`, and the result holds them as its report.
-
     Raises InputError if nothing can become an element, or a support is missing. It also does so for an invalid unit,
     size or load, and for more than `MOST` corners or cells.
     """
+    # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
+    # labels and loads. Decisions are added to `notes`, and the result holds them as its report.
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
     paths = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
@@ -123,11 +122,9 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
 
 
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
-    """Return the default snapping tolerance of a drawing, scene units.
-
-    It is at least a tiny share of the size. It grows with the median edge, up to a larger share of the size. Drawings
-    written by jld use the tiny share alone.
-    """
+    """Return the default snapping tolerance of a drawing, scene units."""
+    # It is at least a tiny share of the size. It grows with the median edge, up to a larger share of the size. Drawings
+    # written by jld use the tiny share alone.
     if drawing.facts:
         return SNAP * size
     ends = [
@@ -139,10 +136,7 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
 
 
 def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note number and largest displacement of moved corners, and the collapsed paths.
-
-    tolerance: scene units. scale: scene units per unit of the drawing, `drawn_in`, which the notes use.
-    """
+    """Note number and largest displacement of moved corners, and the collapsed paths."""
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:
@@ -152,10 +146,8 @@ def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: st
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
-    """Name the cells: by a text on a name layer inside, else by the outline, else by number.
-
-    The names of `cells` are changed. Of equal names the first one stays, others become numbers.
-    """
+    """Name the cells: by a text on a name layer inside, else by the outline, else by number."""
+    # The names of `cells` are changed. Of equal names the first one stays, others become numbers.
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
@@ -178,9 +170,9 @@ def _support(
 ) -> None:
     """Mark the cells that are supports: by layer, by a support mark inside, or as lowest.
 
-    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. size, tolerance: of the
-    drawing, scene units. Raises InputError if no cell, or every cell, is a support.
+    Raises InputError if no cell, or every cell, is a support.
     """
+    # Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
     shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -198,7 +190,7 @@ def _support(
 def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
     """Raise InputError where no element is a support, or every element is one.
 
-    support: True for each element that is a support. options: options of the import, named in the message.
+    support: True for each element that is a support.
     """
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
@@ -210,7 +202,7 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
 def _element(cell: Cell, size: float) -> dict[str, Any]:
     """Return the scene entry of a cell, with corners in straight edges removed.
 
-    The points of the cell are changed to match, counter-clockwise. size: of the drawing, scene units.
+    The points of the cell are changed to match, counter-clockwise.
     """
     # corners of neighbours in straight edges were needed for cutting; the element does not need them
     cell.points = straight(cell.points)
@@ -224,12 +216,9 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene.
-
-    The result is "labels" with pairs of elements. It is "interfaces" with all of them if two faces of one pair have
-    different labels. It is empty without such lines or contacts. reach: distance within which an interface lies on a
-    line, scene units.
-    """
+    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene."""
+    # The result is "labels" with pairs of elements. It is "interfaces" with all of them if two faces of one pair have
+    # different labels. It is empty without such lines or contacts.
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):
         role = options.role(path.layer)

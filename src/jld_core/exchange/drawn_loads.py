@@ -108,14 +108,12 @@ def drawn_loads(
 ) -> dict[str, Any]:
     """Return the entry "loads" of a scene from the lines, points and texts of a drawing.
 
-    A line on a load layer is a force that ends at its point of application. The nearest text states its magnitude;
-    without one it is 1. A text with a load per length or area makes the line a pressure along the edge that it lies on.
-    Any other text is a force at its place: two components, or one magnitude downwards. A force acts on the nearest free
-    cell. Two or more numbered load layers are load cases. Keys without loads are left out.
-
-    paths, marks: lines, and points or texts, in scene units. drawing: source of the force unit and of stored loads.
-    notes: receives what was found and assumed. Raises InputError for a text that is no force.
+    Raises InputError for a text that is no force.
     """
+    # A line on a load layer is a force that ends at its point of application. The nearest text states its magnitude;
+    # without one it is 1. A text with a load per length or area makes the line a pressure along the edge that it lies
+    # on. Any other text is a force at its place: two components, or one magnitude downwards. A force acts on the
+    # nearest free cell. Two or more numbered load layers are load cases. Keys without loads are left out.
     unit = str(drawing.facts.get("units", {}).get("force", "N"))
     loads = _Loads(structure, unit, notes)
     live = [layer for layer in _layers(paths, marks) if options.role(layer) == "load"]
@@ -165,8 +163,7 @@ class _Loads:
     def of(self, paths: list[Path], marks: list[Mark], layers: list[str], kind: str) -> list[dict[str, Any]]:
         """Return the entries of lines, points and texts on some layers, and note each.
 
-        kind: of the forces ("live", "dead", a load case), for the report. Raises InputError for a text that is no
-        force.
+        Raises InputError for a text that is no force.
         """
         texts = [mark for mark in marks if mark.layer in layers and mark.text]
         entries: list[dict[str, Any]] = []
@@ -190,10 +187,7 @@ class _Loads:
         return entries
 
     def _along(self, path: Path, mark: Mark | None, kind: str) -> dict[str, Any]:
-        """Return the entry of a line: a pressure for a load per length or area, else a force.
-
-        mark: its text, None for none. kind: as for `of`.
-        """
+        """Return the entry of a line: a pressure for a load per length or area, else a force."""
         start, end = path.points[0, :2], path.points[-1, :2]
         if mark is None:
             self._notes.assumed.append(f"a force of 1 {self._unit} along a line on layer {path.layer}: it has no text")
@@ -211,7 +205,7 @@ class _Loads:
     def _written(self, mark: Mark, *, distributed: bool) -> WrittenForce:
         """Parse the text of a mark, and note a missing unit.
 
-        distributed: a load per length or area is possible. Raises InputError for a text that is no force.
+        Raises InputError for a text that is no force.
         """
         try:
             written = parse_force(mark.text or "", self._unit, distributed=distributed)
@@ -222,11 +216,8 @@ class _Loads:
         return written
 
     def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> dict[str, Any]:
-        """Return the load entry of a point force on the free element nearest to `at`; report it.
-
-        The first of equally near elements is taken. force: components in the unit of the drawing. source: text or arrow
-        that states it, kind: "live", "dead" or a load case; both for the line in `Notes.found`.
-        """
+        """Return the load entry of a point force on the free element nearest to `at`; report it."""
+        # The first of equally near elements is taken.
         point = shapely.Point(at)
         chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))
         name = self._cells[chosen].name
@@ -268,8 +259,7 @@ class _Loads:
 def _nearest(texts: list[Mark], start: Floats, end: Floats, taken: set[int]) -> int | None:
     """Return the index of the unused text nearest to a line, None if all are too far.
 
-    A text may be at most the length of the line away. start, end: (2,) ends of the line. taken: indices of texts that
-    other lines use.
+    A text may be at most the length of the line away. start, end: (2,) ends of the line.
     """
     line = shapely.LineString([start, end])
     away = [(line.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]

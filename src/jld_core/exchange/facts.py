@@ -41,10 +41,7 @@ def document_of(layout: Layout) -> dict[str, Any]:
 
 
 def scene_of(layout: Layout, *, interfaces: bool = False) -> dict[str, Any]:
-    """Return all scene data of a layout that a file with every element under its id does not draw.
-
-    interfaces: store all interfaces with their values. They are always stored where the scene states them.
-    """
+    """Return all scene data of a layout that a file with every element under its id does not draw."""
     layout = layout.drawn_from or layout
     facts = {key: value for key, value in document_of(layout).items() if key not in _DRAWN}
     if layout.assembly.dimension == 2:
@@ -73,10 +70,7 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
     names = _names(layout, cells)
 
     def carried(loads: dict[str, Any], parsed: Loads | Case) -> dict[str, Any]:
-        """Return "live" and "dead" of a load entry, converted for the file.
-
-        loads: entry as plain data. parsed: the same entry as an object.
-        """
+        """Return "live" and "dead" of a load entry, converted for the file."""
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
         given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
         return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
@@ -97,10 +91,7 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
 
 
 def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], layout: Layout) -> list[dict[str, Any]]:
-    """Replace pressures in load entries by the forces and moments that they add up to.
-
-    entries: load entries as plain data. parsed: the same loads as objects.
-    """
+    """Replace pressures in load entries by the forces and moments that they add up to."""
     assembly = layout.assembly
     boundary = Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
     found = []
@@ -117,10 +108,8 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
-    """Return a function from the id of a loaded element to its name in the file.
-
-    It raises InputError for an element whose block holds a support: the import refuses loads on supports too.
-    """
+    """Return a function from the id of a loaded element to its name in the file."""
+    # It raises InputError for an element whose block holds a support: the import refuses loads on supports too.
     if cells:
         return lambda name: name
     index, blocks = layout.assembly.elements.index, layout.blocks
@@ -139,7 +128,7 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
     """Return a load entry with the names and the dimension of the file.
 
-    names: from an element's id to its name in the file. lift: True if a planar scene is extruded.
+    lift: True if a planar scene is extruded.
     """
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
@@ -177,11 +166,9 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
-    """Return all interfaces of a layout as entries of "interfaces" in a scene.
-
-    Each entry states its two elements, polygon and label. It also holds the strengths and friction that the scene
-    states for this interface alone.
-    """
+    """Return all interfaces of a layout as entries of "interfaces" in a scene."""
+    # Each entry states its two elements, polygon and label. It also holds the strengths and friction that the scene
+    # states for this interface alone.
     layout = layout.drawn_from or layout
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
@@ -198,11 +185,9 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Map each stated interface to the values by which it overrides the materials.
-
-    Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly holds
-    neither low values of a spread nor which key was given.
-    """
+    """Map each stated interface to the values by which it overrides the materials."""
+    # Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly
+    # holds neither low values of a spread nor which key was given.
     if not scene.interfaces:
         return {}
     geometry = build_geometry(scene)
@@ -220,10 +205,7 @@ def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]
 
 
 def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
-    """Return what a scene states and a file of a format does not keep, as keys of the scene.
-
-    kind: key of `FORMATS`. cells: every element is written, not every block.
-    """
+    """Return what a scene states and a file of a format does not keep, as keys of the scene."""
     form, state = formats()[kind], (layout.assembly.dimension, cells)
     if state in form.whole:
         return []
@@ -327,11 +309,9 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step, from 1, in which each block is laid, by the block's index.
-
-    The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts that an assembly
-    sequence does not model, and for those with too many blocks.
-    """
+    """Return the step, from 1, in which each block is laid, by the block's index."""
+    # The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts that an assembly
+    # sequence does not model, and for those with too many blocks.
     if sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}
     sideways = layout.scene.search.assemble_out_of_plane

@@ -92,9 +92,9 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Parse one number with its name and unit, matched by `_FORCE`.
 
-    Returns the name ("" without one), the value in `unit`, and True if the text gives a unit. Raises InputError as
-    `parse_force`.
+    Raises InputError as `parse_force`.
     """
+    # Returns the name ("" without one), the value in `unit`, and True if the text gives a unit.
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
@@ -118,8 +118,7 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
 def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
     """Combine the parsed numbers of a text into one magnitude or all components of a force.
 
-    parts: results of `_part`. dimension: 2 or 3 components; named ones that are missing are 0. Raises InputError as
-    `parse_force`.
+    Raises InputError as `parse_force`.
     """
     if len(parts) > dimension:
         raise _refused(text, f"it has {len(parts)} numbers")

@@ -195,10 +195,8 @@ class Layout:
         return found
 
     def _shapes(self) -> list[int]:
-        """Return the shape number of each block: from 1, equal for equal shapes; 0 for supports.
-
-        Supports are blocks without a free element. Planar blocks may be mirrored (turned over), spatial ones may not.
-        """
+        """Return the shape number of each block: from 1, equal for equal shapes; 0 for supports."""
+        # Supports are blocks without a free element. Planar blocks may be mirrored (turned over), spatial ones may not.
         elements = self.assembly.elements
         planar = self.assembly.dimension == 2
         chosen = [k for k, one in enumerate(self.members) if not elements.support[one].all()]

@@ -31,8 +31,7 @@ _LARGEST: Final = 64 * 1024 * 1024  # largest size of a file, bytes; parsers nee
 def library(name: str, path: Path) -> Any:
     """Import an optional library and return its module.
 
-    name: a key of `EXTRAS`. path: file that needs it, for the message. Raises InputError that names the extra to
-    install where the library is missing.
+    Raises InputError that names the extra to install where the library is missing.
     """
     try:
         return import_module(name)
@@ -75,8 +74,7 @@ def text_of(path: Path) -> str:
 def parsing(kind: str, expected: str) -> Iterator[None]:
     """Make the calls inside this context raise InputError for a file that cannot be parsed.
 
-    Any exception is converted; an InputError stays as it is. kind: name of the format, for the message. expected: what
-    the message asks for.
+    Any exception is converted; an InputError stays as it is.
     """
     try:
         yield
@@ -107,12 +105,8 @@ def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, 
 
 
 def in_own_process(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
-    """Call a function of a module in a process of its own and return its result.
-
-    A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
-    seconds: time after which the process is ended. Raises what the function raises, and InputError where the process
-    does not end in time or ends without a result.
-    """
+    """Call a function of a module in a process of its own and return its result."""
+    # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
     again = "a file that its program opens and saves again"
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
         made = Path(folder) / "made"
@@ -210,7 +204,7 @@ def reading(path: Path) -> Iterator[None]:
 def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | Solids:
     """Read a file by the ending of its name: the paths of a drawing, or solids.
 
-    notes: receives what was found and skipped. Raises InputError for an unknown kind and what its reader refuses.
+    Raises InputError for an unknown kind and what its reader refuses.
     """
     ending = path.suffix.lower().lstrip(".")
     kinds = readers()

@@ -204,10 +204,7 @@ class Notes:
     largest: float = 0.0
 
     def skip(self, what: str, count: int, why: str) -> None:
-        """Add a sentence about things that were left out; do nothing for a count of 0.
-
-        what: name of the things in the plural. count: their number. why: reason.
-        """
+        """Add a sentence about things that were left out; do nothing for a count of 0."""
         if count:
             self.skipped.append(f"{count} {what}: {why}")
 
@@ -224,37 +221,24 @@ class Notes:
 
 
 def rounded(points: Floats, size: float) -> list[list[float]]:
-    """Convert an array of points (k, d) to nested lists, with rounding errors set to zero.
-
-    size: size of the drawing. Coordinates below 1e-15 of it become 0.
-    """
+    """Convert an array of points (k, d) to nested lists, with rounding errors set to zero."""
     cleaned: list[list[float]] = np.where(np.abs(points) < _ZERO * size, 0.0, points).tolist()
     return cleaned
 
 
 def several(count: int, word: str, plural: str | None = None) -> str:
-    """Return a number with its noun, such as "1 arc" or "3 arcs".
-
-    plural: plural of the noun; None for one with an "s".
-    """
+    """Return a number with its noun, such as "1 arc" or "3 arcs"."""
     return f"{count} {word if count == 1 else plural or word + 's'}"
 
 
 def listed(names: Iterable[str], most: int = 6) -> str:
-    """Join the first names by commas, and state how many more there are.
-
-    most: largest number of names that are written.
-    """
+    """Join the first names by commas, and state how many more there are."""
     every = list(names)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
 def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
-    """Return True if a load entry of another scene can be used in this one.
-
-    ids: elements of this scene, among which a load on an element must be. dimension: that of this scene, which vectors
-    must have.
-    """
+    """Return True if a load entry of another scene can be used in this one."""
     if "face" in entry:
         return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
     vector = entry.get("body") or entry.get("force") or []
@@ -262,12 +246,9 @@ def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
-    """Add materials and a live load to a scene document that lacks them, and return it.
-
-    They come from `options.like` if given, together with its search and units. Otherwise they are `DEFAULT_MATERIALS`
-    and a horizontal body load. Each assumption is added to `notes`. The document is changed in place. dimension: 2 or
-    3.
-    """
+    """Add materials and a live load to a scene document that lacks them, and return it."""
+    # They come from `options.like` if given, together with its search and units. Otherwise they are `DEFAULT_MATERIALS`
+    # and a horizontal body load. Each assumption is added to `notes`. The document is changed in place.
     like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)

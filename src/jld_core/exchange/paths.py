@@ -70,11 +70,9 @@ class _Arc:
 
 
 def without_repeats(path: Path, same: float) -> Path:
-    """Return a path that ends where it comes back to its start.
-
-    An open path that comes back to its start is closed. A path that goes on past its start along its own first edges,
-    as A B C D A B, ends at the start. same: distance within which points are equal.
-    """
+    """Return a path that ends where it comes back to its start."""
+    # An open path that comes back to its start is closed. A path that goes on past its start along its own first edges,
+    # as A B C D A B, ends at the start.
     points = path.points
     count = len(points)
     back = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same
@@ -91,8 +89,7 @@ def without_repeats(path: Path, same: float) -> Path:
 def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
     """Return True if a point lies on the straight edge that ends at corner `step` of a ring.
 
-    ring: (k, 3) as `Path.points`; the number of the corner is taken modulo k. same: distance within which the point
-    lies on the edge. False for an arc.
+    ring: (k, 3) as `Path.points`; the number of the corner is taken modulo k.
     """
     start, end = ring[(step - 1) % len(ring)], ring[step % len(ring)]
     along = end[:2] - start[:2]
@@ -106,8 +103,7 @@ def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
 def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
     """Return points (k, 3) of x, y and bulge along an arc, as rows of a `Path`.
 
-    centre: (x, y). radius: a length. first, sweep: begin and extent, radians, positive counter-clockwise. The arc is
-    divided into parts of at most half a turn. The last point has bulge 0.
+    centre: (x, y).
     """
     parts = max(1, int(np.ceil(abs(sweep) / np.pi - 1e-12)))
     angles = first + sweep * np.arange(parts + 1) / parts
@@ -119,8 +115,7 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
 
-    facet: largest distance between an arc and its chord. same: distance within which two circles are equal. Both are
-    lengths. Raises InputError where all circles together have excessively many arcs.
+    Raises InputError where all circles together have excessively many arcs.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:
@@ -170,9 +165,9 @@ def _step(radius: float, facet: float) -> float:
 def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     """Return ascending angles (j,) that divide a circle at the ends of its arcs and between.
 
-    The steps between two ends are equal, so that the division has every symmetry of the ends. stops: (k,) angles of the
-    ends, radians. facet: largest distance of a chord from the circle. same: distance within which two ends are equal.
+    stops: (k,) angles of the ends, radians.
     """
+    # The steps between two ends are equal, so that the division has every symmetry of the ends.
     apart = max(same / radius, 1e-9)
     ends = np.sort(np.mod(stops, 2.0 * np.pi))
     ends = ends[np.concatenate([[True], np.diff(ends) > apart])]
@@ -190,10 +185,7 @@ def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
 
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
-    """Return the arcs of a path; edges with a bulge below 1e-9 are straight.
-
-    number: index of the path, which the arcs hold.
-    """
+    """Return the arcs of a path; edges with a bulge below 1e-9 are straight."""
     found = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):

@@ -43,10 +43,10 @@ def _rows(text: str, mark: str) -> Iterator[list[str]]:
 def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     """Read the polygons of a CSV file, one corner per line, as closed paths of a drawing.
 
-    Columns are id, x, y and optionally layer and support, separated by commas, semicolons or tabs. Lines of one id form
-    a polygon; it is on layer "support" where its column support means true. notes: receives the number of polygons.
     Raises InputError that names the wrong line or element.
     """
+    # Columns are id, x, y and optionally layer and support, separated by commas, semicolons or tabs. Lines of one id
+    # form a polygon; it is on layer "support" where its column support means true.
     text = text_of(path)
     first = text.splitlines()[0]
     mark = max(",;\t", key=first.count)

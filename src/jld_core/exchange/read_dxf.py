@@ -30,9 +30,8 @@ FACTS: Final = "jld"
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
     """Read the model space of a DXF file as a drawing, or as solids where it holds meshes.
 
-    Both are in the unit of the file. options: layers and accuracy of curves. notes: receives what
-    was found and skipped. Raises InputError where the file is not DXF or broken, ezdxf is missing, or nested blocks
-    hold too much.
+    Both are in the unit of the file. Raises InputError where the file is not DXF or broken, ezdxf is missing, or nested
+    blocks hold too much.
     """
     ezdxf = library("ezdxf", path)
     readable(path)
@@ -117,10 +116,7 @@ class _Reader:
         return {key: value for key, value in found.items() if key in STORED}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
-        """Read one entity; count it as unread if there is no reader or nothing usable in it.
-
-        layer: layer of the block reference that contains it, which replaces layer 0; None outside blocks.
-        """
+        """Read one entity; count it as unread if there is no reader or nothing usable in it."""
         own = str(entity.dxf.get("layer", "0"))
         layer = layer if layer is not None and own == "0" else own
         kind = entity.dxftype()
@@ -146,10 +142,8 @@ class _Reader:
         return bool(found.is_off()), bool(found.is_frozen())
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
-        """Read a block reference: as a mark on a load layer, else by the entities of its block.
-
-        An attribute id or name names the outline if the block has only one. depth: of nesting.
-        """
+        """Read a block reference: as a mark on a load layer, else by the entities of its block."""
+        # An attribute id or name names the outline if the block has only one.
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
@@ -174,8 +168,7 @@ class _Reader:
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
         """Add a path; return False if it is inclined, or has too few points.
 
-        points: (k, 3) x, y and bulge. holes: outlines of the same form. side: as of `_side`; a path seen from below is
-        mirrored. Raises InputError for coordinates that are not finite, and for too many lines.
+        points: (k, 3) x, y and bulge. Raises InputError for coordinates that are not finite, and for too many lines.
         """
         if side == 0:
             return False
@@ -290,10 +283,8 @@ class _Reader:
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
-        """Return a hatch boundary as (k, 3) rows x, y, bulge; None if empty or with other curves.
-
-        The bulge is the tangent of a quarter of the angle of the arc to the next point.
-        """
+        """Return a hatch boundary as (k, 3) rows x, y, bulge; None if empty or with other curves."""
+        # The bulge is the tangent of a quarter of the angle of the arc to the next point.
         if hasattr(path, "vertices"):
             return np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
         pieces: list[Any] = []

@@ -30,8 +30,7 @@ from jld_core.geometry.unions import Surface, extrude, union_outlines, union_sol
 def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     """Read the solids of an OBJ, PLY or STL file: one per group or closed part.
 
-    notes: receives the number of groups. Raises InputError where the file is broken, holds no faces or too many, or
-    meshio is missing.
+    Raises InputError where the file is broken, holds no faces or too many, or meshio is missing.
     """
     meshio = library("meshio", path)
     kind = path.suffix.lower().lstrip(".")
@@ -58,7 +57,7 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
 def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
     """Split the faces of one group, named `name` or "", into solids with names.
 
-    points: (n, 3) of the file. faces: loops of indices. Raises InputError for a face with a vertex that does not exist.
+    points: (n, 3) of the file. Raises InputError for a face with a vertex that does not exist.
     """
     if not faces:
         return []
@@ -124,9 +123,9 @@ def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
 def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
     """Read points (n, 3) and triangles by solid of an STL file; a binary one has one solid.
 
-    meshio would lose the names, and cannot read some files written by trimesh. Raises InputError for an incomplete text
-    file.
+    Raises InputError for an incomplete text file.
     """
+    # meshio would lose the names, and cannot read some files written by trimesh.
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
@@ -156,10 +155,8 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _refuse_counts(kind: str, data: bytes) -> None:
-    """Raise InputError for too many faces, or counts in a header that the file cannot hold.
-
-    No memory is allocated for them. kind: "obj", "ply" or "stl".
-    """
+    """Raise InputError for too many faces, or counts in a header that the file cannot hold."""
+    # No memory is allocated for them.
     size = len(data)
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
@@ -207,10 +204,7 @@ def _title(name: str, support: bool) -> str:
 
 
 def obj_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of an OBJ file with one group of polygonal faces per solid.
-
-    cells: write every element, not every block. Names of supports contain "support", so that a later import finds them.
-    """
+    """Return the text of an OBJ file with one group of polygonal faces per solid."""
     lines = [f"# {layout.assembly.name}, lengths in {layout.assembly.units[0]}, z up; written by jld"]
     start = 1
     for name, support, surface in solids_of(layout, cells=cells):
@@ -222,10 +216,7 @@ def obj_text(layout: Layout, *, cells: bool) -> str:
 
 
 def stl_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of an ASCII STL file with one named solid of triangles per block.
-
-    cells: write every element, not every block. Coordinates keep all digits.
-    """
+    """Return the text of an ASCII STL file with one named solid of triangles per block."""
     lines = []
     for name, support, surface in solids_of(layout, cells=cells):
         title = _title(name, support)
@@ -243,11 +234,7 @@ def stl_text(layout: Layout, *, cells: bool) -> str:
 
 
 def ply_text(layout: Layout, *, cells: bool) -> str:
-    """Return the text of an ASCII PLY file of polygonal faces, solid after solid.
-
-    cells: write every element, not every block. PLY has no groups: comments state the names of the solids in their
-    order.
-    """
+    """Return the text of an ASCII PLY file of polygonal faces, solid after solid."""
     points: list[str] = []
     faces: list[str] = []
     names = []

@@ -39,12 +39,10 @@ _SAME_SCALE: Final = 1e-3
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     """Read the shapes and texts of an SVG file as a drawing in the file's own units.
 
-    The y axis is turned upwards. The name of the innermost named group is the layer. Where page size and viewBox state
-    a unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file. options:
-    unit and accuracy of curves.
-    notes: receives what was found and skipped. Raises InputError where the file is not SVG, is broken or excessive, or
-    defines XML entities.
+    Raises InputError where the file is not SVG, is broken or excessive, or defines XML entities.
     """
+    # The y axis is turned upwards. The name of the innermost named group is the layer. Where page size and viewBox
+    # state a unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file.
     svg = library("svgelements", path)
     text = text_of(path)
     if re.search(r"<!ENTITY", text, flags=re.I):
@@ -88,10 +86,8 @@ def _expanded(root: ElementTree.Element) -> int:
 
 
 def _stated_unit(text: str) -> tuple[float, str] | None:
-    """Return length and unit of one unit of the viewBox, as the page of an SVG states it.
-
-    It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
-    """
+    """Return length and unit of one unit of the viewBox, as the page of an SVG states it."""
+    # It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
     tag = re.search(r"<svg\b[^>]*>", text)
     page = {key: value[1:-1] for key, value in re.findall(_PAGE, tag[0] if tag else "")}
     sides = [_LENGTH.fullmatch(page.get(key, "")) for key in ("width", "height")]
@@ -109,10 +105,7 @@ def _stated_unit(text: str) -> tuple[float, str] | None:
 
 
 def _in_stated_unit(drawing: Drawing, stated: tuple[float, str] | None) -> Drawing:
-    """Convert a drawing to the unit that its page states.
-
-    stated: length of one unit of the file, and the unit; None for no unit.
-    """
+    """Convert a drawing to the unit that its page states."""
     if stated is None:
         return drawing
     scale, unit = stated
@@ -165,10 +158,8 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed.
-
-    The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
-    """
+    """Return rows (k, 3) of x, y and bulge of one subpath, and True if it is closed."""
+    # The y axis points upwards. Arcs of circles are kept; other curves become chords within the facet tolerance.
     found: list[tuple[float, float, float]] = []
     closed = False
     for segment in path:
@@ -207,10 +198,8 @@ def _halves(arc: Any) -> list[tuple[float, float, float]]:
 
 
 def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
-    """Return points inside a curve, doubled until all chords meet the facet tolerance.
-
-    Doubling ends at 2048 chords, even where these do not meet it.
-    """
+    """Return points inside a curve, doubled until all chords meet the facet tolerance."""
+    # Doubling ends at 2048 chords, even where these do not meet it.
     number = 8
     while number < 4096:
         points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])

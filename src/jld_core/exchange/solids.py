@@ -37,8 +37,7 @@ def given_contacts(
 ) -> list[dict[str, Any]]:
     """Convert interfaces stated by a file to scene entries, projected onto best-fit planes.
 
-    contacts: (name, name, corners (k, 3)) in file units. names: ids in the scene by those names. scale: scene units per
-    file unit. size: of the structure, scene units.
+    contacts: (name, name, corners (k, 3)) in file units.
     """
     entries = []
     for a, b, corners in contacts:
@@ -51,10 +50,7 @@ def given_contacts(
 
 
 def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> list[SpatialContact]:
-    """Find the contacts between solids; note their number, and pairs with several contacts.
-
-    vertices, faces: of each solid. A label given to a pair holds for all its contacts.
-    """
+    """Find the contacts between solids; note their number, and pairs with several contacts."""
     lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
     pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
     contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
@@ -75,8 +71,7 @@ def labels_of(
 ) -> dict[str, list[list[str]]]:
     """Return the labels of pairs of solids on whose contacts a face with a label is drawn.
 
-    drawn: role "dry" or "inner", and corners (k, 3). reach: largest distance between the centroids of a contact and of
-    the face drawn on it. Raises InputError where a pair has faces with different labels.
+    drawn: role "dry" or "inner", and corners (k, 3). Raises InputError where a pair has faces with different labels.
     """
     found: dict[tuple[str, str], str] = {}
     lost = 0
@@ -106,9 +101,10 @@ def solid_loads(
 ) -> dict[str, Any]:
     """Return the entry "loads" of a scene from the marks of a spatial file, scene units.
 
-    A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
-    nearest one. A force acts on the free element whose box is nearest. Raises InputError for a text that is no force.
+    Raises InputError for a text that is no force.
     """
+    # A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
+    # nearest one. A force acts on the free element whose box is nearest.
     loads: dict[str, Any] = {}
     for role, key in (("load", "live"), ("dead", "dead")):
         own = [mark for mark in marks if options.role(mark.layer) == role]
@@ -142,9 +138,9 @@ def _written(mark: SolidMark) -> Floats:
 def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
     """Return the force (3,) of an arrow: the magnitude of its text along its direction.
 
-    The text is its own or the nearest one, at most its length from its middle. texts: marks with a text. taken: indices
-    of used texts, to which one is added. Raises InputError without a text, and for one that is no magnitude.
+    Raises InputError without a text, and for one that is no magnitude.
     """
+    # The text is its own or the nearest one, at most its length from its middle.
     tail = mark.at if mark.tail is None else mark.tail
     along = mark.at - tail
     length = float(np.linalg.norm(along))
@@ -168,9 +164,9 @@ def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
 def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], supports: list[bool]) -> dict[str, Any]:
     """Return the load entry of a force on the nearest free element, by bounding boxes.
 
-    Of equally near elements the smallest one is taken. force, at: (3,) vector and place. names, vertices, supports: of
-    all elements.
+    force, at: (3,) vector and place.
     """
+    # Of equally near elements the smallest one is taken.
 
     def away(k: int) -> tuple[float, float, int]:
         low, high = vertices[k].min(axis=0), vertices[k].max(axis=0)
@@ -233,8 +229,7 @@ def _size(vertices: list[Floats]) -> float:
 def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
     """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
-    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`. near: height above it
-    that still counts as lowest.
+    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
     """
     low = min(float(v[:, 2].min()) for v in vertices)
     return [
@@ -248,10 +243,10 @@ def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions,
 def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
     """Convert the solids of a file to a spatial scene document.
 
-    Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
-    to `notes`, and the result holds them as its report. Raises InputError where there is no solid, an open solid, no
-    support, or more content than a structure has.
+    Raises InputError where there is no solid, an open solid, no support, or more content than a structure has.
     """
+    # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
+    # to `notes`, and the result holds them as its report.
     parts = found.parts
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
@@ -314,10 +309,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
-    """Note how many vertices were moved, and how far, in the unit of the file.
-
-    tolerance: scene units. scale: scene units per unit of the file.
-    """
+    """Note how many vertices were moved, and how far, in the unit of the file."""
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
         said = f"by at most {snapped.largest / scale:.3g} {unit}; tolerance {tolerance / scale:.3g} {unit}"
@@ -327,8 +319,9 @@ def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: st
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
     """Return scene units per file unit, the scene's unit of length, and that of the file.
 
-    The second is None where stored facts state it, and where no unit is known. Raises InputError for an unknown unit.
+    Raises InputError for an unknown unit.
     """
+    # The second is None where stored facts state it, and where no unit is known.
     given = options.unit or found.unit
     if given is not None and given not in METRES:
         raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
@@ -376,10 +369,8 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _triangulated(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles.
-
-    A face with the same corners is split in the same way in every solid.
-    """
+    """Split faces that are not plane into triangles."""
+    # A face with the same corners is split in the same way in every solid.
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -410,10 +401,8 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces.
-
-    Solids with a piece that has holes keep their faces.
-    """
+    """Merge coplanar faces of solids to one face per plane piece; return vertices and faces."""
+    # Solids with a piece that has holes keep their faces.
     facets = facets_of(list(vertices), list(faces))
     start = np.searchsorted(facets.element, np.arange(len(vertices) + 1))
     merged_vertices, merged_faces = [], []
@@ -437,12 +426,11 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
     """Split the faces of a mesh into solids, as arrays (k,) of face indices.
 
-    points: (n, 3) corners. faces: loops of corner indices. tolerance: length within which corners are equal.
-
-    Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid ends
-    where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are connected.
-    Raises InputError where touching solids cannot be told apart.
+    points: (n, 3) corners. Raises InputError where touching solids cannot be told apart.
     """
+    # Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid
+    # ends where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are
+    # connected.
     loose = _connected(faces)
     if all(_closed(faces, part) for part in loose):
         return loose

@@ -35,9 +35,9 @@ _CHUNK: Final = 200  # largest number of characters per custom property
 def write_dxf(layout: Layout, path: Path, *, cells: bool = False) -> None:
     """Write a DXF file of a layout: planar outlines and faces, or in space a mesh per block.
 
-    A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads. Raises InputError
-    if ezdxf is missing or a planar scene has "materials.faces".
+    Raises InputError if ezdxf is missing or a planar scene has "materials.faces".
     """
+    # A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads.
     ezdxf = library("ezdxf", path)
     document = ezdxf.new(setup=True)
     document.header["$INSUNITS"] = _UNITS.get(layout.assembly.units[0], 0)
@@ -137,9 +137,10 @@ def _escaped(text: str) -> str:
 def svg_text(layout: Layout, *, cells: bool = False) -> str:
     """Return the text of an SVG drawing of a planar layout, with one group per layer.
 
-    Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y
-    points down in SVG. Raises InputError for a spatial layout.
+    Raises InputError for a spatial layout.
     """
+    # Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y
+    # points down in SVG.
     if layout.assembly.dimension == 3:
         raise ParameterError("format", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
     elements = layout.assembly.elements

@@ -20,9 +20,10 @@ from jld_core.sub_assembly import faces_of
 def layout_in_unit(layout: Layout, unit: str) -> Layout:
     """Return a layout whose geometry is in another unit of length.
 
-    Weights, forces and labels stay as they are. Scene data for re-import and the analysis are taken from
-    `Layout.drawn_from`, the given layout. Raises ParameterError for an unknown unit, of the scene or the given one.
+    Raises ParameterError for an unknown unit, of the scene or the given one.
     """
+    # Weights, forces and labels stay as they are. Scene data for re-import and the analysis are taken from
+    # `Layout.drawn_from`, the given layout.
     own = layout.assembly.units[0]
     if unit not in METRES:
         raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
@@ -155,7 +156,6 @@ def blocks_csv(layout: Layout) -> str:
 def harmless(value: object) -> object:
     """Quote a text that a spreadsheet would run as a formula.
 
-    value: value for a CSV file. Result: the value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by
-    an apostrophe.
+    Result: the value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by an apostrophe.
     """
     return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

@@ -68,8 +68,7 @@ class FieldSetting:
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
         """Compute material, units, coarsest mesh and loads of a planar assembly.
 
-        patch: length that each force on a free face is spread on; None: the whole face (see `loaded_mesh`). Raises
-        InputError as `material_of` and `loaded_mesh` do.
+        Raises InputError as `material_of` and `loaded_mesh` do.
         """
         material = material_of(assembly)
         coarse, loads = loaded_mesh(assembly, patch)
@@ -103,9 +102,8 @@ class Fields:
     ) -> Fields:
         """Solve for both fields of one labelling on one mesh.
 
-        mesh: refined from `setting.coarse`, scene units. labels: (m,) True = dry. enough: λ in scene units. Where the
-        upper bound lies below it, no stress field is computed and `stress` is None. velocities: False leaves the
-        velocity field out, so that `velocity` is None. Nothing is raised where a solver fails: the field is then None.
+        labels: (m,) True = dry. velocities: False leaves the velocity field out, so that `velocity` is None. Nothing is
+        raised where a solver fails: the field is then None.
         """
         problem = setting.problem(mesh)
         lower, upper = LowerBound(problem), UpperBound(problem)
@@ -213,9 +211,7 @@ class CoarseBounds:
 def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None, wanted: float) -> Bools:
     """Mark the triangles to split, (t,) True, by the criterion of docs/method.md (9.12).
 
-    stress: None marks all but the smallest triangles. velocity: None leaves the disagreement of the fields out. wanted:
-    share of the summed criterion that the marked triangles hold, 0 to 1. With the disagreement alone as criterion the
-    lower bound stalls: on the flagship [5.89, 6.49] instead of [6.15, 6.46] in 3 s.
+    stress: None marks all but the smallest triangles. velocity: None leaves the disagreement of the fields out.
     """
     count = len(problem.mesh)
     small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
@@ -234,7 +230,7 @@ def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField
 def _leading(error: Floats, wanted: float) -> Bools:
     """Mark the triangles (t,) of largest error that together hold a share of its sum.
 
-    error: (t,), at least 0. wanted: the share, 0 to 1. No more than `_MOST_MARKED` of all are marked.
+    error: (t,), at least 0.
     """
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
@@ -256,11 +252,9 @@ def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
 
 
 def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
-    """Return the corner (t,) at which to bisect each triangle, −1 for no preference.
-
-    A corner counts if it holds most of `stress.rate` of its triangle and its angle is wide. Stresses jump at ends of
-    loads and at corners of blocks; only a fan of triangles about such a node can follow. Without `stress` all are −1.
-    """
+    """Return the corner (t,) at which to bisect each triangle, −1 for no preference."""
+    # A corner counts if it holds most of `stress.rate` of its triangle and its angle is wide. Stresses jump at ends of
+    # loads and at corners of blocks; only a fan of triangles about such a node can follow. Without `stress` all are −1.
     none = np.full(len(problem.mesh), -1, dtype=np.int64)
     if stress is None:
         return none
@@ -276,12 +270,11 @@ def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
 
 
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
-    """Compute each triangle's share (t,) of the gap between the bounds, scaled λ.
-
-    The share is the dissipation of the velocity field minus the power of the stress field on its strain rates. Half of
-    the dissipation of an edge belongs to each of its triangles. Up to the opening that `UpperBound.certify` added, the
-    sum is upper less lower bound. Both fields belong to `problem` and one labelling; the result steers refinement.
-    """
+    """Compute each triangle's share (t,) of the gap between the bounds, scaled λ."""
+    # The share is the dissipation of the velocity field minus the power of the stress field on its strain rates. Half
+    # of the dissipation of an edge belongs to each of its triangles. Up to the opening that `UpperBound.certify` added,
+    # the sum is upper less lower bound. Both fields belong to `problem` and one labelling; the result steers
+    # refinement.
     p, e = problem, problem.edges
     v = velocity.velocity
     slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
@@ -339,10 +332,7 @@ def relative_gap(lower: float, upper: float) -> float:
 
 
 def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
-    """Classify two bounds on λ by the relative gap that was requested; see `FieldStatus`.
-
-    lower, upper: −inf and inf where none was found. gap: greatest `relative_gap` that counts as closed.
-    """
+    """Classify two bounds on λ by the relative gap that was requested; see `FieldStatus`."""
     if upper < 0.0:
         return FieldStatus.UNSTABLE
     if not math.isfinite(lower):
@@ -540,8 +530,7 @@ class FieldRefinement:
     def step(self, upper: bool | None = None) -> FieldBounds:
         """Solve the next mesh.
 
-        upper: whether an upper bound is computed as well; by default `upper_due`. Result: the best of both bounds over
-        all meshes so far. Raises ValueError: refinement has ended.
+        Result: the best of both bounds over all meshes so far. Raises ValueError: refinement has ended.
         """
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")

@@ -76,11 +76,7 @@ def independent_rows(matrix: sp.csr_array) -> Bools:
 
 
 def factor_of(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Factor:
-    """Find the pattern of the factor of the reduced system.
-
-    matrix: A with equations, linear rows and cones in this order. sizes: their numbers. Variables within cones come
-    first, then equations, then variables that stand in equations alone: so pivots keep their sign and size.
-    """
+    """Find the pattern of the factor of the reduced system."""
     equations, width = sizes[0], matrix.shape[1]
     hessian = _hessian_pattern(matrix, sizes)
     inner = np.flatnonzero(hessian.diagonal() > 0)
@@ -151,10 +147,7 @@ def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
 
 
 def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Terms:
-    """Compute the entries of the reduced system as sums over weights of rows.
-
-    factor: pattern. matrix, sizes: as for `factor_of`.
-    """
+    """Compute the entries of the reduced system as sums over weights of rows."""
     equations, linear, cones = sizes
     width, count = matrix.shape[1], len(factor.place)
     column = np.repeat(np.arange(count), np.diff(factor.start))
@@ -485,11 +478,7 @@ class ConeProgram:
         return self._solve(off, objective, careful=True)
 
     def _residual(self, careful: bool) -> float:
-        """Return the larger of primal residual and relative duality gap of a solver's last answer.
-
-        careful: which of the two solvers, as for `_solve`. The dual residual moves no bound: it belongs to the
-        multipliers, which only steer refinement.
-        """
+        """Return the larger of primal residual and relative duality gap of a solver's last answer."""
         info = self._solvers[careful].get_info()
         return max(float(info.res_primal), float(info.gap_rel))
 

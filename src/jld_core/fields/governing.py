@@ -15,14 +15,11 @@ def governing_bounds(
 ) -> tuple[float, float]:
     """Bound the governing load factor of a planar layout whose blocks crack anywhere.
 
-    Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
-    factor is that one. Cases that do not govern keep their coarse mesh.
-
-    assembly: planar assembly; λ of each load case is divided by the factor required of it. labels: (m,) True = dry.
-    seconds: no mesh is begun that is not expected to be done by then, s; each case has a first one always. gap:
-    relative width of the bracket at which refinement ends; above 0. Result: proven bounds on the least λ / required of
-    all cases, infinite where none was found. Raises InputError as `bounds_by_fields`.
+    labels: (m,) True = dry. Result: proven bounds on the least λ / required of all cases, infinite where none was
+    found. Raises InputError as `bounds_by_fields`.
     """
+    # Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
+    # factor is that one. Cases that do not govern keep their coarse mesh.
     deadline = Deadline(seconds)
     required = assembly.required.tolist()
     cases = [FieldRefinement(case, labels, gap=gap, lower_first=lower_first) for case in assembly.by_case]

@@ -101,12 +101,8 @@ def thickness_of(assembly: Assembly) -> float:
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh of an assembly with its loads.
 
-    assembly: planar assembly with one load case. patch: length of the patch that each force without a width of its own
-    is spread on, centred at its place. By default all dead or all live ones of these on one face become one linear
-    traction: over the whole face where the resultant lies within its middle third, else uniform over the largest part
-    of the face that is centred at the resultant. Result: mesh: edges of interfaces and of loaded segments are tagged;
-    loads: forces per volume and tractions. Raises InputError: a force on the outline of its cell without a free face,
-    or without room for its patch.
+    Result: mesh: edges of interfaces and of loaded segments are tagged; loads: forces per volume and tractions. Raises
+    InputError: a force on the outline of its cell without a free face, or without room for its patch.
     """
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
@@ -136,7 +132,7 @@ def _pieces(
 ) -> tuple[dict[int, list[_Piece]], Floats]:
     """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads.
 
-    patch: as for `loaded_mesh`. Raises InputError as `loaded_mesh` does.
+    Raises InputError as `loaded_mesh` does.
     """
     found: dict[int, list[_Piece]] = {}
     for traction in loads.tractions:
@@ -195,8 +191,7 @@ def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> 
 def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tuple[Floats, Floats]) -> FieldLoads:
     """Return the loads of an assembly over its coarsest mesh.
 
-    mesh: coarsest mesh, its edges on segments tagged. segments, rest: as `loaded_segments` returns them. Raises
-    InputError for a flat triangle, and for an interface off the outlines of its cells.
+    Raises InputError for a flat triangle, and for an interface off the outlines of its cells.
     """
     _require_cover(assembly, mesh)
     return FieldLoads(_body(assembly, mesh, rest[0]), _body(assembly, mesh, rest[1]), tuple(segments))
@@ -300,9 +295,10 @@ def _sum(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
     """Spread forces without a stated width over one face as a linear traction.
 
-    It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
-    resultant instead. Raises InputError without room for that.
+    Raises InputError without room for that.
     """
+    # It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
+    # resultant instead.
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)
@@ -343,10 +339,7 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
 
 
 def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
-    """Tag the free outline edges of a mesh that lie on loaded segments.
-
-    faces: number of interfaces. Segment i gets the tag faces + i.
-    """
+    """Tag the free outline edges of a mesh that lie on loaded segments."""
     unique, number = mesh.sides
     pairs, tags = [mesh.tagged], [mesh.tag]
     for index, segment in enumerate(segments):

@@ -136,7 +136,7 @@ class LowerBound:
     def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
         """Return the program of a margin and the edge whose label switches each row, −1 for none.
 
-        Each program is set up once and kept. margin: slack to yield, scaled stress.
+        Each program is set up once and kept.
         """
         if margin not in self._programs:
             self._programs[margin] = self._program(margin)
@@ -152,9 +152,8 @@ class LowerBound:
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
 
-        stress: (9t,) in the order of `StressField.stress`. factor: λ. labels: (m,) True = dry. All are scaled. The
-        `rate` of the result is zero. None: the projected stresses violate yield, or miss equilibrium by more than
-        rounding.
+        stress: (9t,) in the order of `StressField.stress`. labels: (m,) True = dry. All are scaled. The `rate` of the
+        result is zero. None: the projected stresses violate yield, or miss equilibrium by more than rounding.
         """
         projected, rest = self._project(stress, factor, labels)
         field = projected.reshape(-1, 3, 3)
@@ -214,11 +213,9 @@ class LowerBound:
 
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
-        """Matrix E (rows, 9t + 1) and right-hand side f (rows,) of equilibrium E x = f.
-
-        x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6) and (9.7):
-        equilibrium of triangles, equal tractions across edges, given tractions on free edges.
-        """
+        """Matrix E (rows, 9t + 1) and right-hand side f (rows,) of equilibrium E x = f."""
+        # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6) and (9.7):
+        # equilibrium of triangles, equal tractions across edges, given tractions on free edges.
         p, count = self.problem, self._triangles
         rows, last = Rows(), 9 * count
         size = np.sqrt(2.0 * p.mesh.area)
@@ -242,8 +239,7 @@ class LowerBound:
     def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
         """Return columns and values (k,) of one traction component at one end of edges.
 
-        rows: (k,) edges. end: 0 or 1. axis: 0 or 1. sign: 1 for the traction of triangle a, −1 for minus that of b.
-        Each of the three pairs refers to one stress component.
+        rows: (k,) edges.
         """
         e = self.problem.edges
         triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
@@ -254,9 +250,10 @@ class LowerBound:
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
         """Return the matrix A (rows, 9t) of all equations on the stresses, and a factor of A Aᵀ.
 
-        The equations are equilibrium, and no shear on dry joints without friction and cohesion. λ is no unknown here:
-        its dense column would fill A Aᵀ. labels: (m,) True = dry. Factors are kept.
+        labels: (m,) True = dry. Factors are kept.
         """
+        # The equations are equilibrium, and no shear on dry joints without friction and cohesion. λ is no unknown here:
+        # its dense column would fill A Aᵀ.
         p = self.problem
         edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]
         key = edges.tobytes()
@@ -305,11 +302,8 @@ class LowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Set up the program that maximises λ.
-
-        Also returns the edge whose label switches each row, −1 for none. margin: slack to yield, scaled. Yield is
-        stated at all corners through radii r ≥ R.
-        """
+        """Set up the program that maximises λ."""
+        # Also returns the edge whose label switches each row, −1 for none.
         p, count = self.problem, self._triangles
         matrix, rhs = self.equilibrium
         every = np.arange(3 * count)

@@ -99,10 +99,8 @@ class Mesh:
 
     @cached_property
     def edges(self) -> Edges:
-        """All edges with their neighbours, each once.
-
-        Where two cells share an edge that is no interface, each cell has an edge of its own.
-        """
+        """All edges with their neighbours, each once."""
+        # Where two cells share an edge that is no interface, each cell has an edge of its own.
         _, number = self.sides
         flat = number.ravel()
         order = np.argsort(flat, kind="stable")
@@ -133,11 +131,10 @@ class Mesh:
 
 
 def coarse_mesh(outlines: Outlines) -> Mesh:
-    """Fill the outlines of cells with triangles: the coarsest mesh.
-
-    Convex cells are fans about an inner node: the intersection of the diagonals of a quadrilateral, otherwise the mean
-    of the corners. Other cells are triangulated by constrained Delaunay, and each triangle is split at its centroid.
-    """
+    """Fill the outlines of cells with triangles: the coarsest mesh."""
+    # Convex cells are fans about an inner node: the intersection of the diagonals of a quadrilateral, otherwise the
+    # mean of the corners. Other cells are triangulated by constrained Delaunay, and each triangle is split at its
+    # centroid.
     points = [*outlines.points]
     triangles: list[tuple[int, int, int]] = []
     cells: list[int] = []
@@ -222,7 +219,7 @@ def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
 def subdivide(mesh: Mesh, parts: int) -> Mesh:
     """Return the mesh with every triangle split into parts² similar ones.
 
-    mesh: any mesh. parts: parts of each edge, at least 1. Result: conforming as before; tags and roots are inherited.
+    Result: conforming as before; tags and roots are inherited.
     """
     if parts == 1:
         return mesh
@@ -344,13 +341,11 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     """Bisect triangles at the ends of loads on straight outlines, until three meet there.
 
-    The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
-    which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
-    stress field; see docs/method.md (9.5).
-
-    mesh: coarsest mesh; the ends of loads are among its nodes. ends: ends of loaded parts of the outline, scene units.
     Result: triangles at such a node are bisected there; others are split only where conformity asks for it.
     """
+    # The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
+    # which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
+    # stress field; see docs/method.md (9.5).
     if not len(ends):
         return mesh
     near = _STRAIGHT * float(np.ptp(mesh.points, axis=0).max())

@@ -16,13 +16,11 @@ _LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion
 
 
 def opening_motion(problem: Problem) -> Floats | None:
-    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled.
-
-    A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
-    stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
-    move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
-    edges: they open without sliding. None: no such motion was found, as for enclosed cells.
-    """
+    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled."""
+    # A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
+    # stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
+    # move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
+    # edges: they open without sliding. None: no such motion was found, as for enclosed cells.
     mesh = problem.mesh
     cells, number = np.unique(mesh.cell, return_inverse=True)
     area = np.bincount(number, mesh.area)
@@ -163,12 +161,11 @@ class Settling:
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
         """Move velocities to the nearest ones for which active flow rules hold with equality.
 
-        A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
-
         velocity: (t, 3, 2) velocities at the corners of triangles that hold flow rules up to the residual of a solver,
         scaled. dry: (e,) edges on dry interfaces. Result: (t, 3, 2) differs from what was given by about that residual.
         Nothing is proven of it: check it by `UpperBound.certify`.
         """
+        # A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
         moved = velocity.ravel()
         for _ in range(_ROUNDS if self.problem.material.sine or self.problem.joints.friction.any() else 1):
             matrix = self._active(moved, dry)
@@ -210,10 +207,8 @@ def _choose(
 ) -> None:
     """Append equations for the active flow rules among head ≥ slope · |tail|.
 
-    chosen: takes them, over the rates. rates: all opening and slip rates. head: (k,) indices of openings. tail: arrays
-    (k,) of indices of slips. slope: (k,) of each rule. wanted: (k,) whether it applies. small: rate that counts as
-    zero. Where head and tail vanish, both are set to zero; otherwise the tangent of the rule is. A vanishing slip is
-    removed without friction as well: in strong blocks it would dissipate.
+    head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of each rule. wanted: (k,)
+    whether it applies.
     """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))

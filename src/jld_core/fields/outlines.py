@@ -36,8 +36,8 @@ class Outlines:
 def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     """Return the outlines of the free cells, with a node at every end of an interface.
 
-    assembly: planar assembly. extra: (k, 2) further points on outlines that become nodes, scene units. Result: corners
-    and ends closer than the contact tolerance are one node.
+    extra: (k, 2) further points on outlines that become nodes, scene units. Result: corners and ends closer than the
+    contact tolerance are one node.
     """
     from scipy.spatial import cKDTree  # slow to import, and most searches have no fields
 
@@ -67,7 +67,7 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
 def _ring(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
     """Return the nodes of an outline in order: its corners, and all nodes on its edges.
 
-    points: (p, 2). near: tree of the points. corners: (k,) nodes. reach: distance within which a node lies on an edge.
+    points: (p, 2). corners: (k,) nodes.
     """
     corners = corners[corners != np.roll(corners, 1)]
     after = np.roll(corners, -1)
@@ -91,8 +91,7 @@ def _ring(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
 def _tags(points: Floats, own: list[int], ring: Ints, face_ends: Ints, reach: float) -> Ints:
     """Return the interface (k,) that covers each edge of an outline, FREE where none does.
 
-    points: (p, 2) nodes. own: interfaces of the cell. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces.
-    reach: distance within which an edge lies on an interface.
+    points: (p, 2) nodes. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces.
     """
     tags = np.full(len(ring), FREE, dtype=np.int64)
     middle = 0.5 * (points[ring] + points[np.roll(ring, -1)])

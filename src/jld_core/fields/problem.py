@@ -61,11 +61,9 @@ class Material:
 
     @cached_property
     def vertices(self) -> Floats:
-        """(k, 2) corners (m, R) of the yield set in the half-plane R ≥ 0, stress.
-
-        m = (σx + σy)/2 and R = (σ1 − σ2)/2. Without a compressive strength the set is unbounded towards m = −∞; that
-        end has no corner.
-        """
+        """(k, 2) corners (m, R) of the yield set in the half-plane R ≥ 0, stress."""
+        # m = (σx + σy)/2 and R = (σ1 − σ2)/2. Without a compressive strength the set is unbounded towards m = −∞; that
+        # end has no corner.
         corners = [(self.tension, 0.0)]
         if np.isfinite(self.crushing):
             corners.append((-self.crushing, 0.0))
@@ -99,11 +97,7 @@ class Material:
         return self.sine * shear - trace
 
     def dissipation(self, trace: Floats, shear: Floats, allowance: float = 0.0) -> Floats:
-        """Return the power per volume of strain rates, (...,): docs/method.md (9.2).
-
-        trace, shear: (...,) e = εx + εy and g = √((εx − εy)² + γ²). For a jump (δn, δs) take e = δn and g = √(δn² +
-        δs²); the power is then per area. allowance: value of `missing` above which the power is infinite.
-        """
+        """Return the power per volume of strain rates, (...,): docs/method.md (9.2)."""
         power = (trace[..., None] * self.vertices[:, 0] + shear[..., None] * self.vertices[:, 1]).max(axis=-1)
         return np.asarray(np.where(self.missing(trace, shear) > allowance, np.inf, power))
 
@@ -111,11 +105,9 @@ class Material:
 def material_of(assembly: Assembly) -> Material:
     """Return the material of all blocks, from the inner strengths of the faces.
 
-    The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
-
-    assembly: planar or spatial assembly whose inner faces all have the same strengths. Raises InputError: no inner
-    strengths, strengths of 0, strengths that differ between faces, or members.
+    Raises InputError: no inner strengths, strengths of 0, strengths that differ between faces, or members.
     """
+    # The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
     assembly.members.refuse("an analysis by fields")
     given = assembly.strengths(_ROUTE)
     values = np.column_stack([given.tension, given.shear, given.inner_friction, given.crush_inner])
@@ -314,10 +306,7 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
 
 
 def _pulls(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
-    """Compute the dead and the live tractions (2, e, 2, 2) at both ends of all edges, scene units.
-
-    faces: number of interfaces; load segment i has the tag faces + i.
-    """
+    """Compute the dead and the live tractions (2, e, 2, 2) at both ends of all edges, scene units."""
     edges = mesh.edges
     pull = np.zeros((2, len(edges), 2, 2))
     for index, segment in enumerate(loads.segments):
@@ -336,8 +325,8 @@ __all__ = ["FREE", "Joints", "Problem", "Units", "problem_of", "units_of"]
 def require_fields(assembly: Assembly) -> None:
     """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
 
-    assembly: assembly, with or without load cases. Raises InputError: members, spatial scenes, inner strengths that are
-    missing, zero or different, loads without room for their patch, and outlines or interfaces that no mesh fits.
+    Raises InputError: members, spatial scenes, inner strengths that are missing, zero or different, loads without room
+    for their patch, and outlines or interfaces that no mesh fits.
     """
     require_planar(assembly)
     material_of(assembly)
@@ -369,8 +358,7 @@ def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
 def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
     """Check the arguments of a bound by fields, and return the labels (m,).
 
-    labels: as for `require_labels`. gap: relative, above 0. patch: length above 0, or None. Raises InputError for
-    several load cases, and for an argument that is out of bounds or refused by `require_labels`.
+    Raises InputError for several load cases, and for an argument that is out of bounds or refused by `require_labels`.
     """
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")

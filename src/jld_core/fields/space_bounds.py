@@ -67,10 +67,8 @@ class SpatialLowerBound:
         self.status = ""
 
     def bound(self) -> SpatialStress | None:
-        """Find a stress field and certify it, with larger margins to yield where that fails.
-
-        The last attempt is a mean with an interior field. None: the solver failed, or no attempt passed the check.
-        """
+        """Find a stress field and certify it, with larger margins to yield where that fails."""
+        # The last attempt is a mean with an interior field. None: the solver failed, or no attempt passed the check.
         proposed: Answer | None = None
         for margin in _MARGINS:
             answer = self.propose(margin)
@@ -84,10 +82,8 @@ class SpatialLowerBound:
         return None if proposed is None else self._blend(proposed)
 
     def _blend(self, proposed: Answer) -> SpatialStress | None:
-        """Certify a mean of a field that violates yield and one with ample room, or return None.
-
-        The room is concave, so that the mean has room enough.
-        """
+        """Certify a mean of a field that violates yield and one with ample room, or return None."""
+        # The room is concave, so that the mean has room enough.
         inner = self.propose(_INTERIOR)
         if not inner.usable:
             return None
@@ -105,8 +101,7 @@ class SpatialLowerBound:
     def certify(self, stress: Floats, factor: float) -> SpatialStress | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
 
-        stress: (24t,) in the order of `SpatialStress.stress`. factor: λ. Both are scaled. The `rate` of the result is
-        zero. None: the projected stresses violate yield, or miss equilibrium by more than rounding.
+        stress: (24t,) in the order of `SpatialStress.stress`.
         """
         projected, rest = self._project(stress, factor)
         field = projected.reshape(-1, 4, 6)
@@ -154,11 +149,9 @@ class SpatialLowerBound:
 
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
-        """Matrix E (rows, 24t + 1) and right-hand side f (rows,) of equilibrium E x = f.
-
-        x: stresses in the order of `SpatialStress.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
-        joints without friction and cohesion, two more rows at each corner exclude shear.
-        """
+        """Matrix E (rows, 24t + 1) and right-hand side f (rows,) of equilibrium E x = f."""
+        # x: stresses in the order of `SpatialStress.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
+        # joints without friction and cohesion, two more rows at each corner exclude shear.
         p, count, s = self.problem, self._solids, self.problem.sides
         rows, last = Rows(), 24 * count
         size = np.cbrt(6.0 * p.mesh.volume)
@@ -182,8 +175,7 @@ class SpatialLowerBound:
     def _traction(self, rows: Ints, corner: int, axis: int, first: bool) -> tuple[Ints, Floats]:
         """Return columns and values (k, 6) of one traction component at one corner of triangles.
 
-        rows: (k,) triangles. corner: 0 to 2. axis: 0 to 2. first: True for the traction of tetrahedron a, False for
-        minus that of b.
+        rows: (k,) triangles. first: True for the traction of tetrahedron a, False for minus that of b.
         """
         s = self.problem.sides
         solid, local = (s.a, s.corner_a) if first else (s.b, s.corner_b)
@@ -194,7 +186,7 @@ class SpatialLowerBound:
     def _along(self, rows: Ints, corner: int, along: Floats) -> tuple[Ints, Floats]:
         """Return columns and values (k, 6) of traction components along given directions.
 
-        rows: (k,) triangles, with the tractions of tetrahedron a. corner: 0 to 2. along: (k, 3) directions.
+        rows: (k,) triangles, with the tractions of tetrahedron a. along: (k, 3) directions.
         """
         s = self.problem.sides
         columns = 24 * s.a[rows][:, None] + 6 * s.corner_a[rows, corner][:, None] + np.arange(6)
@@ -261,10 +253,7 @@ class SpatialLowerBound:
         return solve_cones(objective, whole, np.concatenate([rhs, *(part.right for part in parts)]), sizes)
 
     def _joint_rows(self, linear: Rows, threes: Rows, margin: float) -> None:
-        """Append pressure, crushing and friction of dry joints at all corners of triangles.
-
-        linear: takes the first two, threes: friction. margin: slack to each, scaled stress.
-        """
+        """Append pressure, crushing and friction of dry joints at all corners of triangles."""
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         face, normal = p.face[rows], s.normal[rows]
         one, two = across(normal)
@@ -318,10 +307,7 @@ class SpatialSetting:
 
     @classmethod
     def of(cls, assembly: Assembly, labels: Bits, loads: SpatialLoads) -> SpatialSetting:
-        """Make the setting of a labelling (m,), True = dry; raise InputError as `material_of`.
-
-        loads: as `loaded_solids` returns them with the coarsest mesh.
-        """
+        """Make the setting of a labelling (m,), True = dry; raise InputError as `material_of`."""
         material = material_of(assembly)
         return cls(assembly, labels, material, spatial_units(assembly, material), loads)
 
@@ -332,8 +318,7 @@ class SpatialSetting:
     def uniform(self, cell: int, mesh: SolidMesh) -> bool:
         """Return True if dead and live forces per volume are constant in a cell.
 
-        Such a cell may be filled with other tetrahedra without a change of its loads. cell: element. mesh: any mesh of
-        this setting.
+        Such a cell may be filled with other tetrahedra without a change of its loads.
         """
         own = np.unique(mesh.root[mesh.cell == cell])
         both = np.hstack([self.loads.dead[own], self.loads.live[own]])
@@ -391,8 +376,7 @@ class SpatialFields:
         """Return the next mesh, scene units: refined where the fields disagree, or everywhere.
 
         adaptive: False bisects every tetrahedron, as is done without a stress field. True bisects those with most
-        dissipation less stress power, and most multipliers of yield, until the mesh has grown enough. most: number of
-        tetrahedra that such a mesh does not exceed; where fewer fit than wanted, the worst are bisected.
+        dissipation less stress power, and most multipliers of yield, until the mesh has grown enough.
         """
         if not adaptive or self.stress is None:
             return bisect(self.mesh, np.ones(len(self.mesh), dtype=bool))
@@ -463,9 +447,8 @@ def _marks(error: Floats) -> Bools:
 def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Floats) -> Floats:
     """Return the power of a stress field on velocities in each tetrahedron, (t,), scaled.
 
-    problem: on the mesh of both fields. velocity: (t, 4, 3) at the corners. Each tetrahedron counts with half of its
-    triangles. By virtual power the sum is λ times live work plus dead work. Dissipation less this power tells where the
-    bounds differ.
+    velocity: (t, 4, 3) at the corners. Each tetrahedron counts with half of its triangles. By virtual power the sum is
+    λ times live work plus dead work. Dissipation less this power tells where the bounds differ.
     """
     p, s, v = problem, problem.sides, velocity
     slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
@@ -481,10 +464,7 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
 
 
 def _weak_corners(stress: SpatialStress) -> Floats:
-    """Sum the multipliers of yield to the corners (t, 4) of the unsplit tetrahedra.
-
-    stress: on `split`. The multiplier at a centroid is shared equally by the four corners.
-    """
+    """Sum the multipliers of yield to the corners (t, 4) of the unsplit tetrahedra."""
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
     return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
@@ -591,14 +571,9 @@ def spatial_bounds(
 ) -> SpatialBounds:
     """Bound the load factor of spatial blocks that may fail in any way, from both sides.
 
-    assembly: spatial assembly with one load case, of convex cells; blocks are made of its inner strengths. labels: (m,)
-    True = dry joint; False = inside a block. By default those of the scene. gap: width of the bracket, relative, at
-    which refinement ends; above 0. seconds: no mesh is begun that is not expected to be done by then; the first one
-    always is. patch: side of the square that each force on a free face is spread on; by default the whole face
-    (docs/method.md (10.3)). adaptive: refine where the fields disagree; otherwise everywhere. most_tetrahedra:
-    tetrahedra that no mesh exceeds, save the first. Result: the best of both bounds over all meshes, each checked
-    without a solver. An upper bound below 0 ends refinement. Raises InputError: planar scenes, load cases, a gap that
-    is not above 0, and what `material_of` and `loaded_solids` refuse.
+    labels: (m,) True = dry joint; False = inside a block. By default those of the scene. Result: the best of both
+    bounds over all meshes, each checked without a solver. An upper bound below 0 ends refinement. Raises InputError:
+    planar scenes, load cases, a gap that is not above 0, and what `material_of` and `loaded_solids` refuse.
     """
     start = time.perf_counter()
     labels = _require(assembly, labels, gap, patch)
@@ -667,11 +642,7 @@ class _Refinement:
 def _layered(
     setting: SpatialSetting, fields: SpatialFields, patch: float | None
 ) -> tuple[SpatialSetting, SolidMesh] | None:
-    """Cut long or flat cells that deform into layers; return new setting and coarsest mesh.
-
-    fields: decide which cells deform. patch: as in `loaded_solids`. None if no cell is cut, if the mesh would not grow,
-    or if the layers do not fit.
-    """
+    """Cut long or flat cells that deform into layers; return new setting and coarsest mesh."""
     cut = tuple(cell for cell in fields.deforming().tolist() if setting.uniform(cell, fields.mesh))
     try:
         mesh, loads = loaded_solids(setting.assembly, patch, setting.labels, cut)
@@ -692,10 +663,8 @@ def _narrower(one: _Case, other: _Case) -> _Case:
 
 
 def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: float) -> SpatialBounds:
-    """Return `best` with each bound that the fields improve, and a further step.
-
-    Bounds are in scene units. seconds: since the start. gap: relative, for the status.
-    """
+    """Return `best` with each bound that the fields improve, and a further step."""
+    # Bounds are in scene units.
     units, lower, upper = fields.problem.units, fields.lower, fields.upper
     if fields.stress is not None and lower > best.lower:
         held = SpatialStresses(fields.split, units.stress * tensors(fields.stress.stress))
@@ -712,8 +681,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
 def require_spatial_fields(assembly: Assembly) -> None:
     """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
-    assembly: assembly, with or without load cases. Raises InputError: members, inner strengths that are missing, zero
-    or different, cells that are not convex, loads without room for their patch, and interfaces that no mesh fits.
+    Raises InputError: members, inner strengths that are missing, zero or different, cells that are not convex, loads
+    without room for their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:

@@ -62,10 +62,7 @@ def tensors(vectors: Floats) -> Floats:
 
 
 def normal_map(normals: Floats) -> Floats:
-    """Return matrices (..., 3, 6) that map vectors of stresses to tractions σ n on planes.
-
-    normals: (..., 3) n. The vectors of stresses are those of `tensors`. The transpose maps a jump to its strain rate.
-    """
+    """Return matrices (..., 3, 6) that map vectors of stresses to tractions σ n on planes."""
     found = np.zeros((*normals.shape[:-1], 3, 6))
     for place, (i, j) in enumerate(_PLACES):
         found[..., i, place] = normals[..., j] / (1.0 if i == j else ROOT_TWO)
@@ -87,8 +84,7 @@ def across(normals: Floats) -> tuple[Floats, Floats]:
 def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
     """Minimise q x where A x + s = b and s lies in cones; the answer is not verified.
 
-    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b. sizes: cones of the rows. A failure shows in
-    `Answer.usable` and `Answer.status`; no exception is raised.
+    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b.
     """
     cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
     cones += [clarabel.SecondOrderConeT(3)] * sizes.threes

@@ -91,11 +91,7 @@ class SpatialProblem:
 
 
 def spatial_units(assembly: Assembly, material: Material) -> Units:
-    """Choose the units in which a spatial problem has numbers of order one.
-
-    material: in scene units. Units depend on sizes, strengths and loads alone, so that scaled problems do not depend on
-    position, rotation and units of the scene.
-    """
+    """Choose the units in which a spatial problem has numbers of order one."""
     elements, free = assembly.elements, assembly.elements.free
     length = float(np.cbrt(elements.volume[free].sum()))
     strength = min(material.cohesion, material.tension)
@@ -112,8 +108,7 @@ def spatial_problem(
 ) -> SpatialProblem:
     """Scale a spatial assembly and its loads to the problem of a labelling on one mesh.
 
-    labels: (m,) True = dry. material, units: of the assembly, scene units. mesh: scene coordinates, refined from the
-    coarsest one. loads: over that coarsest mesh, scene units.
+    labels: (m,) True = dry.
     """
     strengths = assembly.strengths(_ROUTE)
     density = units.length / units.stress
@@ -167,14 +162,11 @@ _EDGES = np.array([[0, 1], [0, 2], [1, 2]])  # local corners of the three edges 
 def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProblem], gap: float) -> SolidMesh:
     """Refine the triangles of dry joints until tractions on them cost little of λ.
 
-    The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes, docs/method.md
-    (10.8).
-
-    mesh: any mesh. problem_on: returns the scaled problem on a mesh. gap: relative width of the bracket that is wanted;
-    the joints may cost a share of it. Result: edges of joints are halved where tractions lose most. The same mesh
-    without dry joints, and where rigid blocks have no equilibrium. It decides how near the bounds are, not whether they
-    hold.
+    Result: edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid
+    blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
     """
+    # The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes,
+    # docs/method.md (10.8).
     most = _MOST * len(mesh)
     problem = problem_on(mesh)
     blocks = RigidBlocks.of(problem)
@@ -234,9 +226,9 @@ class RigidBalance:
 def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
     """Solve for the equilibrium of rigid blocks of largest λ, docs/method.md (10.8).
 
-    problem: scaled problem, of which only the joints are meshed. at_nodes: True where a third of the area of a triangle
-    presses at each of its corners, the dual of rigid velocities in (10.6); otherwise tractions are linear. Result:
-    scaled; None where the solver found no equilibrium. It is no bound: nothing is repaired or checked.
+    at_nodes: True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities
+    in (10.6); otherwise tractions are linear. Result: scaled; None where the solver found no equilibrium. It is no
+    bound: nothing is repaired or checked.
     """
     p, s, rows = problem, problem.sides, problem.dry
     count, solid = len(rows), problem.mesh.cell
@@ -300,11 +292,9 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats, pull
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Return the yield conditions of the k dry triangles over their tractions (9k,).
-
-    The results are inequalities, then second-order cones of size 3: docs/method.md (10.5). Pressure is limited by
-    crushing of the joint, and by a share of the strength of the blocks in one direction.
-    """
+    """Return the yield conditions of the k dry triangles over their tractions (9k,)."""
+    # The results are inequalities, then second-order cones of size 3: docs/method.md (10.5). Pressure is limited by
+    # crushing of the joint, and by a share of the strength of the blocks in one direction.
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
     one, two = across(normal)

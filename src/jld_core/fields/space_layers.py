@@ -361,9 +361,8 @@ class Surface:
 def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats | None = None) -> Surface:
     """Return the surfaces of the free cells of a spatial assembly.
 
-    assembly: spatial assembly. patches: load patches, whose corners become nodes. more: (k, 3) further places that
-    become nodes. Result: corners of cells, interfaces and patches within the reach are one node. Raises InputError: a
-    cell that is not convex or has a face that is not plane.
+    more: (k, 3) further places that become nodes. Result: corners of cells, interfaces and patches within the reach are
+    one node. Raises InputError: a cell that is not convex or has a face that is not plane.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
@@ -415,8 +414,7 @@ def _merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
 def ring_of(points: Floats, corners: Ints, reach: float) -> Ints:
     """Return the nodes of a closed polygon: its corners, and all nodes on its edges, in order.
 
-    points: (p, 3) nodes. corners: (k,) nodes of the polygon. reach: distance from an edge within which a node lies on
-    it.
+    points: (p, 3) nodes. corners: (k,) nodes of the polygon.
     """
     corners = corners[corners != np.roll(corners, 1)]
     nodes: list[int] = []
@@ -478,9 +476,8 @@ class Layers:
 def layers_of(surface: Surface, cell: int) -> Layers | None:
     """Choose the planes that cut a long or flat cell into layers, and cut it.
 
-    surface: surfaces of all cells, with load patches. cell: element. Result: between two opposite facets whose smaller
-    sides are s, a cell of width w ≥ 3 s has planes at s from both; one of w ≥ 2 s has one half way. None for a cell
-    without such facets.
+    Result: between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both;
+    one of w ≥ 2 s has one half way. None for a cell without such facets.
     """
     own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
     normals = np.array([surface.facets[index].normal for index in own])
@@ -500,11 +497,9 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
-    """Return the points (k, 3) where layered cells need nodes, scene units; some repeat.
-
-    They are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on their
-    facets. surface: surfaces of all cells. layers: by cell, at least one; cells without an entry stay whole.
-    """
+    """Return the points (k, 3) where layered cells need nodes, scene units; some repeat."""
+    # They are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on their
+    # facets.
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
@@ -525,10 +520,7 @@ def pieces(
 ) -> list[shapely.Polygon]:
     """Cut a region of a facet along the parts of its cell, in the plane of the facet.
 
-    surface: surfaces of all cells. index: facet. region: interface, load patch or free region in the plane of the
-    facet. layers: layers by cell, for the cells that are cut. face: interface that the region is: the cells on both of
-    its sides cut it. By default only the cell of the facet does. Result: pieces without slivers; the region itself
-    where no cell is cut.
+    Result: pieces without slivers; the region itself where no cell is cut.
     """
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
@@ -549,10 +541,7 @@ def pieces(
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
-    """Return a polygon without corners on straight edges, which rounding may cross.
-
-    reach: distance within which a corner lies on an edge.
-    """
+    """Return a polygon without corners on straight edges, which rounding may cross."""
     plain = shapely.simplify(region, reach)
     corners = shapely.get_coordinates(plain.exterior)[:-1]
     along = corners[1] - corners[-1]
@@ -574,8 +563,8 @@ def _nodes(surface: Surface, own: list[int]) -> Floats:
 def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
     """Return the planes, as unit normal (3,) and offset, that cut a cell between two facets.
 
-    one, other: opposite facets. nodes: (k, 3) of the surface of the cell; a plane close to one is moved to it. Where
-    the facets lean, all planes meet in one line. Empty unless the cell is long or flat.
+    nodes: (k, 3) of the surface of the cell; a plane close to one is moved to it. Where the facets lean, all planes
+    meet in one line. Empty unless the cell is long or flat.
     """
 
     def share(places: Floats) -> Floats:
@@ -612,8 +601,7 @@ def _smaller_side(surface: Surface, facet: Facet) -> float:
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
     """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
 
-    normal: (3,) and offset of the plane. reach: distance within which a corner lies on it. `Part.side` grows by one
-    entry.
+    normal: (3,) and offset of the plane.
     """
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
@@ -659,8 +647,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
     """Order the corners of a convex polygon counter-clockwise and merge repeated ones, (c, 3).
 
-    places: (k, 3) corners in any order. normal: (3,) of their plane. reach: distance within which places are one
-    corner.
+    places: (k, 3) corners in any order. normal: (3,) of their plane.
     """
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)

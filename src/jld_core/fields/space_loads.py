@@ -60,9 +60,8 @@ class _Filler:
     def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
         """Triangulate a plane region of a facet, counter-clockwise seen from outside.
 
-        region: in the plane of the facet. ringed: True if a convex region gets a ring of triangles along its edges.
-        Returns the nodes of each triangle. Raises InputError where a corner of the region is no node, or the region is
-        not valid.
+        ringed: True if a convex region gets a ring of triangles along its edges. Returns the nodes of each triangle.
+        Raises InputError where a corner of the region is no node, or the region is not valid.
         """
         reach, fixed = self.surface.reach, self.surface.points
         rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
@@ -120,11 +119,10 @@ def coarse_solids(
 ) -> SolidMesh:
     """Fill cells with tetrahedra from their centroids to their surfaces: the coarsest mesh.
 
-    assembly: spatial assembly. surface: surfaces of its free cells. dry: (m,) interfaces whose triangles have a ring
-    along the edges, where hinges press. layers: cells that are cut in parts, each of which is filled by itself; their
-    corners are nodes of the surface. Result: no tetrahedron has two faces on a surface. Convex regions are fans about
-    their centroids, so that the mesh does not depend on position and rotation. Raises InputError: an interface that
-    does not lie on the surfaces of both of its cells, and parts that do not fill their cell.
+    dry: (m,) interfaces whose triangles have a ring along the edges, where hinges press. Result: no tetrahedron has two
+    faces on a surface. Convex regions are fans about their centroids, so that the mesh does not depend on position and
+    rotation. Raises InputError: an interface that does not lie on the surfaces of both of its cells, and parts that do
+    not fill their cell.
     """
     filler = _Filler(surface, assembly.elements.ids)
     skins = _Skins(surface, filler, layers or {})
@@ -208,18 +206,12 @@ class _Skins:
     def _filled(
         self, index: int, region: shapely.Polygon, face: int | None = None, *, ringed: bool = False
     ) -> _Triangles:
-        """Triangulate a region of facet `index`, with each triangle in one part of the cell.
-
-        face: interface that the region is, None for any other region. ringed: as for `_Filler.triangles`.
-        """
+        """Triangulate a region of facet `index`, with each triangle in one part of the cell."""
         cut = pieces(self.surface, index, region, self.layers, face)
         return [three for one in cut for three in self.filler.triangles(self.surface.facets[index], one, ringed)]
 
     def _put(self, cell: int, triangles: _Triangles, tag: int | None = None) -> None:
-        """Add triangles to the parts of a cell on whose surface they lie.
-
-        tag: interface or load patch of all of them; None for no tag.
-        """
+        """Add triangles to the parts of a cell on whose surface they lie."""
         points, layers = self.filler.points, self.layers.get(cell)
         for three in triangles:
             side = layers.side(np.mean([points[node] for node in three], axis=0)) if layers else ()
@@ -323,13 +315,9 @@ def loaded_solids(
 ) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
-    assembly: spatial assembly with one load case. patch: side of the square that each force without a width of its own
-    is spread on, centred at its place. By default all of these on one free region become one linear traction: over the
-    whole region where its normal part has one sign, else over the largest part that is symmetric about the resultant.
-    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. cut: cells
-    that are cut in layers where they are long or flat. Result: mesh: triangles of interfaces and of load patches are
-    tagged; loads: forces per volume and tractions. Raises InputError: cells that are not convex, and a force on the
-    surface of its cell without a free face or room for its patch.
+    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: mesh:
+    triangles of interfaces and of load patches are tagged; loads: forces per volume and tractions. Raises InputError:
+    cells that are not convex, and a force on the surface of its cell without a free face or room for its patch.
     """
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
@@ -359,7 +347,7 @@ def _pieces(
 ) -> Floats:
     """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads.
 
-    kind: 0 dead, 1 live. patch: as in `loaded_solids`. Raises InputError as `loaded_solids` does.
+    Raises InputError as `loaded_solids` does.
     """
     for one in loads.tractions:
         index, polygon = _pressed(assembly, surface, one)
@@ -425,9 +413,9 @@ _Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
     """Return facet and number of the free region of a cell that a force acts on.
 
-    None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken. Raises InputError
-    for a force on the surface without a free region there.
+    Raises InputError for a force on the surface without a free region there.
     """
+    # None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
     height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)
@@ -454,9 +442,10 @@ def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Spread:
     """Spread forces without a stated width over a free region as a linear traction.
 
-    If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
-    resultant. Raises InputError if that part is too small.
+    Raises InputError if that part is too small.
     """
+    # If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
+    # resultant.
     push = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)
     if not abs(push.sum()) >= abs(push).sum() * (1.0 - tolerances.ROUNDING) or not push.any():
@@ -489,11 +478,9 @@ def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _F
 
 
 def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Traction:
-    """Compute the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3).
-
-    F, A: total force and area. g, ω: such that the traction has the force and moment of `forces`. x: place from the
-    centroid.
-    """
+    """Compute the traction F/A + n g·x + ω n × x on a region, docs/method.md (10.3)."""
+    # F, A: total force and area. g, ω: such that the traction has the force and moment of `forces`. x: place from the
+    # centroid.
     area = float(region.area)
     middle = np.array(region.centroid.coords[0])
     origin = facet.placed(middle[None])[0]
@@ -525,10 +512,7 @@ def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
 
 
 def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
-    """Cut overlapping pieces of one facet into disjoint parts, each with the sum of its tractions.
-
-    reach: parts thinner than about this length are dropped.
-    """
+    """Cut overlapping pieces of one facet into disjoint parts, each with the sum of its tractions."""
     done: list[_Piece] = []
     for polygon, mean, slope in pieces:
         rest, new = polygon, []

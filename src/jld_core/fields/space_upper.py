@@ -81,11 +81,9 @@ class SpatialUpperBound:
         return forces
 
     def bound(self) -> SpatialVelocity | None:
-        """Find a velocity field and certify it, with larger margins where that fails.
-
-        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed,
-        or no field obeys all flow rules, as for enclosed cells.
-        """
+        """Find a velocity field and certify it, with larger margins where that fails."""
+        # The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no
+        # field obeys all flow rules, as for enclosed cells.
         for margin in _MARGINS:
             answer = self.propose(margin)
             self.status = answer.status
@@ -99,11 +97,9 @@ class SpatialUpperBound:
         return None
 
     def _falling(self) -> SpatialVelocity | None:
-        """Return a mechanism that the dead load drives, with positive live work, or None.
-
-        Its factor is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance; it is at least
-        `_RAY`, and any larger bound holds too. None: the solver failed, or the field proves nothing.
-        """
+        """Return a mechanism that the dead load drives, with positive live work, or None."""
+        # Its factor is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance; it is at
+        # least `_RAY`, and any larger bound holds too. None: the solver failed, or the field proves nothing.
         answer = _Program(self.problem, self.dead, np.zeros_like(self.dead), _MARGINS[1], self.live).solve()
         if not answer.usable:
             return None
@@ -145,11 +141,9 @@ class SpatialUpperBound:
         return SpatialRates(np.trace(slope, axis1=1, axis2=2), abs(principal).sum(axis=1), opening, slip)
 
     def power(self, rates: SpatialRates) -> Floats:
-        """Return the power (t,) in each tetrahedron with half of its triangles, scaled.
-
-        It is inf where a flow rule is violated. Power on a triangle is the mean of its three corners, which bounds that
-        of a linear jump from above: dissipation is convex.
-        """
+        """Return the power (t,) in each tetrahedron with half of its triangles, scaled."""
+        # It is inf where a flow rule is violated. Power on a triangle is the mean of its three corners, which bounds
+        # that of a linear jump from above: dissipation is convex.
         p, s = self.problem, self.problem.sides
         power = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear)
         total = np.zeros(len(s))
@@ -163,10 +157,8 @@ class SpatialUpperBound:
         return power
 
     def _joint_power(self, rates: SpatialRates) -> Floats:
-        """Compute the power per area (k, 3) at the corners of the k dry triangles, scaled.
-
-        Slip costs cohesion. Opening that friction lacks costs crushing; it is inf where the joint cannot crush.
-        """
+        """Compute the power per area (k, 3) at the corners of the k dry triangles, scaled."""
+        # Slip costs cohesion. Opening that friction lacks costs crushing; it is inf where the joint cannot crush.
         p = self.problem
         face = p.face[p.dry]
         slip, opening = rates.slip[p.dry], rates.opening[p.dry]
@@ -230,8 +222,7 @@ class _Program:
     def _multipliers(self, size: Floats, trace: tuple[Ints, Floats]) -> list[tuple[Ints, Floats | float]]:
         """Add the multipliers y1, y3 ≥ 0 and y2 = e − sin φ y1 + y3 ≥ margin of (9.3).
 
-        size: (k,) factors on the dissipation. trace: columns and values of e. Returns the entries of y1 + y2 + y3. y3
-        exists only for a material that crushes, without a margin then.
+        size: (k,) factors on the dissipation.
         """
         material, count = self.problem.material, len(size)
         columns, values = trace
@@ -249,10 +240,8 @@ class _Program:
         return total
 
     def _solids(self) -> None:
-        """Add flow rule and dissipation of every tetrahedron, with strain rate ε.
-
-        B ⪰ 0 is a new tensor with ε + B ⪰ 0. Its trace satisfies tr ε + 2 tr B ≤ y1 + y2 + y3.
-        """
+        """Add flow rule and dissipation of every tetrahedron, with strain rate ε."""
+        # B ⪰ 0 is a new tensor with ε + B ⪰ 0. Its trace satisfies tr ε + 2 tr B ≤ y1 + y2 + y3.
         mesh = self.problem.mesh
         count = len(mesh)
         height = np.cbrt(mesh.volume)
@@ -270,7 +259,7 @@ class _Program:
     def _jump(self, rows: Ints, corner: int) -> tuple[Ints, Floats]:
         """Return columns (k, 6) and values (k, 3, 6) of velocity jumps at a corner of triangles.
 
-        rows: (k,) triangles. corner: 0 to 2. Supports stand still.
+        rows: (k,) triangles.
         """
         s = self.problem.sides
         own = 12 * s.a[rows] + 3 * s.corner_a[rows, corner]
@@ -283,10 +272,7 @@ class _Program:
         return columns, values
 
     def _cut_corners(self, corner: int) -> None:
-        """Add dissipation and flow rule |δ| ≤ y1 + y2 + y3 of jumps δ in the material at a corner.
-
-        corner: 0 to 2. The trace e of (9.3) is the opening δn.
-        """
+        """Add dissipation and flow rule |δ| ≤ y1 + y2 + y3 of jumps δ in the material at a corner."""
         rows, s = self.problem.cut, self.problem.sides
         columns, jump = self._jump(rows, corner)
         opening = np.einsum("ki,kij->kj", s.normal[rows], jump)
@@ -294,10 +280,8 @@ class _Program:
         self._cone(self._fours, total, [(columns, jump[:, axis]) for axis in range(3)], len(rows))
 
     def _dry_corners(self, corner: int) -> None:
-        """Add p ≥ |δs| and δn + q ≥ μ p for jumps on dry joints at one corner, 0 to 2.
-
-        δn: opening. δs: slip. p ≥ 0 costs cohesion, q ≥ 0 crushing.
-        """
+        """Add p ≥ |δs| and δn + q ≥ μ p for jumps on dry joints at one corner, 0 to 2."""
+        # δn: opening. δs: slip. p ≥ 0 costs cohesion, q ≥ 0 crushing.
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         if not rows.size:
             return
@@ -319,7 +303,7 @@ class _Program:
     def _cone(rows: Rows, head: list[tuple[Ints, Floats | float]], tail: list[tuple[Ints, Floats]], count: int) -> None:
         """Append cones head ≥ |tail| to `rows`, each with all of its rows together.
 
-        head: entries of the first row. tail: one entry (columns, values) for each further row. count: number of cones.
+        tail: one entry (columns, values) for each further row.
         """
         parts: list[Sequence[tuple[Ints, Floats | float]]] = [head, *([one] for one in tail)]
         size = len(parts)

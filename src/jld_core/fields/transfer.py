@@ -55,10 +55,9 @@ class FieldMechanism:
     def bound_of(self, labels: Bits, undecided: Bools) -> float:
         """Return the upper bound on λ of all labellings that agree on the decided faces.
 
-        Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15).
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: bound, scene units; inf where a flow rule is violated.
+        Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15). labels: (m,) labels,
+        True = dry; ignored where undecided. undecided: (m,) faces that may have either label. Result: bound, scene
+        units; inf where a flow rule is violated.
         """
         parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
         size = abs(self.constant) + float(np.abs(parts).sum())
@@ -99,9 +98,7 @@ class FieldStresses:
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
     """Compute the upper bounds that a certified velocity field proves for all labellings.
 
-    Faces that stand still up to rounding are opened a little, so that they may have either label.
-
-    upper: upper bounds of the problem that the field belongs to. field: field that `upper` certified. labels: (m,) the
+    Faces that stand still up to rounding are opened a little, so that they may have either label. labels: (m,) the
     labelling that it belongs to, True = dry. Result: None where the live load does no work, the blocks would dissipate
     without limit, or opening raises the bound of the labelling too much.
     """
@@ -116,9 +113,8 @@ def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> Field
 def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     """Compute the dissipation of a velocity field in blocks, and on faces under both labels.
 
-    upper: of the problem. velocity: (t, 3, 2) at the corners of triangles, scaled by any factor. No solver is used:
-    this is the check of a proof. Returns None where the live load does no work, or the blocks would dissipate without
-    limit.
+    velocity: (t, 3, 2) at the corners of triangles, scaled by any factor. No solver is used: this is the check of a
+    proof. Returns None where the live load does no work, or the blocks would dissipate without limit.
     """
     p, e = upper.problem, upper.problem.edges
     rates = upper.rates(velocity)
@@ -147,10 +143,8 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
 def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
     """Compute the labellings for which a certified stress field proves its lower bound.
 
-    lower: lower bounds of the problem that the field belongs to. field: field in equilibrium and within yield of the
-    blocks. labels: (m,) the labelling that it belongs to: where joints have no friction, shear vanishes on its dry
-    faces alone. Result: a face may be dry if its tractions are within the yield of the dry joint by at least
-    `field.charge`.
+    labels: (m,) the labelling that it belongs to: where joints have no friction, shear vanishes on its dry faces alone.
+    Result: a face may be dry if its tractions are within the yield of the dry joint by at least `field.charge`.
     """
     p = lower.problem
     rows = p.on_faces

@@ -95,11 +95,9 @@ class PartialUpperBound:
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
         """Refine the mesh of the problem where a velocity field dissipates most.
 
-        Faces are taken as labelled, undecided ones as inner.
-
-        mesh: mesh of the problem, scene units. velocity: (t, 3, 2) velocities with a finite bound for the partial
-        labelling, scaled. labels, undecided: (m,) labels, True = dry, and faces that may have either. Result: the next
-        mesh, scene units.
+        Faces are taken as labelled, undecided ones as inner. velocity: (t, 3, 2) velocities with a finite bound for the
+        partial labelling, scaled. labels, undecided: (m,) labels, True = dry, and faces that may have either. Result:
+        the next mesh, scene units.
         """
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
@@ -108,10 +106,10 @@ class PartialUpperBound:
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
         """Repair a velocity field by each of `REPAIRED` and return the one with the least bound.
 
-        The first with a bound of at most `enough` (λ, scene units) ends the attempts. velocity: (t, 3, 2), scaled.
-        labels: (m,) True = dry. undecided: (m,) faces that may have either label. None if no repair gives a finite
-        bound.
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. undecided: (m,) faces that may have either label. None if
+        no repair gives a finite bound.
         """
+        # The first with a bound of at most `enough` (λ, scene units) ends the attempts.
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
@@ -126,9 +124,10 @@ class PartialUpperBound:
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
         """Return a field that proves collapse under the dead load alone, or None.
 
-        It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
-        unbounded. None: no such mechanism, or no multiple tried leads below 0. labels, undecided: (m,) as for `field`.
+        labels, undecided: (m,) as for `field`.
         """
+        # It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
+        # unbounded. None: no such mechanism, or no multiple tried leads below 0.
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
             self._weightless = PartialUpperBound(p.without_dead_load(), self._many)

@@ -101,8 +101,8 @@ class UpperBound:
         """Find a velocity field for one labelling, and certify it.
 
         labels: (m,) True = dry. Where repairs cost much of λ, the program is solved again with room in every flow rule.
-        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed,
-        or no field could be repaired.
+        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no field
+        could be repaired.
         """
         return self._bound_by(self.propose(labels), labels)
 
@@ -131,8 +131,7 @@ class UpperBound:
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
         """Return the field of least bound: `found`, or one of programs with room in flow rules.
 
-        labels: (m,) True = dry. found: field so far or None. expected: scaled λ by the solver. Margins grow; the first
-        field whose repairs cost little ends the attempts.
+        labels: (m,) True = dry.
         """
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
@@ -162,10 +161,7 @@ class UpperBound:
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair proposed velocities until every flow rule holds, and compute their upper bound.
 
-        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. expected: scaled λ by the solver. Velocities are opened by
-        `opening_motion`. Where that costs more than next to nothing over `expected`, they are also moved by `Settling`,
-        then opened. The lower of both bounds stands. None: a flow rule stays violated, or the live load does no
-        positive work.
+        velocity: (t, 3, 2), scaled. labels: (m,) True = dry.
         """
         opened = self._opened(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
@@ -213,8 +209,7 @@ class UpperBound:
     def repaired(self, velocity: Floats, share: float) -> Floats:
         """Open velocities so far that small violations of flow rules vanish, under either label.
 
-        velocity: (t, 3, 2), scaled. share: a violation is small up to this share of the largest velocity; larger ones
-        remain. Without small violations, or without an opening motion, velocities return unchanged.
+        velocity: (t, 3, 2), scaled.
         """
         every = np.ones(len(self.problem.supported), dtype=bool)
         rates = self.rates(velocity)
@@ -229,10 +224,8 @@ class UpperBound:
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
     def _opening(self) -> Floats | None:
-        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule.
-
-        None without such a motion. It is computed at the first call and kept.
-        """
+        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule."""
+        # None without such a motion. It is computed at the first call and kept.
         if not self._tried:
             self._tried = True
             motion = opening_motion(self.problem)
@@ -259,8 +252,8 @@ class UpperBound:
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
         """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
 
-        rates: of a velocity field. labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material
-        (k, 2) and dry edges (j, 2), with both ends in columns. −inf stands where crushing allows any rate.
+        labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material (k, 2) and dry edges (j, 2),
+        with both ends in columns. −inf stands where crushing allows any rate.
         """
         p = self.problem
         dry = p.is_dry(labels)
@@ -278,8 +271,7 @@ class UpperBound:
     def power(self, rates: Rates, labels: Bits, allowance: float = 0.0) -> Floats:
         """Return the power dissipated in each triangle with half of its edges, (t,), scaled.
 
-        rates: of a velocity field. labels: (m,) True = dry. allowance: opening that flow rules may lack, as rounding.
-        The power is inf where they lack more. Power along an edge is the mean of both ends, which bounds it from above.
+        labels: (m,) True = dry.
         """
         p, e = self.problem, self.problem.edges
         power = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
@@ -296,8 +288,7 @@ class UpperBound:
     def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
         """Return the power per area of edges as dry joints, (k, 2), at both ends, scaled.
 
-        rates: of a velocity field. rows: (k,) edges on interfaces. allowance: opening that may be missing, as rounding.
-        The power is inf where friction asks for more opening and the joint cannot crush: docs/method.md (9.11).
+        rows: (k,) edges on interfaces.
         """
         p = self.problem
         face = p.face[rows]

@@ -15,9 +15,9 @@ Entries = list[tuple[Ints, Floats]]
 def jump_entries(problem: Problem, rows: Ints, end: int, along: Floats) -> Entries:
     """Return the coefficients of velocity jumps at one end of edges, for rows of a program.
 
-    rows: (k,) edges. end: 0 or 1. along: (k, 2) directions of the component. The result is a list of four pairs
-    (columns (k,), values (k,)): two for triangle a, then two for b. Column 6·triangle + 2·corner + axis is a nodal
-    velocity. Without triangle b, at a support, its values are 0.
+    rows: (k,) edges. along: (k, 2) directions of the component. The result is a list of four pairs (columns (k,),
+    values (k,)): two for triangle a, then two for b. Column 6·triangle + 2·corner + axis is a nodal velocity. Without
+    triangle b, at a support, its values are 0.
     """
     e = problem.edges
     a = 6 * e.a[rows] + 2 * e.corner_a[rows, end]
@@ -123,8 +123,7 @@ class VelocityProgram:
     def _rows(self, entries: Entries, rhs: float, count: int, owner: Ints | None, when_dry: bool, cone: bool) -> None:
         """Append rows of one kind, which always hold or depend on labels.
 
-        entries, rhs, count: as for `Rows.add`. owner: edges (count,) whose labels switch them, None where they always
-        hold. when_dry: they hold where the owner is dry, otherwise where it is not. cone: rows of second-order cones.
+        owner: edges (count,) whose labels switch them, None where they always hold.
         """
         (self._cones if cone else self._linear).add(entries, rhs, count)
         self._owner[cone].append(np.full(count, -1) if owner is None else owner)
@@ -133,8 +132,7 @@ class VelocityProgram:
     def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
         """Add flow rule and dissipation of the material for k triangles or edge ends.
 
-        trace: entries of e. shear: those of the two components of g. size: (k,) area over the scale of its entries, or
-        half a length. owner: as for `_rows`.
+        size: (k,) area over the scale of its entries, or half a length.
         """
         material, count = self.problem.material, len(size)
         first = self._new(size * (material.intercept - material.tension * material.sine))
@@ -175,7 +173,7 @@ class VelocityProgram:
     def _material_ends(self, rows: Ints, end: int) -> None:
         """Add flow rule and dissipation of jumps in the material at one end of edges.
 
-        rows: (k,) edges. end: 0 or 1.
+        rows: (k,) edges.
         """
         e, material = self.problem.edges, self.problem.material
         normal = e.normal[rows]
@@ -189,7 +187,7 @@ class VelocityProgram:
     def _dry_ends(self, rows: Ints, end: int) -> None:
         """Add δn + q ≥ μ|δs| and p ≥ |δs| for jumps on dry joints at one end of edges.
 
-        rows: (k,) edges. end: 0 or 1. δn: opening. δs: slip. q ≥ 0 costs crushing, p ≥ 0 cohesion.
+        rows: (k,) edges.
         """
         p, e = self.problem, self.problem.edges
         face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]

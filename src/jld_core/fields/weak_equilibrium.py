@@ -157,8 +157,8 @@ class WeakEquilibrium:
     def rates(self, point: Floats) -> sp.csr_array:
         """Return the derivatives (6t, 2p) of A x − b of `rows` by the positions of p nodes.
 
-        point: (width,) stresses and λ, held constant like loads per volume and nodal forces of tractions. Column
-        2·node + axis belongs to one coordinate of a node, scaled length.
+        point: (width,) stresses and λ, held constant like loads per volume and nodal forces of tractions. Column 2·node
+        + axis belongs to one coordinate of a node, scaled length.
         """
         p, mesh = self.problem, self.problem.mesh
         count, found = len(mesh), _Entries()

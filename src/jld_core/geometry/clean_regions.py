@@ -70,9 +70,7 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
     """Split a region into its parts, and remove details narrower than a tolerance.
 
-    region: polygons, lines and points; lines and points are dropped. reach: width up to which spikes and holes are
-    removed, a length. Parts and necks are removed if they are narrower than half of it. Result: corners of each part,
-    first its shell and then its holes, ordered by the mean of the shell's corners.
+    Result: corners of each part, first its shell and then its holes, ordered by the mean of the shell's corners.
     """
     found = []
     for part in _polygons(region):

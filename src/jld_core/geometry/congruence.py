@@ -106,8 +106,7 @@ class Kinds:
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
     """Assign numbers to outlines by shape, from 1; rotated copies have the same shape.
 
-    outlines: outlines to number. reach: half the largest distance at which two corners coincide, scene units; see
-    `reach_of`. flip: treat mirrored copies as the same shape, as in `Kinds`. Result: shape number of each outline.
+    Result: shape number of each outline.
     """
     kinds = Kinds(reach, rotate=True, flip=flip)
     roots = kinds.roots([kinds.number(outline) for outline in outlines])
@@ -121,11 +120,9 @@ def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, f
 
 
 def deviation(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> float:
-    """Return the largest distance of paired corners and middles of two outlines after the best move; inf without one.
-
-    Shifts are always allowed; `rotate` and `flip` allow rotations and mirrors as in `Kinds`. Middles of edges or faces
-    are paired too. reach: half the largest distance at which two points coincide, scene units.
-    """
+    """Return the largest distance of paired corners and middles of two outlines after the best move, else inf."""
+    # Shifts are always allowed; `rotate` and `flip` allow rotations and mirrors as in `Kinds`. Middles of edges or
+    # faces are paired too.
     near = abs(one.size - other.size) <= 1e-3 * max(one.size, other.size)
     if not near or one.count != other.count or len(one.points) != len(other.points):
         return math.inf
@@ -143,8 +140,6 @@ def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool
     """Return the largest distance of points to the points of an outline that are paired with them; inf without pairs.
 
     points: (k + e, d), of which the first `count` are corners and the others middles; corners are paired with corners.
-    turn: first turn the points to where the sum of squares of all distances is least. Which corner a rotation was
-    computed from does then not matter.
     """
     from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
@@ -176,11 +171,9 @@ def _axis_mirrors(dimension: int) -> list[Floats]:
 
 
 def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
-    """Return the orthogonal matrices (d, d) that may map one outline onto the other.
-
-    They are rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two,
-    onto corners at the same distance from the centroid. reach: half the largest distance at which two points coincide.
-    """
+    """Return the orthogonal matrices (d, d) that may map one outline onto the other."""
+    # They are rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two,
+    # onto corners at the same distance from the centroid.
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
     radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)

@@ -104,8 +104,7 @@ def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
     """Return a mask (n,) of the polygons that are rectangles.
 
     polygons: (n, k, d), without corners in straight edges. A rectangle has four corners, and equal diagonals that halve
-    one another. tolerance: allowed difference of the diagonals' lengths, and twice the allowed distance of their
-    middles, relative to the length of the first diagonal.
+    one another.
     """
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
@@ -121,12 +120,7 @@ def sizes(polygons: Floats) -> Floats:
 
 
 def corners(polygon: Floats, tolerance: float) -> Floats:
-    """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes.
-
-    polygon: simple, without bridges to holes. The order of the remaining corners is kept. tolerance: distance from the
-    line of both neighbours up to which a corner is removed. A corner is the tip of a spike if one of its edges lies
-    within this distance of the other.
-    """
+    """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes."""
     points = np.asarray(polygon)
     while len(points) > 3:
         before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
@@ -143,8 +137,7 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
     """Join a polygon and its holes to one closed outline, by bridges between nearest corners.
 
-    shell: (k, d) outer corners. holes: corners of each hole, in the opposite sense of rotation. The outline runs along
-    each bridge both ways. Integrals over the outline are therefore those of the area without its holes.
+    shell: (k, d) outer corners.
     """
     outline, left = shell, list(holes)
     while left:
@@ -158,11 +151,8 @@ def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
 
 
 def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
-    """Remove corners in straight edges and tips of spikes from polygons (k, d).
-
-    Polygons without such corners, the common case, are recognised in stacks and returned unchanged.
-    tolerance: distance from the line of the neighbours, relative to each polygon's largest extent.
-    """
+    """Remove corners in straight edges and tips of spikes from polygons (k, d)."""
+    # Polygons without such corners, the common case, are recognised in stacks and returned unchanged.
     plain = list(polygons)
     for chosen, stack in by_corner_count(polygons):
         size = np.ptp(stack, axis=1).max(axis=1)
@@ -197,10 +187,8 @@ def hull(polygon: Floats) -> Floats:
 
 
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
-    """Return the convex hulls of counter-clockwise polygons (k, 2).
-
-    Convex polygons, the common case, are recognised in stacks and returned unchanged.
-    """
+    """Return the convex hulls of counter-clockwise polygons (k, 2)."""
+    # Convex polygons, the common case, are recognised in stacks and returned unchanged.
     found = list(polygons)
     for chosen, stack in by_corner_count(polygons):
         edge = np.roll(stack, -1, axis=1) - stack
@@ -231,9 +219,9 @@ def hull_rows(hull_: Floats) -> Floats:
 def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
     """Return rows that compute the elastic normal stress at hull corners, times the area.
 
-    hull_: (h, 2) corners about the centroid. area_: A. moments: (2, 2) tensor S of second moments, so that e1, e2 need
-    not be principal axes. The rows (h, 3) act on (N, M1, M2), with compression positive: σ(x) A = N + A x·S⁻¹(−M2, M1).
-    An inner face of kern form requires rows ≥ −σt A: docs/method.md (2.6).
+    hull_: (h, 2) corners about the centroid. moments: (2, 2) tensor S of second moments, so that e1, e2 need not be
+    principal axes. The rows (h, 3) act on (N, M1, M2), with compression positive: σ(x) A = N + A x·S⁻¹(−M2, M1). An
+    inner face of kern form requires rows ≥ −σt A: docs/method.md (2.6).
     """
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])
@@ -317,12 +305,7 @@ def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) 
 
 
 def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
-    """Compute the boundary loops (k, 3) of the outer faces of a union of solids.
-
-    facets: faces of all solids. Parts of faces that two solids share are left out, and so are corners in straight
-    edges. reach: distance from the line of its neighbours within which a corner is left out, and width up to which a
-    face is.
-    """
+    """Compute the boundary loops (k, 3) of the outer faces of a union of solids."""
     seen: dict[frozenset[tuple[int, ...]], Facet] = {}
     for facet in facets:
         # two solids that share a whole face have it with opposite normals
@@ -343,10 +326,7 @@ def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
 
 
 def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
-    """Group facets by the plane they lie in, with normals of either sense.
-
-    reach: largest distance of the middle of a facet from the plane of the first one.
-    """
+    """Group facets by the plane they lie in, with normals of either sense."""
     normals = np.array([facet.normal for facet in facets])
     middles = np.array([facet.ring.mean(axis=0) for facet in facets])
     found, left = [], np.ones(len(facets), dtype=bool)
@@ -362,10 +342,8 @@ def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
 
 
 def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
-    """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions.
-
-    Regions where facets of opposite normals meet lie inside the union of solids and are left out. reach: see `skin`.
-    """
+    """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions."""
+    # Regions where facets of opposite normals meet lie inside the union of solids and are left out.
     normal, offset, grid = facets[0].normal, facets[0].offset, SNAP * reach
     plane = across(normal)
     members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
@@ -445,10 +423,7 @@ def reach_of(assembly: Assembly) -> float:
 
 
 def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> float:
-    """Return the perimeter of a polygon (k, 2), or the surface area of a solid (k, 3).
-
-    faces: corners of each face of the solid, in order; None for a polygon.
-    """
+    """Return the perimeter of a polygon (k, 2), or the surface area of a solid (k, 3)."""
     if faces is None:
         return float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).sum())
     return float(sum(np.linalg.norm(area_vector(corners[list(loop)])) for loop in faces))
@@ -511,8 +486,7 @@ class Outlines:
 def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
     """Compute the outline of a planar block from the polygons of its elements.
 
-    polygons: corners (k, 2) of each element, scene units. reach: distance from the line of its neighbours within which
-    a corner is left out; a share of it is the grid of the union. edges: edges of each polygon, where already computed.
+    polygons: corners (k, 2) of each element, scene units.
     """
     if edges is None:
         edges = [_edges(polygon, SNAP * reach) for polygon in polygons]
@@ -543,10 +517,7 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
-    """Return the edges of a polygon (k, 2) counter-clockwise, with corners rounded to a grid.
-
-    step: grid width. Each entry holds the edge, the reversed edge and the unrounded start point, see `_Edges`.
-    """
+    """Return the edges of a polygon (k, 2) counter-clockwise, with corners rounded to a grid."""
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
         points.reverse()
@@ -555,11 +526,9 @@ def _edges(polygon: Floats, step: float) -> _Edges:
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
-    """Unite polygons by removing the edges that two of them share as a whole.
-
-    It takes a tenth of the time of a general union. None if boundaries touch in a corner, edges overlap only in part,
-    or the union is not one region.
-    """
+    """Unite polygons by removing the edges that two of them share as a whole."""
+    # It takes a tenth of the time of a general union. None if boundaries touch in a corner, edges overlap only in part,
+    # or the union is not one region.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
         for there, back, point in polygon:
@@ -590,7 +559,7 @@ def _solid_outline(
 ) -> Outline:
     """Compute the outline of the union of solids.
 
-    corners: (k, 3) of all solids. facets: faces of all solids. volumes: (n,). centroids: (n, 3). reach: see `skin`.
+    corners: (k, 3) of all solids. volumes: (n,). centroids: (n, 3).
     """
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
@@ -620,7 +589,7 @@ def _merged(points: Floats, reach: float) -> Floats:
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
     """Compute longest over shortest side of the smallest box with a side in a hull face.
 
-    corners: (k, 3) of the block. hull: convex hull of these.
+    corners: (k, 3) of the block.
     """
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):

@@ -41,8 +41,7 @@ class PlanarContact:
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
     """Remove corners of outlines that repeat the previous one.
 
-    polygons: closed outlines, where the first corner may be repeated at the end. Result: outlines without repeated
-    corners.
+    Result: outlines without repeated corners.
     """
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
@@ -56,8 +55,7 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
 def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
     """Refuse polygons that are not simple, have no area, or overlap.
 
-    ids: names of the n elements. polygons: corners in any length unit and either sense of rotation. Raises InputError:
-    the message names the element, or the pairs that overlap.
+    Raises InputError: the message names the element, or the pairs that overlap.
     """
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
@@ -181,8 +179,7 @@ class _FacingEdges:
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
     """Find pairs of opposite edges that overlap and are close, relative to the shorter one.
 
-    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons. share: of the shorter edge's length; the
-    distance must not exceed it, the overlap must. Results are in the order of pairs, then of the edges of both.
+    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons.
     """
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
@@ -240,13 +237,9 @@ def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, 
 
 
 def near_misses(polygons: list[Floats]) -> list[NearMiss]:
-    """Find edges that face one another and nearly touch, but form no contact.
-
-    Edges nearly touch that are apart by less than `tolerances.NEAR` of their length. So do edges that touch at one end
-    and open by less than `tolerances.WEDGE` of it at the other. Gaps filled by another element are left out.
-
-    polygons: corners of the elements, counter-clockwise, scene units.
-    """
+    """Find edges that face one another and nearly touch, but form no contact."""
+    # Edges nearly touch that are apart by less than `tolerances.NEAR` of their length. So do edges that touch at one
+    # end and open by less than `tolerances.WEDGE` of it at the other. Gaps filled by another element are left out.
     shapes = _shapes(polygons)
     near = _near(shapes, tolerances.WEDGE * _spans(polygons))
     facing = _facing_edges(polygons, near, tolerances.WEDGE)
@@ -297,8 +290,7 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
 def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interfaces:
     """Compute local frames and sizes of straight contacts.
 
-    contacts: the m contacts. thickness: out-of-plane depth, scene units. Result: interfaces of dimension 2: origin at
-    mid-length, e1 = normal rotated by +90°.
+    Result: interfaces of dimension 2: origin at mid-length, e1 = normal rotated by +90°.
     """
     ends = np.array([c.ends for c in contacts]).reshape(-1, 2, 2)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 2)
@@ -324,10 +316,8 @@ def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools)
     """Count pairs of polyhedra that certainly share a contact.
 
     Counted are pairs with a face of equal corners, or pairs of boxes along the axes that touch; the larger count is
-    returned. Pairs of two supports are left out.
-
-    vertices: vertices of each of n elements, scene units. faces: loops of vertex indices of each element. support: (n,)
-    True for supports. Result: lower bound on the number of interfaces of the scene.
+    returned. Pairs of two supports are left out. support: (n,) True for supports. Result: lower bound on the number of
+    interfaces of the scene.
     """
     surface = lay_out(vertices, faces)
     begin = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]

@@ -92,7 +92,7 @@ class Surface:
 def lay_out(vertices: list[Floats], faces: list[Faces]) -> Surface:
     """Put the faces of all elements into flat arrays.
 
-    vertices: (k, 3) of each element. faces: loops of vertex indices of each element.
+    vertices: (k, 3) of each element.
     """
     shift = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1].astype(np.int64)
     element = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
@@ -159,11 +159,8 @@ def solids(
 
 
 def _closed(surface: Surface, count: int) -> Bools:
-    """Return a mask (n,), True for elements whose surface is closed and consistently oriented.
-
-    Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself. count: number n
-    of elements.
-    """
+    """Return a mask (n,), True for elements whose surface is closed and consistently oriented."""
+    # Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself.
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     _, edge = np.unique(low * width + high, return_inverse=True)
@@ -177,8 +174,7 @@ def _closed(surface: Surface, count: int) -> Bools:
 def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     """Merge coinciding vertices of an element, and reverse faces until all are oriented alike.
 
-    name: of the element, for the message. Returns the vertices and the new loops. Raises InputError if the surface is
-    open.
+    Raises InputError if the surface is open.
     """
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
@@ -220,7 +216,7 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
     """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem.
 
-    surface: loops of all elements. vertices: (k, 3) of each element; sums run about its first vertex.
+    vertices: (k, 3) of each element; sums run about its first vertex.
     """
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
@@ -341,9 +337,9 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
 def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
     """Return the boundary loops (k, 3) of joined faces, the outer one first.
 
-    Edges that occur in both senses are inside and left out. members: indices of the faces. vector: (3,) area vector of
-    the facet, by which loops are sorted.
+    vector: (3,) area vector of the facet, by which loops are sorted.
     """
+    # Edges that occur in both senses are inside and left out.
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
     inside = set(edges)
@@ -443,17 +439,14 @@ _Loops = tuple[tuple[int, ...], ...]
 
 
 def contains(shape: Floats, faces: _Loops, point: Floats, reach: float) -> bool:
-    """Return True if a point (d,) lies in a polygon or polyhedron, or near its boundary.
-
-    shape, faces: as in `distance_to`. reach: distance up to which a point counts as near.
-    """
+    """Return True if a point (d,) lies in a polygon or polyhedron, or near its boundary."""
     return distance_to(shape, faces, point) <= reach
 
 
 def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
     """Return the distance of a point (d,) from a polygon or polyhedron, 0 inside.
 
-    shape: (k, 2) outline, or (k, 3) vertices. faces: loops of vertices, empty in the plane.
+    shape: (k, 2) outline, or (k, 3) vertices.
     """
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)

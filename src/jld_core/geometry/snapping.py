@@ -46,9 +46,7 @@ class Snapped:
 def snap_polygons(outlines: Sequence[Floats], tolerance: float, *, keep_nodes: bool = False) -> Snapped:
     """Close gaps and overlaps between polygons up to a tolerance.
 
-    outlines: closed polygons, without repetition of the first corner. tolerance: length, at least 0. keep_nodes: keep
-    corners of neighbours as corners in straight edges, so that polygons share whole edges (a coverage). Result:
-    polygons after snapping. Raises InputError: the tolerance is negative or not finite.
+    Result: polygons after snapping. Raises InputError: the tolerance is negative or not finite.
     """
     return snap_paths(outlines, [True] * len(outlines), tolerance, keep_nodes=keep_nodes)
 
@@ -58,9 +56,8 @@ def snap_paths(
 ) -> Snapped:
     """Close gaps and overlaps between open and closed paths up to a tolerance.
 
-    paths: corners of each path; closed paths without repetition of the first corner. closed: True for each closed path.
-    tolerance: length, at least 0. keep_nodes: keep corners of neighbours as corners in straight edges, so that paths
-    share whole edges. Result: paths after snapping. Raises InputError: the tolerance is negative or not finite.
+    closed: True for each closed path. Result: paths after snapping. Raises InputError: the tolerance is negative or not
+    finite.
     """
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
@@ -125,11 +122,11 @@ def _onto_edges(
 ) -> tuple[Floats, list[list[int]], Ints]:
     """Move nodes onto the nearest edge within the tolerance, repeatedly.
 
-    The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further apart
-    than the tolerance, along both joints; they meet on an edge. place: (n, 2) positions of the nodes. rings: nodes of
-    each path. node_of: node of each corner. closed: True for each closed path. The results are new positions, rings and
+    place: (n, 2) positions of the nodes. closed: True for each closed path. The results are new positions, rings and
     nodes of the corners.
     """
+    # The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further
+    # apart than the tolerance, along both joints; they meet on an edge.
     place, size = place.copy(), float(np.ptp(place, axis=0).max())
     for _ in range(_ROUNDS if tolerance > 0.0 else 0):
         edges = _edges(rings, closed)
@@ -169,9 +166,9 @@ def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> B
 def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
     """Return the node (n,) into which each node merges, itself if into none.
 
-    Two nodes merge if they lie within the tolerance and no path contains both. place: (n, 2) positions. rings: nodes of
-    each path.
+    place: (n, 2) positions.
     """
+    # Two nodes merge if they lie within the tolerance and no path contains both.
     into = np.arange(len(place))
     owners: dict[int, set[int]] = {}
     for number, ring in enumerate(rings):
@@ -195,8 +192,8 @@ def _with_hanging(
 ) -> tuple[list[list[int]], list[list[bool]]]:
     """Insert nodes that lie on the edges of paths as corners.
 
-    place: (n, 2) positions. rings: nodes of each path. closed: True for each closed path. The results are the paths
-    and, for every corner, True where it is an original corner of the path.
+    place: (n, 2) positions. closed: True for each closed path. The results are the paths and, for every corner, True
+    where it is an original corner of the path.
     """
     edges = _edges(rings, closed)
     size = float(np.ptp(place, axis=0).max()) if len(place) else 0.0
@@ -228,8 +225,8 @@ def _with_hanging(
 def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed: bool) -> list[int]:
     """Remove inserted nodes of a path that lie in a straight edge.
 
-    place: (n, 2) positions. ring: nodes of the path. own: True for original corners, which stay. closed: True if the
-    last node is joined to the first.
+    place: (n, 2) positions. own: True for original corners, which stay. closed: True if the last node is joined to the
+    first.
     """
     if not any(not mine for mine in own):
         return ring
@@ -264,9 +261,9 @@ def straight(outline: Floats) -> Floats:
 def without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
     """Remove repeated nodes from a path of node indices, and spikes from a closed one.
 
-    A spike is a run from a node to another and back. closed: True if the last node is joined to the first. The result
-    may have too few nodes to be a path.
+    closed: True if the last node is joined to the first. The result may have too few nodes to be a path.
     """
+    # A spike is a run from a node to another and back.
     kept: list[int] = []
     for node in ring:
         if kept and kept[-1] == node:
@@ -370,9 +367,9 @@ class _Loops:
 def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
     """Group faces that lie in one plane within the tolerance.
 
-    place: (n, 3) positions of the nodes. loops: nodes of each face. solid: (faces,) solid of each face. The results are
-    the plane (faces,) of each face, and normal (p, 3) and point (p, 3) of each plane, those of its largest face. The
-    plane is −1 for faces that are not plane themselves.
+    place: (n, 3) positions of the nodes. solid: (faces,) solid of each face. The results are the plane (faces,) of each
+    face, and normal (p, 3) and point (p, 3) of each plane, those of its largest face. The plane is −1 for faces that
+    are not plane themselves.
     """
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
@@ -425,11 +422,11 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
 def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
     """Return the face (faces,) that defines the plane of each face.
 
-    The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
-    compared with that face, so that chains do not drift. key: (faces,) sort key. one, two: (p,) pairs of faces in
-    nearly one plane. farthest: function that returns the distances (k,) of faces (k,) from the planes of other faces
-    (k,).
+    key: (faces,) sort key. one, two: (p,) pairs of faces in nearly one plane. farthest: function that returns the
+    distances (k,) of faces (k,) from the planes of other faces (k,).
     """
+    # The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
+    # compared with that face, so that chains do not drift.
     order = np.argsort(key, kind="stable")
     rank = np.empty(len(key), dtype=np.int64)
     rank[order] = np.arange(len(key))
@@ -464,9 +461,10 @@ def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints],
 def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, origin: Floats, tolerance: float) -> Floats:
     """Move every node by the least distance onto the planes of the faces that meet in it.
 
-    Nodes that would move further than a multiple of the tolerance stay. place: (n, 3) positions. loops: nodes of each
-    face. group: (faces,) plane of each face, −1 for none. normal, origin: (p, 3) of the planes. The result is (n, 3).
+    place: (n, 3) positions. group: (faces,) plane of each face, −1 for none. normal, origin: (p, 3) of the planes. The
+    result is (n, 3).
     """
+    # Nodes that would move further than a multiple of the tolerance stay.
     # One number for a node and a plane: sorting it is many times faster than sorting rows.
     wide = len(normal) + 1
     pairs = np.unique(loops.node * wide + np.repeat(group, loops.count) + 1)

@@ -104,7 +104,7 @@ def near_pairs(
 def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     """Select the pairs of boxes that touch or overlap within a shorter reach.
 
-    lower, upper, reach: as of `near_pairs`. pairs: the pairs (p,) that it found. The result has the same form.
+    pairs: the pairs (p,) that it found. The result has the same form.
     """
     low, high = lower - reach[:, None], upper + reach[:, None]
     left, right = pairs
@@ -154,13 +154,9 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
 
 
 def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
-    """Find facets that face one another, overlap in projection and nearly touch.
-
-    Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's size.
-    So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
-
-    facets: facets of all elements. pairs: candidate pairs of elements a < b, sorted.
-    """
+    """Find facets that face one another, overlap in projection and nearly touch."""
+    # Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's
+    # size. So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
     one, two = _opposite_facets(facets, *pairs, tolerances.WEDGE)
     size = np.minimum(facets.size[one], facets.size[two])
     cosine = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two])
@@ -180,10 +176,10 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
     """Return a mask (p,) of facet pairs without a gap between them.
 
-    All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
-    the second facet has holes or not four corners. one, two: (p,) facets. size: (p,) size of the smaller facet of each
-    pair.
+    one, two: (p,) facets. size: (p,) size of the smaller facet of each pair.
     """
+    # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
+    # the second facet has holes or not four corners.
     found = np.zeros(len(one), dtype=bool)
     row, stack = facets.four
     four = np.flatnonzero(row[two] >= 0)
@@ -199,11 +195,7 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
 def _near_miss(
     facets: Facets, frames: FacetFrames, one: int, two: int, shared: shapely.Geometry, size: float
 ) -> NearMiss | None:
-    """Measure the gap between two facets over a region; None for a contact or a wide gap.
-
-    one, two: indices of the facets. shared: the region, in the frame of the first facet. size: of the smaller facet, a
-    length.
-    """
+    """Measure the gap between two facets over a region; None for a contact or a wide gap."""
     axes, normal, slope = np.array([frames.e1[one], frames.e2[one]]), facets.normal[one], facets.normal[two]
     flat = np.concatenate([shapely.get_coordinates(shapely.point_on_surface(shared)), shapely.get_coordinates(shared)])
     points = facets.origin[one] + flat @ axes
@@ -385,10 +377,8 @@ def _clusters(points: Floats, tolerance: float) -> Ints:
 
 
 def _first_within(points: Floats, tolerance: float) -> Ints:
-    """Return the index (n,) of the point (n, d) that each point joins, one after the other.
-
-    A point joins the first one within the tolerance that joined none, else it joins none and keeps its own index.
-    """
+    """Return the index (n,) of the point (n, d) that each point joins, one after the other."""
+    # A point joins the first one within the tolerance that joined none, else it joins none and keeps its own index.
     width = max(tolerance, 1e-300)
     # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
     boxes: dict[tuple[int, ...], list[int]] = {}
@@ -409,15 +399,10 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
 def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints]) -> None:
     """Refuse convex polyhedra that share a volume.
 
-    Pairs with a polyhedron that is not convex are not checked.
-
-    ids: names of the n elements. vertices: vertices of each element, scene units. facets: facets of all elements.
-    pairs: elements whose bounding boxes touch. Raises InputError: elements overlap; the message names the pairs, depth
-    and place.
-
-    Two elements are apart where all of one lies in front of a facet of the other. For the few remaining pairs, a linear
-    program finds the largest ball within both.
+    Raises InputError: elements overlap; the message names the pairs, depth and place.
     """
+    # Pairs with a polyhedron that is not convex are not checked. Two elements are apart where all of one lies in front
+    # of a facet of the other. For the few remaining pairs, a linear program finds the largest ball within both.
     lower = np.array([v.min(axis=0) for v in vertices])
     upper = np.array([v.max(axis=0) for v in vertices])
     span = (upper - lower).max(axis=1)
@@ -466,10 +451,8 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
 
 
 def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
-    """Return radius and centre of the largest ball behind all planes.
-
-    The radius is negative where no such ball exists.
-    """
+    """Return radius and centre of the largest ball behind all planes."""
+    # The radius is negative where no such ball exists.
     normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
     behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
     rows = np.column_stack([normal, np.ones(len(planes))])
@@ -483,13 +466,10 @@ def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
 def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
     """Compute local frames and sections of plane contacts.
 
-    The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1.
-
-    contacts: the m contacts. Result: interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those
-    of other polygons are extents along e1 and e2. Sections are those of the area without its holes.
-
-    Source: docs/method.md (1.2), (2.2).
+    Result: interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those of other polygons are
+    extents along e1 and e2. Sections are those of the area without its holes.
     """
+    # The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1. Source: docs/method.md (1.2), (2.2).
     count = len(contacts)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 3)
     polygons = [measures.keyhole(c.polygon, c.holes) for c in contacts]

@@ -76,8 +76,8 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     """Measure the misfit of a stated plane contact and the facets of an element.
 
     polygon: (k, 3) corners of the contact in order, scene units. outward: (3,) unit normal of the contact, out of the
-    element. loops: boundaries of each facet of the element and of its holes. normals: (f, 3) outward unit normals of
-    the facets. Result: `beyond` is the largest distance of a point of the contact from the facets that it lies on.
+    element. normals: (f, 3) outward unit normals of the facets. Result: `beyond` is the largest distance of a point of
+    the contact from the facets that it lies on.
     """
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
@@ -106,9 +106,8 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
     """Return a warning about a stated contact that fits an element poorly, or "".
 
-    where: key of the contact in the scene. name: id of the element. fit: misfit of contact and element. tolerance:
-    tolerance given by the scene, a length. unit: unit of length. Raises InputError: the contact exceeds the faces of
-    the element, or lies inside it, by more than the larger of `tolerances.NEAR` times its size and the tolerance.
+    Raises InputError: the contact exceeds the faces of the element, or lies inside it, by more than the larger of
+    `tolerances.NEAR` times its size and the tolerance.
     """
     allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
     whole = fit.beyond >= fit.size
@@ -129,8 +128,8 @@ def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: st
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
     """Raise InputError for a stated plane contact whose outline crosses itself.
 
-    where: key of the contact in the scene. polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane.
-    Raises InputError: the outline crosses itself.
+    polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane. Raises InputError: the outline crosses
+    itself.
     """
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
@@ -210,10 +209,7 @@ class NearMiss:
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
-    """Raise InputError if elements overlap, naming up to ten pairs with depth and place.
-
-    pairs: overlaps found; nothing happens where there are none. expected: remedy, for the message.
-    """
+    """Raise InputError if elements overlap, naming up to ten pairs with depth and place."""
     if not pairs:
         return
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
@@ -229,10 +225,7 @@ def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
 
 
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
-    """Describe near misses in one sentence, with their number and the first places.
-
-    misses: near misses. ids: names of the elements. unit: unit of length.
-    """
+    """Describe near misses in one sentence, with their number and the first places."""
     if not misses:
         return ()
     shown = ", ".join(f"{ids[m.a]!r} and {ids[m.b]!r} {_gap(m, unit)}" for m in misses[:_SHOWN])
@@ -261,12 +254,10 @@ def _point(place: Floats) -> str:
 def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
     """Compute the unit normals of stated contacts, out of element a of each.
 
-    The stated polygon gives the direction. The face of a that it lies on only gives the sign.
-
-    polygons: corners of the m contacts in order, k ≥ 3. a: (m,) index of the first element of each contact. facets:
-    facets of all elements. where: maps the index of a contact to its key in the scene, for error messages. Returns (m,
-    3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
+    a: (m,) index of the first element of each contact. where: maps the index of a contact to its key in the scene, for
+    error messages. Returns (m, 3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
     """
+    # The stated polygon gives the direction. The face of a that it lies on only gives the sign.
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
     for chosen, stack in measures.by_corner_count(polygons):
         arm = stack - stack[:, :1]
@@ -286,9 +277,10 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
     """Return the sense (m,) of each contact's normal: +1 if it points out of element a, or −1.
 
-    The nearest face of a decides. normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts,
-    lengths. a: (m,) element of each contact.
+    normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts, lengths. a: (m,) element of each
+    contact.
     """
+    # The nearest face of a decides.
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
     owner, facet = spread(start[a], count[a])

@@ -58,8 +58,7 @@ class Surface:
 def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
     """Unite polygons to regions, ordered from left to right.
 
-    outlines: corners of the polygons, scene units. Result: connected parts of the union, ordered by their bounding
-    boxes.
+    Result: connected parts of the union, ordered by their bounding boxes.
     """
     size = float(np.ptp(np.concatenate(list(outlines)), axis=0).max())
     snapped = snap_polygons(outlines, _NEAR * size, keep_nodes=True)
@@ -70,10 +69,7 @@ def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
 
 
 def region_of(part: shapely.Polygon) -> Region:
-    """Convert a shapely polygon to a `Region` without corners in straight edges.
-
-    part: polygon, in any orientation.
-    """
+    """Convert a shapely polygon to a `Region` without corners in straight edges."""
     part = shapely.Polygon(part.exterior, part.interiors)
     shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
     shell = shell if part.exterior.is_ccw else shell[::-1]
@@ -84,8 +80,7 @@ def region_of(part: shapely.Polygon) -> Region:
 def extrude(region: Region, depth: float) -> Surface:
     """Extrude a region of the x–z plane from y = 0 to y = depth.
 
-    region: cross-section; its second coordinate becomes z. depth: length along y, scene units. Result: closed surface
-    with outward faces.
+    Result: closed surface with outward faces.
     """
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
@@ -111,11 +106,7 @@ def extrude(region: Region, depth: float) -> Surface:
 
 
 def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
-    """Compute the outer surface of polyhedra that touch along parts of their faces.
-
-    vertices: vertices of each polyhedron, scene units. faces: outward loops of each polyhedron, as `solids` returns
-    them.
-    """
+    """Compute the outer surface of polyhedra that touch along parts of their faces."""
     every = np.concatenate(list(vertices))
     size = float(np.ptp(every, axis=0).max())
     corners = every[np.unique(_weld(every, _NEAR_SOLID * size), return_index=True)[1]]
@@ -156,10 +147,7 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
 
 
 def _planes(facets: Facets, reach: float) -> list[list[int]]:
-    """Group facets by the plane they lie in, regardless of the sense of their normals.
-
-    reach: largest distance from the plane of the first facet of a group. The result lists the facets of each plane.
-    """
+    """Group facets by the plane they lie in, regardless of the sense of their normals."""
     groups: list[list[int]] = []
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
@@ -175,10 +163,8 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
 
 
 def _weld(points: Floats, reach: float) -> Ints:
-    """Assign points (n, 3) to nodes (n,); points within `reach` of one another share a node.
-
-    Nodes are numbered by first appearance; chains of near points become one node.
-    """
+    """Assign points (n, 3) to nodes (n,); points within `reach` of one another share a node."""
+    # Nodes are numbered by first appearance; chains of near points become one node.
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
@@ -192,8 +178,8 @@ def _weld(points: Floats, reach: float) -> Ints:
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
     """Compute the regions of the outer surface of solids that lie in one plane.
 
-    plane: indices of the facets in the plane. size: extent of the solids. Regions where facets of opposite normals meet
-    are left out. Returns, for each region, its outward normal (3,) and its boundary loops (k, 3), the outer one first.
+    size: extent of the solids. Regions where facets of opposite normals meet are left out. Returns, for each region,
+    its outward normal (3,) and its boundary loops (k, 3), the outer one first.
     """
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
@@ -221,10 +207,7 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
-    """Insert the points (n, 3) that lie within `reach` of the edges of a loop as its corners.
-
-    loop: indices of its corners in `points`. tree: of `points`.
-    """
+    """Insert the points (n, 3) that lie within `reach` of the edges of a loop as its corners."""
     full: list[int] = []
     for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
         if a == b:

@@ -38,9 +38,9 @@ def slack_rows(structure: Structure) -> Ints:
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program that maximises the least slack t ≤ 1 of all yield rows.
 
-    t is the last column, and t ≤ 1 the last linear row. program: supplies the rows. load_fixed: True removes the column
-    of λ, which keeps λ = 0; otherwise λ is a variable.
+    load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
     """
+    # t is the last column, and t ≤ 1 the last linear row.
     s = program.structure
     matrix = program.matrix.tocsr()
     column = np.zeros(s.shape[0])
@@ -81,11 +81,8 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
     """Find a point at which as many yield rows as possible have positive slack.
 
-    program: supplies the rows. rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones.
-    columns: number of leading columns that the point has. One less than all leaves out λ, the last column. cap: largest
-    slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that rows do not
-    compete for slack. Result: raw: solution of the auxiliary program; slack: slack of each row of `slack_rows`, in [0,
-    cap].
+    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: raw: solution of the
+    auxiliary program; slack: slack of each row of `slack_rows`, in [0, cap].
     """
     raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]
@@ -108,8 +105,7 @@ class LargestSupport:
         """Return the direction of the point in one second-order cone, if it lies on the boundary.
 
         The direction is the unit vector (size − 1,) of the rows after the first. The result is None if the value of the
-        first row is at most `least`, or the norm of the others is below half of that value. start, size: first row and
-        number of rows of the cone.
+        first row is at most `least`, or the norm of the others is below half of that value.
         """
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))
@@ -121,13 +117,10 @@ def largest_support(
 ) -> LargestSupport:
     """Find a point of the recession cones at which most rows have positive slack.
 
-    Among such points it has the most cones whose first row is positive.
-
-    program: supplies the rows. columns: number of leading columns that the point has; the others are left out. target:
-    (equalities,) right-hand side of the equations; default zero, for a self-stress. largest: bound on every column of
-    the point, infinite for none. Result: the point, exact to the solver's residual; arbitrary if the solver fails, so
-    check it.
+    target: (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point, exact to
+    the solver's residual; arbitrary if the solver fails, so check it.
     """
+    # Among such points it has the most cones whose first row is positive.
     s = program.structure
     rhs = np.zeros(s.shape[0])
     if target is not None:
@@ -147,14 +140,12 @@ def largest_support(
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
     """Find a point of largest support by simplex, with polygons in place of the cones.
 
-    The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the face's
-    frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point method finds
-    only half its digits. The method needs cones of three rows.
-
-    program: supplies the rows. columns: number of leading columns that the point has; the others are left out. target:
-    (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point; None if there is
-    none, if a cone has another size, or if the program is too large.
+    target: (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point; None if
+    there is none, if a cone has another size, or if the program is too large.
     """
+    # The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the
+    # face's frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point
+    # method finds only half its digits. The method needs cones of three rows.
     s = program.structure
     if set(s.cones) - {3} or s.shape[1] > _SIMPLEX:
         return None
@@ -184,14 +175,11 @@ def project_onto_faces(
 ) -> Floats:
     """Project a point of largest support onto the faces of the convex cones it lies on.
 
-    The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
-    whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their direction.
-
-    program: supplies the rows. found: point to project. target: (equalities,) right-hand side of the equations. snap:
-    components of that direction, a unit vector, below this value are set to zero. least: slack, and value of the first
-    row of a cone, up to which it counts as zero. Default: half of the slack to which a self-stress can be scaled. Use a
-    small value where the target is not zero. Result: (columns,) the projected point.
+    target: (equalities,) right-hand side of the equations. Result: (columns,) the projected point.
     """
+    # The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
+    # whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their
+    # direction.
     s, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
     linear = s.linear - 1
@@ -223,8 +211,7 @@ def _slack_sum_program(
 ) -> ConicProgram:
     """Return the program that maximises the sum of the slacks of all rows.
 
-    program, rhs, columns, cap: as in `maximise_slacks`. largest: bound on every column, infinite for none. heads: True
-    counts the first rows of cones as well, each up to 1.
+    heads: True counts the first rows of cones as well, each up to 1.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
@@ -250,12 +237,10 @@ def _slack_sum_program(
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     """Find velocities whose jumps lie strictly inside the jumps of finite dissipation.
 
-    The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
-
-    program: equations E, then the row of λ, which is omitted, then the yield rows G. columns: number of leading columns
-    of E and G that the condition Eᵀu + Gᵀz = 0 covers. Returns (equalities,): velocities u with Eᵀu + Gᵀz = 0; None if
-    there are none.
+    columns: number of leading columns of E and G that the condition Eᵀu + Gᵀz = 0 covers. Returns (equalities,):
+    velocities u with Eᵀu + Gᵀz = 0; None if there are none.
     """
+    # The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
     yields = matrix[s.equalities + 1 :]
@@ -284,14 +269,11 @@ def least_multipliers(
 ) -> Floats:
     """Compute velocities u and multipliers z of yield rows with the least weighted sum.
 
-    They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
-    dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
-
-    equations, yields: matrices E and G; the rows of G are linear, then those of the cones. least: (rows of G,) lower
-    bound of the multipliers in the sense of the cones. linear: number of linear rows of G. cones: sizes of the cones.
-    structure: structure of the program that the rows come from. Result: u and z, concatenated; NaN if the dual program
-    is unbounded.
+    least: (rows of G,) lower bound of the multipliers in the sense of the cones. Result: u and z, concatenated; NaN if
+    the dual program is unbounded.
     """
+    # They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
+    # dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
     equalities, columns = equations.shape
     if is_large(structure):
         rows = sp.vstack([equations, yields])

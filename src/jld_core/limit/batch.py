@@ -34,7 +34,7 @@ class BatchBounds:
     def status(self, position: int) -> Status | None:
         """Return the status of one labelling.
 
-        position: index of the labelling, from 0 to k − 1. Result: status; None where the batch solver left it open.
+        Result: status; None where the batch solver left it open.
         """
         if not self.settled[position]:
             return None

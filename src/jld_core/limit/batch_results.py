@@ -24,9 +24,7 @@ def offer_results(
 ) -> None:
     """Check the batch solver's bounds of one labelling, and add the valid ones to a proof.
 
-    found: results for this labelling alone, with vectors. labels: (m,) True = dry. proof: receives the state, and the
-    motion or the ray. prover: checks them. opening: returns a motion that opens all faces; called only where a margin
-    is negative.
+    labels: (m,) True = dry.
     """
     if found.forces is None:
         return

@@ -150,7 +150,7 @@ class BlockParts:
     def halved(self, motion: Motion) -> tuple[Floats, Floats]:
         """Convert a motion to velocities of parts (k, q) and of shared faces (f, q).
 
-        Each face moves halfway between its two sides. motion: of the whole assembly, scaled.
+        Each face moves halfway between its two sides.
         """
         q = self.dead.shape[1]
         velocity = motion.velocity.reshape(-1, q)[self.part_element]
@@ -171,8 +171,7 @@ class BlockParts:
 def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
     """Create the parts, sides and joints of possible blocks.
 
-    template: supplies the assembly, the equilibrium matrix and the loads. members: elements of each block. inside:
-    faces inside each block. Result: parts in the order of blocks and of their elements.
+    Result: parts in the order of blocks and of their elements.
     """
     assembly = template.assembly
     q = assembly.freedoms
@@ -226,7 +225,7 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
 def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
     """Return the matrices (k, q, q) from resultants of faces to the equilibrium of elements.
 
-    matrix: scaled A_eq. element, face: (k,) pairs; elements are indices among the free elements.
+    element, face: (k,) pairs; elements are indices among the free elements.
     """
     if not len(element):
         return np.zeros((0, q, q))
@@ -266,9 +265,8 @@ class AllBlocksProgram:
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
         """Create the program that has only the allowed blocks.
 
-        allowed: (p,) blocks that may be chosen. threshold, most: scaled λ. The λ of each block is bounded by the share
-        `LEAST` of `threshold` from below and by `most` from above. Result: program: the program; rows, columns: indices
-        of its rows and columns in the program of all blocks.
+        allowed: (p,) blocks that may be chosen. Result: program: the program; rows, columns: indices of its rows and
+        columns in the program of all blocks.
         """
         row, column, value = self._table
         value = value.copy()
@@ -354,11 +352,8 @@ class BlockProgram(AllBlocksProgram):
         self._row_block, self._column_block = rows.owner, columns.owner
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
-        """Add the forces on the dry faces around the blocks.
-
-        They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x. dry: yield sets. rays,
-        sticks: columns of the rays and of the shear by cohesion.
-        """
+        """Add the forces on the dry faces around the blocks."""
+        # They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
@@ -376,8 +371,7 @@ class BlockProgram(AllBlocksProgram):
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
         """Add the forces on the inner faces of the blocks.
 
-        They are N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V. inner: yield sets. bends: (j, 3)
-        columns of r, r' and V.
+        They are N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V. bends: (j, 3) columns of r, r' and V.
         """
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
@@ -388,9 +382,9 @@ class BlockProgram(AllBlocksProgram):
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
         """Add the rows |V| ≤ τA x + μN of inner faces of blocks chosen by x.
 
-        N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x. bends: (j, 3) columns of the variables r,
-        r' and V of j inner faces. shear: (j, 2) rows.
+        bends: (j, 3) columns of the variables r, r' and V of j inner faces. shear: (j, 2) rows.
         """
+        # N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x.
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
         strength = inner.cohesion[parts.joint_face] - mu * inner.tension[parts.joint_face]
@@ -465,8 +459,7 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
     """Create the columns of every possible block, in the form that the batch solver takes.
 
     Shared rows: three for each shared face, then three for each element, namely its cover, its share of λ, and one
-    unused. parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either
-    label. The result is None where a joint has no shear strength without compression.
+    unused.
     """
     if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None
@@ -521,10 +514,7 @@ class _Block:
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
 
     def _add_side(self, side: int) -> None:
-        """Add the columns of a dry side: normalised rays, and shear ±c if it has cohesion.
-
-        side: index in `BlockParts`.
-        """
+        """Add the columns of a dry side: normalised rays, and shear ±c if it has cohesion."""
         face = int(self._parts.side_face[side])
         mu = float(self._dry.friction[face])
         size = max(1.0, mu)
@@ -537,7 +527,7 @@ class _Block:
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
         """Add the column of a force at a side: its part in equilibrium and on the shared face.
 
-        side: index in `BlockParts`. force: (3,) resultants. row: row that also gets an entry 1; None for none.
+        force: (3,) resultants.
         """
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
@@ -549,11 +539,9 @@ class _Block:
         self._keep(found, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        """Add the columns of a joint, an inner face of the block.
-
-        They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
-        whose entries are `of_x`.
-        """
+        """Add the columns of a joint, an inner face of the block."""
+        # They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
+        # whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
         strength = float(inner.cohesion[face] - mu * inner.tension[face])
@@ -579,7 +567,7 @@ class _Block:
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
         """Store a column without its zero entries.
 
-        found: entries (row, value) of the column. row: row that also gets an entry 1; None for none.
+        found: entries (row, value) of the column.
         """
         found = sorted([*found, *([] if row is None else [(row, 1.0)])])
         found = [(at, value) for at, value in found if value != 0.0]
@@ -674,8 +662,8 @@ class ConeProgram(AllBlocksProgram):
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
         """Create the columns of copies of faces (k,), each for one block.
 
-        They are the resultants, and the extra variables of those faces. columns: receives them. face, block: (k,) face
-        and block of each copy. active: (m, q) True for resultants that are used.
+        They are the resultants, and the extra variables of those faces. face, block: (k,) face and block of each copy.
+        active: (m, q) True for resultants that are used.
         """
         q = self._template.assembly.freedoms
         number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
@@ -687,10 +675,10 @@ class ConeProgram(AllBlocksProgram):
     def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
         """Add the yield rows h x − G F of copies of faces: either the linear rows or the cones.
 
-        h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
-        resultants. rows: receives the new rows. copies: of faces under one label. dry: True for the dry label. linear:
-        True for linear rows.
+        dry: True for the dry label. linear: True for linear rows.
         """
+        # h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
+        # resultants.
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
@@ -724,8 +712,7 @@ class ConeProgram(AllBlocksProgram):
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
     """Group integer values by face: for each face its distinct values (k,), ascending.
 
-    face, value: (pairs,) a face and a value that belongs to it. count: number of faces. freedoms: number of resultants
-    per face. If above 0, the values of face f also include the indices freedoms · f to freedoms · (f + 1) − 1.
+    face, value: (pairs,) a face and a value that belongs to it.
     """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

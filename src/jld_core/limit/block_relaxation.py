@@ -105,9 +105,9 @@ class BatchBlockProgram:
     ) -> BatchBlockProgram | None:
         """Create the block program of an assembly; None if the batch solver does not support it.
 
-        The result is also None without the compiled library. parts: parts, sides and joints of the possible blocks.
-        dry, inner: yield sets of all faces under either label. centroids: (n, d) of the free elements.
+        centroids: (n, d) of the free elements.
         """
+        # The result is also None without the compiled library.
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
@@ -141,10 +141,7 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return velocities, multipliers and shares of one set of allowed blocks.
-
-        answers: results of the batch solver for several sets. k: index of the set among them.
-        """
+        """Return velocities, multipliers and shares of one set of allowed blocks."""
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],
@@ -270,8 +267,7 @@ class BlockRelaxation:
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ over the segmentations into allowed blocks.
 
-        allowed: (p,) blocks that may be chosen. threshold: scaled λ that segmentations must reach to be of interest.
-        most: scaled upper bound on λ of these segmentations, finite.
+        allowed: (p,) blocks that may be chosen.
         """
         found = self._choose(allowed, threshold, most, self._coarse_solver)
         if not self._is_close(found, threshold):
@@ -283,8 +279,8 @@ class BlockRelaxation:
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ by the mechanism of an earlier program, without a solver.
 
-        mechanism: mechanism of a program of this relaxation, for any allowed blocks. allowed: (p,) blocks that may be
-        chosen now. Result: bound, refutation and useless blocks that the mechanism proves.
+        allowed: (p,) blocks that may be chosen now. Result: bound, refutation and useless blocks that the mechanism
+        proves.
         """
         return self._proven_choice(mechanism.multipliers, allowed, threshold, most)
 
@@ -301,10 +297,7 @@ class BlockRelaxation:
         return self._batch_program is not None
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
-        """Bound λ for many sets of allowed blocks, by the batch solver where it applies.
-
-        asked: arguments of `choose` for each set. pool: supplies one more thread for the batch solver.
-        """
+        """Bound λ for many sets of allowed blocks, by the batch solver where it applies."""
         if not self.batched or self._batch_program is None or not asked:
             return [self.choose(*one) for one in asked]
         allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
@@ -324,10 +317,7 @@ class BlockRelaxation:
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
-        """Solve the program of the allowed blocks by one solver, and return the proven bound.
-
-        allowed, threshold, most: as in `choose`. route: the solver.
-        """
+        """Solve the program of the allowed blocks by one solver, and return the proven bound."""
         program, rows, columns = self._states.of(allowed, threshold, most)
         raw = route.solve(program)
         self.solves += 1
@@ -339,10 +329,7 @@ class BlockRelaxation:
         return self._proven_choice(answer, allowed, threshold, most)
 
     def _proven_choice(self, answer: BlockMultipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Compute the bound that the velocities and multipliers of a solver prove.
-
-        answer: values of the solver, not trusted. allowed, threshold, most: as in `choose`.
-        """
+        """Compute the bound that the velocities and multipliers of a solver prove."""
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
@@ -381,8 +368,9 @@ class BlockRelaxation:
     def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
         """Open the velocities of an answer until every dissipation is finite, and sum their work.
 
-        The result is None where opening fails. allowed: (p,) blocks that may be chosen. most: scaled upper bound on λ.
+        allowed: (p,) blocks that may be chosen.
         """
+        # The result is None where opening fails.
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
         parts, velocity, wall = self._parts, answer.velocity, answer.wall

@@ -278,7 +278,7 @@ class Prover:
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
         """Project forces (q·m,) at a given λ onto equilibrium, and measure their slack.
 
-        load: scaled λ. labels: (m,) True = dry. passes, held: as in `state`.
+        labels: (m,) True = dry.
         """
         template = self.template
         projector, mask = self._projectors.with_load(labels)
@@ -510,10 +510,7 @@ def exceeds(low: float, bound: float, load_scale: float) -> bool:
 def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     """Return whether lower bounds exceed upper bounds by more than rounding.
 
-    In that case neither bound is reliable.
-
-    low, high: bounds, NaN where there is none. least: size below which rounding is not relative; 1 for scaled bounds.
-    Result: True where the bounds contradict each other; False where one is NaN.
+    In that case neither bound is reliable. Result: True where the bounds contradict each other; False where one is NaN.
     """
     return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
 

@@ -58,8 +58,7 @@ class PartialLabellingBounds(ABC):
         """Refute a threshold for all labellings that agree on the decided faces.
 
         labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        threshold: value to refute, in the unit of the object. Result: mechanism that proves it; None where no proof is
-        found.
+        Result: mechanism that proves it; None where no proof is found.
         """
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
@@ -80,22 +79,19 @@ class PartialLabellingBounds(ABC):
         """Remove decided faces of labellings while the bounds stay below their thresholds.
 
         Neighbours of the labellings are treated as well. The work balance of every refutation is evaluated again here.
-        It requires the batch solver, see `batched`.
-
-        request: labellings and thresholds, in the unit of the object. Result: one entry for each labelling or neighbour
-        that was begun. With load cases, a labelling is treated under the first case that refutes it; labellings that no
-        case refutes come last, without bound.
+        It requires the batch solver, see `batched`. Result: one entry for each labelling or neighbour that was begun.
+        With load cases, a labelling is treated under the first case that refutes it; labellings that no case refutes
+        come last, without bound.
         """
 
     @abstractmethod
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Evaluate the work balance of known mechanisms, without solving a program.
 
-        case: index of the load case; a single load has only case 0. velocities: (k, q·free) mechanisms, scaled.
-        labellings: (k, m) labels, True = dry; ignored where undecided. undecided: (k, m) faces that may have either
-        label. Result: (k,) values that no labelling exceeds that agrees where decided, in the unit of the object. −inf
-        where none is admissible at any λ, inf where the mechanism proves nothing. Raises ValueError if the load case
-        does not exist.
+        velocities: (k, q·free) mechanisms, scaled. labellings: (k, m) labels, True = dry; ignored where undecided.
+        undecided: (k, m) faces that may have either label. Result: (k,) values that no labelling exceeds that agrees
+        where decided, in the unit of the object. −inf where none is admissible at any λ, inf where the mechanism proves
+        nothing. Raises ValueError if the load case does not exist.
         """
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
@@ -182,8 +178,7 @@ class SharedHull:
     def _places(linear: int, count: int, copy: int) -> Ints:
         """Return the row indices (count,) of one of two copies of yield rows.
 
-        Linear rows of both copies come first, then cones of both. Indices count from the first row of both. linear:
-        number of linear rows of a copy. count: number of all its rows. copy: 0 or 1.
+        Linear rows of both copies come first, then cones of both. Indices count from the first row of both.
         """
         rows = np.arange(count)
         return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)
@@ -192,9 +187,8 @@ class SharedHull:
         """Return the program of a partial labelling.
 
         labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        margin: reward of every normal force in the objective, scaled, so that the jumps found are opening. Result: the
-        program, scaled. Columns: the resultants of the first, then of the second copy of each face; the share of its
-        second copy; λ as the last one.
+        Result: the program, scaled. Columns: the resultants of the first, then of the second copy of each face; the
+        share of its second copy; λ as the last one.
         """
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)
@@ -299,9 +293,9 @@ class Relaxation(PartialLabellingBounds):
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Minimise the conflicts of labellings under one load, by the batch solver.
 
-        Parameters and results: see `PartialLabellingBounds.minimize_conflicts`. Raises RuntimeError without the batch
-        solver.
+        Raises RuntimeError without the batch solver.
         """
+        # Parameters and results: see `PartialLabellingBounds.minimize_conflicts`.
         if self._batch is None:
             raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
         raw = self._batch.minimize_conflicts(request)
@@ -327,9 +321,9 @@ class Relaxation(PartialLabellingBounds):
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Bound scaled λ (k,) by known mechanisms, under one load.
 
-        case: 0. velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may
-        have either. The result is inf where a mechanism proves nothing, and −inf where no λ is admissible. Raises
-        ValueError for another case.
+        velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may have
+        either. The result is inf where a mechanism proves nothing, and −inf where no λ is admissible. Raises ValueError
+        for another case.
         """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
@@ -352,8 +346,7 @@ class Relaxation(PartialLabellingBounds):
         """Write the refutations that velocities prove into the list `found`.
 
         velocities: (j, q·free) mechanisms, each for one labelling. which: (j,) index of the labelling of each
-        mechanism. labellings, undecided: (k, m). thresholds: (k,) scaled λ. found: list of k, changed. If a mechanism
-        proves nothing, it is tried again with a small opening motion added.
+        mechanism. labellings, undecided: (k, m). thresholds: (k,) scaled λ.
         """
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
@@ -509,11 +502,9 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Minimise conflicts of labellings, each under the first case that refutes it.
-
-        Labellings that no case refutes come last, without bound. Parameters: see
-        `PartialLabellingBounds.minimize_conflicts`.
-        """
+        """Minimise conflicts of labellings, each under the first case that refutes it."""
+        # Labellings that no case refutes come last, without bound. Parameters: see
+        # `PartialLabellingBounds.minimize_conflicts`.
         found: list[MinimizedConflict] = []
         left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
@@ -538,9 +529,8 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Bound governing factors (k,) by known mechanisms of one case.
 
-        case: index of the case. velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and
-        faces that may have either. The result is inf where a mechanism proves nothing. Raises ValueError for an unknown
-        case.
+        velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may have
+        either. The result is inf where a mechanism proves nothing. Raises ValueError for an unknown case.
         """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
@@ -573,8 +563,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound the governing factor over the segmentations into allowed blocks.
 
-        allowed: (p,) blocks that may be chosen. threshold: governing factor that segmentations must reach to be of
-        interest. most: upper bound on the governing factor of these segmentations, finite.
+        allowed: (p,) blocks that may be chosen.
         """
         return self.bound_all([(allowed, threshold, most)])[0]
 
@@ -590,10 +579,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         return replace(found, bound=min(most, bound), mechanisms=(mechanism,))
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
-        """Bound the governing factor for many sets of allowed blocks.
-
-        asked: arguments of `choose` for each set. pool: supplies one more thread for the batch solver.
-        """
+        """Bound the governing factor for many sets of allowed blocks."""
         found: list[Choice | None] = [None] * len(asked)
         left, counts = list(range(len(asked))), [0] * len(self._cases)
         for case in tuple(self._order):
@@ -623,7 +609,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid.
 
-        threshold is rounded down, most is rounded up. unit: governing factor per scaled λ of the case.
+        threshold is rounded down, most is rounded up.
         """
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
@@ -638,8 +624,7 @@ AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
     """Create the relaxation of a structure, for its load or for all its load cases.
 
-    assembly: the structure. analyses: analyses of its load cases, in their order, if they exist already. Result: the
-    relaxation; None where no hull of the yield sets is known.
+    Result: the relaxation; None where no hull of the yield sets is known.
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     if any(analysis.template.yield_set.hull() is None for analysis in known):
@@ -657,9 +642,7 @@ def block_relaxation_of(
 ) -> AnyBlockRelaxation:
     """Create the block relaxation of a structure, for its load or for all its load cases.
 
-    assembly: the structure. members: elements of each possible block. inside: faces inside each block. analyses:
-    analyses of its load cases, in their order, if they exist already. seconds: time limit of one program, seconds, see
-    `BlockRelaxation`. Raises TypeError if there is no block relaxation of the structure (`applies_to`).
+    Raises TypeError if there is no block relaxation of the structure (`applies_to`).
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]

@@ -65,12 +65,10 @@ class FacialReduction:
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
         """Project a motion onto the jumps of finite dissipation, and move it into their inside.
 
-        The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
-
-        motion: a solver's motion, scaled. labels: (m,) True = dry. normalise: scale the result to live work 1. Result:
-        motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if the
-        assembly is too large.
+        labels: (m,) True = dry. Result: motion whose margin is not negative, up to rounding on faces without slack.
+        None if none was found, or if the assembly is too large.
         """
+        # The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
         if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
@@ -83,9 +81,8 @@ class FacialReduction:
     def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
         """Repair a motion by facial reduction, and return the result of least bound.
 
-        motion, labels, normalise: as in `repair`. idle: True makes the live work of the result zero. loaded: True if
-        self-stresses may include λ, that is, balance a part of the live load. None if no reduction leads to a motion of
-        finite dissipation.
+        idle: True makes the live work of the result zero. loaded: True if self-stresses may include λ, that is, balance
+        a part of the live load. None if no reduction leads to a motion of finite dissipation.
         """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
@@ -110,10 +107,8 @@ class FacialReduction:
         """Project a motion onto the jumps of those yield rows whose multipliers are positive in a solver's answer.
 
         The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
-        is looked for. Programs without cones only.
-
-        motion: the solver's motion, scaled. multipliers: (rows,) multipliers of all rows of the program. labels: (m,)
-        True = dry. Result: motion of finite dissipation, with live work 1; None if the projection has none.
+        is looked for. Programs without cones only. multipliers: (rows,) multipliers of all rows of the program. labels:
+        (m,) True = dry. Result: motion of finite dissipation, with live work 1; None if the projection has none.
         """
         program = self.template.program(labels)
         rows = kept_rows(program).linear
@@ -124,10 +119,9 @@ class FacialReduction:
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
         """Solve the program of the rows left by facial reduction, and return its mechanism.
 
-        It is more accurate than the mechanism of all rows, `program`. reduced: rows that are left. labels: (m,) True =
-        dry. normalise: as in `repair`. None if no cone is reduced to a ray, or if the solver finds no mechanism of the
-        wanted kind.
+        labels: (m,) True = dry.
         """
+        # It is more accurate than the mechanism of all rows, `program`.
         if not reduced.rays:
             return None
         left = program_of_rows(program, reduced, right=True)
@@ -141,13 +135,12 @@ class FacialReduction:
     def states(self, labels: Bits) -> list[State]:
         """Find states that rely on a self-stress at the boundary of the friction cones.
 
-        They serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F only to
-        the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)). The
-        program of these half-spaces gives F.
-
         labels: (m,) True = dry. Result: states found, not necessarily admissible; empty if the assembly is too large or
         has no cones.
         """
+        # They serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F only
+        # to the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)). The
+        # program of these half-spaces gives F.
         template = self.template
         if template.matrix.shape[0] > DENSE or not template.structure.cones:
             return []
@@ -185,11 +178,9 @@ class FacialReduction:
     ) -> Motion | None:
         """Project a motion onto allowed jumps; add the least share of `step` that makes it valid.
 
-        A motion is valid if its dissipation is finite. motion: to be repaired. step: motion strictly inside the allowed
-        jumps, None for no share. reduced: kept rows of `program`. labels: (m,) True = dry. normalise: scale to live
-        work 1. idle: make the live work zero. turned: take the direction of rays from the slip of the motion. None if
-        no share tried suffices.
+        labels: (m,) True = dry.
         """
+        # A motion is valid if its dissipation is finite.
         live = self.template.live
         velocity = motion.velocity
         for _ in range(3 if turned else 1):
@@ -222,9 +213,9 @@ class FacialReduction:
     def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
         """Return a basis (q, k) of the allowed jumps of each face with reduced rows.
 
-        Reduced rows are removed or replaced by a ray. The bases are orthonormal.
-        jumps: (m, q) of the present motion. speed: its largest velocity; infinite: no face counts as sliding.
+        jumps: (m, q) of the present motion.
         """
+        # Reduced rows are removed or replaced by a ray. The bases are orthonormal.
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
         pattern = self.template.yield_set.pattern
@@ -269,9 +260,9 @@ class FacialReduction:
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
         """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
 
-        The margin is −inf if this changes a jump by more than rounding. velocity: (q·free,). work: live work. labels:
-        (m,) True = dry. bases: as in `_forbidden`.
+        velocity: (q·free,). labels: (m,) True = dry.
         """
+        # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
         met = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
@@ -293,11 +284,8 @@ class FacialReduction:
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
-    """List the yield rows that are kept after 0, 1, 2, … self-stresses, in reverse order.
-
-    The search ends where no self-stress removes another row, or after `_REDUCTION_ROUNDS` of them. program:
-    supplies all rows. columns: number of leading columns that a self-stress uses. search: finds one self-stress.
-    """
+    """List the yield rows that are kept after 0, 1, 2, … self-stresses, in reverse order."""
+    # The search ends where no self-stress removes another row, or after `_REDUCTION_ROUNDS` of them.
     found = [kept_rows(program)]
     for _ in range(_REDUCTION_ROUNDS):
         support = search(program_of_rows(program, found[-1]), columns)
@@ -311,8 +299,7 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress by an interior-point method, and project it onto faces of the cones.
 
-    Shear that is nearly along an axis of a face is put on that axis. columns: number of leading columns that a
-    self-stress uses. The result is never None; its point has no row with slack if there is no self-stress.
+    Shear that is nearly along an axis of a face is put on that axis.
     """
     found = largest_support(program, columns, largest=LARGEST)
     point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
@@ -320,10 +307,7 @@ def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
 
 
 def _without_projection(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress of any size by an interior-point method, without projection.
-
-    columns: number of leading columns that a self-stress uses. The result is never None.
-    """
+    """Find a self-stress of any size by an interior-point method, without projection."""
     return largest_support(program, columns, largest=np.inf)
 
 
@@ -336,11 +320,11 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
     """Return the rows that replace a second-order cone on whose boundary a self-stress lies.
 
-    The first row (columns,) is the tangent plane of the cone along the ray of the self-stress. Where the face slides,
-    the slip of the motion gives the direction of the ray, and a second row rotates the plane to first order. rows:
-    (size, columns) of the cone. direction: (size − 1,) of the self-stress. jump: (q,) of its face, whose columns begin
-    at `place`. speed: largest velocity of the motion.
+    rows: (size, columns) of the cone. direction: (size − 1,) of the self-stress. jump: (q,) of its face, whose columns
+    begin at `place`.
     """
+    # The first row (columns,) is the tangent plane of the cone along the ray of the self-stress. Where the face slides,
+    # the slip of the motion gives the direction of the ray, and a second row rotates the plane to first order.
     tail = rows[1:]
     where = [np.flatnonzero(row) for row in tail]
     plain = all(len(at) == 1 and place <= at[0] < place + len(jump) for at in where)
@@ -452,12 +436,11 @@ class SelfStress:
     def states(self, inside: Floats) -> Iterator[State]:
         """Find states of large λ that self-stresses of sufficient size make admissible.
 
-        Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses are
-        then added until all rows hold.
-
         inside: (columns + 1,) forces with slack in every yield set, further variables, and λ as the last entry, scaled.
         Result: admissible state. Its error is that of its large forces: the exact forces next to them are admissible.
         """
+        # Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses
+        # are then added until all rows hold.
         resultants = self.template.matrix.shape[1]
         inner = self._balanced(inside)
         for stage, (tolerance, kept) in itertools.product(self.stages, _ACCURACIES):
@@ -490,9 +473,9 @@ class SelfStress:
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
         """Add large self-stresses to a point until it is admissible in all rows; None on failure.
 
-        They are added from the last to the first, each so large that the rows it was found in hold. point: (columns +
-        1,) forces, further variables and λ, scaled.
+        point: (columns + 1,) forces, further variables and λ, scaled.
         """
+        # They are added from the last to the first, each so large that the rows it was found in hold.
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
             for times in _TIMES:
@@ -505,10 +488,8 @@ class SelfStress:
         return point
 
     def _reduced(self) -> Iterator[_Stage]:
-        """Find self-stresses one after the other; yield each stage with a cone reduced to a ray.
-
-        The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
-        """
+        """Find self-stresses one after the other; yield each stage with a cone reduced to a ray."""
+        # The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
@@ -531,8 +512,7 @@ class SelfStress:
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
         """Return the yield rows left beside a self-stress; None if it removes none or is invalid.
 
-        stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible. left: program of the rows so
-        far. reduced: these rows.
+        stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible.
         """
         position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
@@ -566,8 +546,7 @@ def _without_last_digits(point: Floats) -> Floats:
 def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
     """Move a point towards an inner one until all rows have the slack `_LEFT`.
 
-    The result is None if the inner point has less slack. rows: program of the rows. outer, inner: (columns + 1,)
-    points.
+    The result is None if the inner point has less slack. outer, inner: (columns + 1,) points.
     """
     out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
@@ -579,7 +558,7 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
     """Return the slacks of a scaled vector in all linear rows and cones, but that of λ.
 
-    program: whose cones have three rows. point: (columns,); if it is shorter, its last columns are zero.
+    point: (columns,); if it is shorter, its last columns are zero.
     """
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point

@@ -148,8 +148,7 @@ FALLBACKS: Final = (
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
     """Return fallbacks with one more of them, placed before the one of a given name.
 
-    fallbacks: solution methods in order. name: name of the method before which the new one is tried. inserted: new
-    method. Raises ValueError if no method has this name.
+    Raises ValueError if no method has this name.
     """
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
@@ -161,8 +160,7 @@ def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback
 def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Proof:
     """Run every solution method whose condition holds, in order, until the attempt is settled.
 
-    attempt: attempt to prove bounds for one labelling; its state changes. fallbacks: solution methods, in the order in
-    which they are tried. Result: bounds and status after the last method.
+    Result: bounds and status after the last method.
     """
     limit = attempt.analysis.options.seconds
     until = math.inf if limit is None else time.perf_counter() + limit

@@ -90,13 +90,10 @@ def extreme_value(
 ) -> Thrust:
     """Compute the least or the greatest value of a function of forces, with both bounds.
 
-    The model has associative friction and convex contact. All states in equilibrium with the dead load count.
-
-    assembly: structure with one load case; its live load does not act. function: the function R. labels: (m,) True =
-    dry. greatest: True for the greatest value, False for the least. gap: relative width of the bracket up to which the
-    end counts as certified. moved: (n, q) velocities of supports, scene units, of which R is the work rate; they are
-    added to the mechanism.
+    labels: (m,) True = dry. greatest: True for the greatest value, False for the least. moved: (n, q) velocities of
+    supports, scene units, of which R is the work rate; they are added to the mechanism.
     """
+    # The model has associative friction and convex contact. All states in equilibrium with the dead load count.
     sign = 1.0 if greatest else -1.0
     if not function.weights.any():
         return Thrust(0.0, (0.0, 0.0), 0.0, "certified", None)
@@ -111,10 +108,7 @@ def extreme_value(
 
 
 def _analysis(assembly: Assembly, function: ForceFunction, gap: float, sign: float, origin: float) -> LimitAnalysis:
-    """Create the analysis that maximises λ where R(F) / unit = origin + sign λ.
-
-    gap, sign: as in `_thrust`. origin: scene units.
-    """
+    """Create the analysis that maximises λ where R(F) / unit = origin + sign λ."""
     scaling = scaling_of(assembly)
     # Here λ is a force, and scaled like one.
     scaling = Scaling(scaling.force, scaling.face, scaling.row, scaling.force)
@@ -138,9 +132,8 @@ def _thrust(
 ) -> Thrust:
     """Convert a proof about scaled λ to the least or greatest value of the function R.
 
-    labels: (m,) True = dry. gap: relative width that was aimed at. sign: −1 for the least value, +1
-    for the greatest. origin: as in `_analysis`. moved: (n, q) as in `extreme_value`. All numbers are NaN if R is
-    unbounded, or if the proof lacks forces or a mechanism.
+    labels: (m,) True = dry. moved: (n, q) as in `extreme_value`. All numbers are NaN if R is unbounded, or if the proof
+    lacks forces or a mechanism.
     """
     assembly, scaling, unit = analysis.assembly, analysis.template.scaling, function.unit
     if proof.status is Status.LOCKED:
@@ -231,13 +224,10 @@ def settle(
 ) -> Settled:
     """Compute the range of thrust after a support movement, and the mechanisms at its ends.
 
-    The model has associative friction and convex contact.
-
-    assembly: structure, analysed under its dead load; of several load cases the first counts. settlement: velocities of
-    the supports, and the factor of the live load that is added to the dead load. labels: (m,) labels, True = dry.
-    Default: those of the assembly. gap: relative width of a bracket up to which an end counts as certified. Raises
-    InputError if a material that the labelling needs is missing, or the assembly has members.
+    labels: (m,) labels, True = dry. Default: those of the assembly. Raises InputError if a material that the labelling
+    needs is missing, or the assembly has members.
     """
+    # The model has associative friction and convex contact.
     assembly.members.refuse("the range of reactions under a movement of supports")
     start = time.perf_counter()
     assembly = assembly.by_case[0]
@@ -260,8 +250,8 @@ def settle(
 def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
     """Compute the resultants of the interface forces on some elements, supports included.
 
-    assembly: the structure. forces: (m, q) resultants of the faces, scene units. elements: (k,) indices of the
-    elements. Returns (k, q): force and moment on each element about its centroid, scene units.
+    forces: (m, q) resultants of the faces, scene units. elements: (k,) indices of the elements. Returns (k, q): force
+    and moment on each element about its centroid, scene units.
     """
     matrix, rows = _support_rows(assembly, np.isin(np.arange(len(assembly.elements)), elements))
     found = np.zeros((len(assembly.elements), assembly.freedoms))

@@ -81,9 +81,7 @@ def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Fl
 def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
     """Compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism.
 
-    See docs/method.md (3.1).
-
-    assembly: the structure. mechanism: (n, q) velocities about the centroids, scene units; supports may move. Returns
+    See docs/method.md (3.1). mechanism: (n, q) velocities about the centroids, scene units; supports may move. Returns
     (m, q): jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
     """
     moving = assembly.elements.support & mechanism.any(axis=1)
@@ -97,13 +95,11 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
 def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
     """Classify the movement of each face in the mechanism of a result.
 
-    A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
-    rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement.
-    An inner face that moves is a crack, in shear where it slips more than it opens.
-
-    result: result with a mechanism. Result: movement of each of the m faces. Raises ValueError if the result holds no
-    mechanism.
+    Result: movement of each of the m faces. Raises ValueError if the result holds no mechanism.
     """
+    # A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
+    # rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement. An
+    # inner face that moves is a crack, in shear where it slips more than it opens.
     if result.mechanism is None:
         raise ValueError("the result holds no mechanism")
     assembly, faces = result.assembly, result.assembly.interfaces
@@ -135,9 +131,9 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
     """Compute the opening (k,) at the corners of a face, its slip, and its slip by spin alone.
 
-    Slip is taken at the centroid, slip by spin at the farthest corner; in the plane the latter is 0. mechanism: (n, q)
-    velocities. jumps: (m, q) of all faces. face: index of the face.
+    mechanism: (n, q) velocities. jumps: (m, q) of all faces.
     """
+    # Slip is taken at the centroid, slip by spin at the farthest corner; in the plane the latter is 0.
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)
     jump = jump - displacement(assembly, mechanism, int(faces.a[face]), polygon)
@@ -151,7 +147,7 @@ def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> t
 def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
     """Return the slip that makes a face dilate, max(|s|, c_T |ω|), or |s| in the plane.
 
-    Under associative friction the face opens by μ times this slip. jumps: (m, q) of all faces. face: index of the face.
+    Under associative friction the face opens by μ times this slip. jumps: (m, q) of all faces.
     """
     if assembly.dimension == 2:
         return float(abs(jumps[face, 1]))

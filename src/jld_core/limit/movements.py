@@ -50,10 +50,8 @@ class Movements:
 
 
 def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result whose interfaces, labels and forces are those of faces, not of members.
-
-    Figures and tables of faces use it. A result without members is returned as it is.
-    """
+    """Return a result whose interfaces, labels and forces are those of faces, not of members."""
+    # Figures and tables of faces use it. A result without members is returned as it is.
     assembly = faces_of(result.assembly)
     if assembly is result.assembly:
         return result

@@ -38,12 +38,11 @@ class OpeningMotions:
     def opening(self) -> Motion | None:
         """Find a motion that strictly opens every face; None if the assembly is confined.
 
-        Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner one
-        (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings of the
-        assembly. The result is cached.
-
         Result: motion with positive margin on every face, not normalised.
         """
+        # Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner
+        # one (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings
+        # of the assembly. The result is cached.
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             template = self._steepest()
@@ -63,11 +62,9 @@ class OpeningMotions:
         """Find an opening motion of simple form, without solving a program.
 
         All elements move away from the supports, and the courses may separate faster than the elements within them. The
-        result is cached.
-
-        Result: motion with positive margin on every face; None if no motion of this form opens every face. It is also
-        None without supports or weight, with an additional equation, and where joints crush or inner faces have the
-        larger friction.
+        result is cached. Result: motion with positive margin on every face; None if no motion of this form opens every
+        face. It is also None without supports or weight, with an additional equation, and where joints crush or inner
+        faces have the larger friction.
         """
         if not self._expansion_known:
             self._expansion, self._expansion_known = self._expanding(), True
@@ -95,11 +92,9 @@ class OpeningMotions:
         return None
 
     def _steepest(self) -> Template:
-        """Return a template with the strictest conditions on jumps of both labels.
-
-        It has no crushing, since a crushing face has finite dissipation for every jump, and the larger friction of both
-        labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members stay.
-        """
+        """Return a template with the strictest conditions on jumps of both labels."""
+        # It has no crushing, since a crushing face has finite dissipation for every jump, and the larger friction of
+        # both labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members stay.
         assembly, scaling = self.template.assembly, self.template.scaling
         if assembly.face_strengths.criteria:
             rows = self.template.yield_set.hull()

@@ -97,13 +97,9 @@ class AttemptState:
             self.proof.offer_state(unloaded)
 
     def adopt(self, found: Proof) -> None:
-        """Adopt a finished proof of the same labelling, unless the brackets are disjoint.
-
-        If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
-        better.
-
-        found: finished proof, scaled.
-        """
+        """Adopt a finished proof of the same labelling, unless the brackets are disjoint."""
+        # If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
+        # better.
         mine = self.proof
         mine.solve_log += found.solve_log
         mine.solves += found.solves
@@ -216,12 +212,10 @@ class AttemptState:
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`.
-
-        A narrower bracket then makes the reported λ independent of the order of elements. The result is False in
-        analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and for large
-        programs.
-        """
+        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`."""
+        # A narrower bracket then makes the reported λ independent of the order of elements. The result is False in
+        # analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and for
+        # large programs.
         analysis = self.analysis
         if (
             not analysis.single_labelling
@@ -308,15 +302,11 @@ class ProofAttempt(AttemptState):
             self.raw = earlier
 
     def solve_by(self, route: Solver, margin: float, *, early: bool = False) -> None:
-        """Solve by one solver, and offer the bounds that the raw answer proves without repairs.
-
-        The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a proof
-        of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one; otherwise
-        the proof has no ray. The solver of a very large program stops as soon as both bounds of an iterate are close
-        enough.
-
-        route: solver to run. margin: slack kept in every yield row, scaled. early: stop early whatever the size.
-        """
+        """Solve by one solver, and offer the bounds that the raw answer proves without repairs."""
+        # The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a
+        # proof of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one;
+        # otherwise the proof has no ray. The solver of a very large program stops as soon as both bounds of an iterate
+        # are close enough.
         program = self.template.program(self.labels, margin)
         early = early or program.structure.equalities >= EARLY_FROM
         raw = self.raw = route.solve_until(program, self._suffices if early else None)
@@ -335,10 +325,7 @@ class ProofAttempt(AttemptState):
             proof.offer_motion(self.prover.motion(raw.dual, self.labels))
 
     def _suffices(self, point: Floats, dual: Floats) -> bool:
-        """Return True if an iterate of a solver proves a bracket narrow enough to stop.
-
-        point, dual: forces and multipliers of the iterate.
-        """
+        """Return True if an iterate of a solver proves a bracket narrow enough to stop."""
         state = self.prover.state(point, self.labels)
         if not state.admissible:
             return False
@@ -351,11 +338,8 @@ class ProofAttempt(AttemptState):
         )
 
     def _offer_instability(self, dual: Floats) -> None:
-        """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15)).
-
-        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0. dual: multipliers of a solver whose first entries are
-        the velocities.
-        """
+        """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15))."""
+        # The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0.
         velocity = dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
         if not (np.isfinite(size) and size > 0.0):
@@ -379,11 +363,8 @@ class ProofAttempt(AttemptState):
                 self.proof.collapse_below_zero = motion
 
     def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
-        """Add an opening motion to a motion until its dissipation is finite, else reduce faces.
-
-        Facial reduction serves confined assemblies, which have no opening motion. normalise: scale its result to live
-        work 1. The motion is returned as it is if the reduction fails.
-        """
+        """Add an opening motion to a motion until its dissipation is finite, else reduce faces."""
+        # Facial reduction serves confined assemblies, which have no opening motion.
         simple = self.repair.expansion()
         if simple is not None:
             opened = self.prover.add_opening(motion, simple, self.labels)
@@ -401,10 +382,8 @@ class ProofAttempt(AttemptState):
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
     def find_mechanism(self) -> None:
-        """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer.
-
-        If it does not raise the bound of the raw mechanism, repairs need no other.
-        """
+        """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer."""
+        # If it does not raise the bound of the raw mechanism, repairs need no other.
         raw, labels = self.raw, self.labels
         if raw is None:
             return
@@ -417,10 +396,8 @@ class ProofAttempt(AttemptState):
             self.mechanism_found = found.bound - motion.bound <= _NARROW * scale
 
     def repair_answer(self) -> None:
-        """Repair the last raw answer of a solver, and offer the bounds that the repair proves.
-
-        The answer is blended with strictly admissible states and opening motions.
-        """
+        """Repair the last raw answer of a solver, and offer the bounds that the repair proves."""
+        # The answer is blended with strictly admissible states and opening motions.
         raw, proof, labels = self.raw, self.proof, self.labels
         if raw is None or raw.status is RawStatus.INFEASIBLE:
             return
@@ -537,8 +514,7 @@ class ProofAttempt(AttemptState):
     def _solve_refined(self, tolerance: float, margin: float) -> None:
         """Solve by an interior-point method with refined linear systems, and repair the answer.
 
-        Large structures use the Schur complement solver instead of iterative refinement. tolerance: residual to reach.
-        margin: slack kept in every yield row, scaled.
+        Large structures use the Schur complement solver instead of iterative refinement.
         """
         large = is_large(self.template.structure)
         refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)

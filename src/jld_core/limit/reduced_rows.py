@@ -44,10 +44,10 @@ def kept_rows(program: ConicProgram) -> Reduced:
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
     """Return a program with the same columns and only the yield rows of `reduced`.
 
-    Its rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray of
-    direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others. right: True keeps the
-    right-hand sides of the program, otherwise they are zero.
+    right: True keeps the right-hand sides of the program, otherwise they are zero.
     """
+    # Its rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray of
+    # direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
     s = program.structure
     first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
     cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
@@ -70,10 +70,11 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
     """Return the program of forces that are admissible once a large self-stress is added.
 
-    It is `program_of_rows`, with one more cone for each ray, docs/method.md (3.12a). In a cone on whose boundary the
-    self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V across d|²,
-    where s = t − d·V. reduced: rows left by the self-stress. stress: (columns,) the self-stress R.
+    stress: (columns,) the self-stress R.
     """
+    # It is `program_of_rows`, with one more cone for each ray, docs/method.md (3.12a). In a cone on whose boundary the
+    # self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V across d|²,
+    # where s = t − d·V.
     left = program_of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
     rows, ends = [left.matrix.tocsr()], [left.rhs]
@@ -91,11 +92,8 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
 
 
 def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
-    """Return the yield rows that are left once a large self-stress acts; None if all are.
-
-    Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray. found: the
-    self-stress, found in `program_of_rows` of `reduced`. program: the whole program. reduced: rows left before.
-    """
+    """Return the yield rows that are left once a large self-stress acts; None if all are."""
+    # Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray.
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     linear = len(reduced.linear) + len(reduced.rays)
     loose: Bools = found.slack > 0.5
@@ -120,8 +118,7 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
     """Reshape a vector with q entries per free element to a table (free, q).
 
-    rows: (q·free,) values, in the order of the equilibrium equations. freedoms: q. Entries of further equations, such
-    as that of a settlement, get a row each, filled up with zeros.
+    rows: (q·free,) values, in the order of the equilibrium equations.
     """
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))
@@ -132,8 +129,8 @@ def rows_by_element(rows: Floats, freedoms: int) -> Floats:
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
     """Project a vector (columns,) onto the solutions y of the equations rows·y = target.
 
-    projector: holds the matrix `rows`. target: (rows,) right-hand side. passes: number of projections. Returns the
-    projected vector, its residual (rows,), and an estimate of the error left in its entries.
+    target: (rows,) right-hand side. passes: number of projections. Returns the projected vector, its residual (rows,),
+    and an estimate of the error left in its entries.
     """
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
@@ -144,8 +141,8 @@ def projected_onto(projector: Projector, vector: Floats, target: Floats, passes:
 def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
     """Return an error estimate, or inf if the residual of equilibrium exceeds rounding.
 
-    A large residual means that the kept resultants cannot reach equilibrium. error: estimate. left: (rows,) residual.
-    forces: (columns,) forces with this residual. All values are scaled.
+    A large residual means that the kept resultants cannot reach equilibrium. left: (rows,) residual. forces: (columns,)
+    forces with this residual. All values are scaled.
     """
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error

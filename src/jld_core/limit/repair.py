@@ -99,7 +99,7 @@ class Repair:
     def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
         """Return what a solver's answer proves of λ = 0, as `proof_at_zero` does.
 
-        raw: answer of the program of largest slack at λ = 0. labels: (m,) True = dry.
+        labels: (m,) True = dry.
         """
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
@@ -118,10 +118,8 @@ class Repair:
     def instability_velocities(self, labels: Bits) -> Floats:
         """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).
 
-        They do so where the largest slack at any λ is negative; the caller has to check it.
-
-        labels: (m,) True = dry. Returns (≥ q·free,): raw multipliers of the program of largest slack; the velocities
-        come first.
+        They do so where the largest slack at any λ is negative; the caller has to check it. labels: (m,) True = dry.
+        Returns (≥ q·free,): raw multipliers of the program of largest slack; the velocities come first.
         """
         return self._largest_slack_solution(labels).dual
 
@@ -139,12 +137,11 @@ class Repair:
     def boundary_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
         """Find an admissible state where some yield rows are tight for all admissible forces.
 
-        The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with a
-        state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in it.
-
-        point: (≥ columns,) point to start from, without λ where `load_fixed`. Default: the state that leaves all other
-        rows slack. labels: (m,) True = dry. load_fixed: keep λ = 0.
+        labels: (m,) True = dry.
         """
+        # The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with
+        # a state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in
+        # it.
         program = self.template.program(labels)
         s = program.structure
         columns = s.shape[1] - int(load_fixed)
@@ -171,10 +168,10 @@ class Repair:
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
         """Return matrices (k, rows) whose products with the slacks vanish where rows are tight.
 
-        A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
-        direction times the head. At the tip all rows of the cone are zero. s: structure of the program. tight: True for
-        tight rows of `slack_rows`. values: (rows,) slacks of a point.
+        tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
         """
+        # A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
+        # direction times the head. At the tip all rows of the cone are zero.
         tips, linear = slack_rows(s), s.linear - 1
         first = tips[:linear][tight[:linear]]
         found = [sp.csr_array((np.ones(len(first)), (np.arange(len(first)), first)), shape=(len(first), s.shape[0]))]
@@ -193,8 +190,7 @@ class Repair:
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
         """Return the state of a point on the boundary of yield sets; None if inadmissible.
 
-        y: point, forces first. labels: (m,) True = dry. edge: (m,) faces with tight rows, where violations within
-        rounding are accepted. load: scaled λ.
+        labels: (m,) True = dry. edge: (m,) faces with tight rows, where violations within rounding are accepted.
         """
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
@@ -229,10 +225,9 @@ class Repair:
     def ray(self, labels: Bits) -> State | None:
         """Find a ray along which the live load grows without limit.
 
-        It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
-
         labels: (m,) True = dry. Result: ray that holds to rounding; None where no proof is found.
         """
+        # It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
         # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
         # residual.
         program = self.template.program(labels)
@@ -284,8 +279,8 @@ class Repair:
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a small opening motion to a motion whose live work is negative by rounding.
 
-        motion: motion to be changed. labels: (m,) True = dry. Result: changed motion; the same one if no opening motion
-        with positive live work exists.
+        labels: (m,) True = dry. Result: changed motion; the same one if no opening motion with positive live work
+        exists.
         """
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
@@ -296,8 +291,7 @@ class Repair:
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
         """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
 
-        motion: motion to be repaired. labels: (m,) True = dry. normalise: scale the result to live work 1. Result:
-        repaired motion; None if none was found.
+        labels: (m,) True = dry. Result: repaired motion; None if none was found.
         """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 

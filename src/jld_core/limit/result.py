@@ -85,9 +85,10 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
     """Return the JSON objects of all members: name, kind, elements, forces and elongation.
 
-    The force is positive in tension; pins also have a shear. forces: (m, q) resultants; None leaves the forces None.
-    mechanism: (n, q) velocities; None leaves the elongations None.
+    forces: (m, q) resultants; None leaves the forces None. mechanism: (n, q) velocities; None leaves the elongations
+    None.
     """
+    # The force is positive in tension; pins also have a shear.
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)
     rate = None if mechanism is None else elongations(assembly, mechanism)
@@ -608,8 +609,8 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
 def element_velocities(template: Template, velocity: Floats) -> Floats:
     """Convert scaled velocities of the free elements to scene units with b_λ·u = 1.
 
-    template: supplies the assembly and the scaling. velocity: (q·free,) scaled velocities with scaled live work 1.
-    Returns (n, q): velocities about the centroids of all elements, scene units; zero for supports.
+    velocity: (q·free,) scaled velocities with scaled live work 1. Returns (n, q): velocities about the centroids of all
+    elements, scene units; zero for supports.
     """
     assembly, scaling = template.assembly, template.scaling
     full = np.zeros((len(assembly.elements), assembly.freedoms))

@@ -135,15 +135,11 @@ def thrust_ranges(
 ) -> ThrustRanges:
     """Bracket the least and greatest value of reactions or other resultants.
 
-    The model has associative friction and convex contact.
-
-    assembly: structure with one load case. labels: (m,) labels, True = dry. Default: those of the assembly. resultants:
-    resultants to bracket. Default: all components of the reaction of every support. load_factor: factor of the live
-    load that acts beside the dead load. gap: relative width of a bracket up to which an end counts as certified.
-    Result: one range per resultant; none if the structure does not stand. Raises InputError if a material that the
-    labelling needs is missing, or the assembly has members. Raises ParameterError if the load factor is not finite; the
-    parameter is `load_factor`.
+    labels: (m,) labels, True = dry. Default: those of the assembly. Result: one range per resultant; none if the
+    structure does not stand. Raises InputError if a material that the labelling needs is missing, or the assembly has
+    members. Raises ParameterError if the load factor is not finite; the parameter is `load_factor`.
     """
+    # The model has associative friction and convex contact.
     assembly.members.refuse("the range of reactions and joint forces")
     if not np.isfinite(load_factor):
         raise ParameterError("load_factor", f"{load_factor} is wrong", "a finite number")
@@ -166,12 +162,10 @@ def thrust_ranges(
 def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None) -> tuple[Resultant, ...]:
     """Return all components of the reactions that supports put on a structure.
 
-    Moments are about the centroid of the contact with the structure.
-
-    assembly: the structure. names: supports. Default: all that touch a free element. Result: three (planar) or six
-    (spatial) per support, in the axes of the scene. Raises ParameterError if a name is no support that touches a free
-    element; the parameter is `support`.
+    Result: three (planar) or six (spatial) per support, in the axes of the scene. Raises ParameterError if a name is no
+    support that touches a free element; the parameter is `support`.
     """
+    # Moments are about the centroid of the contact with the structure.
     elements, faces = assembly.elements, assembly.interfaces
     bearing = [k for k in np.flatnonzero(elements.support).tolist() if ((faces.a == k) | (faces.b == k)).any()]
     if names is not None:
@@ -191,12 +185,10 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
 def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
     """Return all components of the resultant of the faces between two elements.
 
-    It acts on the second element. Components are in the axes of the faces if these are parallel (N is positive in
-    compression), else in the axes of the scene.
-
-    assembly: the structure. first, second: names of two elements that touch. Raises ParameterError if an element is
-    unknown or the two do not touch; the parameter is `joint`.
+    Raises ParameterError if an element is unknown or the two do not touch; the parameter is `joint`.
     """
+    # It acts on the second element. Components are in the axes of the faces if these are parallel (N is positive in
+    # compression), else in the axes of the scene.
     elements, faces = assembly.elements, assembly.interfaces
     for name in (first, second):
         if name not in elements.index:
@@ -213,11 +205,10 @@ def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Res
 def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequence[float]) -> tuple[Resultant, ...]:
     """Return N, V and M of all faces of a planar structure that lie on a straight line.
 
-    They act on the part to the left of the direction from start to end.
-
-    assembly: a planar structure. start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure
-    is spatial, the line has no length, or no face lies on it; the parameter is `section`.
+    start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure is spatial, the line has no
+    length, or no face lies on it; the parameter is `section`.
     """
+    # They act on the part to the left of the direction from start to end.
     if assembly.dimension != 2:
         raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
@@ -246,10 +237,10 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
 def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
     """Build the functions of forces that give each component of the resultant of some faces.
 
-    The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
-    area. place: name of the faces. faces: (k,) indices. side: (k,) element of each face on which its forces act. local:
-    axes of the first face if all faces are parallel to it, else axes of the scene.
+    faces: (k,) indices. side: (k,) element of each face on which its forces act.
     """
+    # The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
+    # area.
     joints, d, q = assembly.interfaces, assembly.dimension, assembly.freedoms
     point = np.average(joints.origin[faces], axis=0, weights=joints.area[faces])
     free = replace(assembly.elements, support=np.zeros(len(assembly.elements), dtype=bool))
@@ -288,8 +279,7 @@ def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
 def words_of_range(one: ResultantRange, force: str, length: str) -> str:
     """Describe one range in a line.
 
-    one: the range. force, length: units of the scene. Result: component, both ends and their unit. An end may read "no
-    least", "no greatest" or "uncertified".
+    Result: component, both ends and their unit. An end may read "no least", "no greatest" or "uncertified".
     """
     unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
     ends = []
@@ -329,12 +319,11 @@ class Reserve:
 def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
     """Find the state under the dead load in which faces use the least share of their capacity.
 
-    assembly: structure with one load case; its live load does not act. labels: (m,) True = dry. Result: the state; None
-    if the structure is not proven to stand. Raises InputError if a material that the labelling needs is missing.
-
-    Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
-    are nested. docs/method.md (3.16).
+    labels: (m,) True = dry. Result: the state; None if the structure is not proven to stand. Raises InputError if a
+    material that the labelling needs is missing.
     """
+    # Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
+    # are nested. docs/method.md (3.16).
     require_materials(assembly, labels, ~labels)
     found = _state(assembly, labels, 1.0)
     if found is None:
@@ -354,10 +343,8 @@ def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
 
 
 def shrunk(assembly: Assembly, share: float) -> Assembly:
-    """Return a structure whose faces have a share of their size, friction and strength.
-
-    Forces act where they did; members have the share of their capacity. share: above 0, up to 1.
-    """
+    """Return a structure whose faces have a share of their size, friction and strength."""
+    # Forces act where they did; members have the share of their capacity.
     faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     members = assembly.of_members
     size = np.where(members, 1.0, share)

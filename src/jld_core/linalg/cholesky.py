@@ -35,9 +35,9 @@ class Dissection:
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
     """Order the nodes of a graph for sparse elimination, by recursive bisection.
 
-    rows, columns: (e,) ends of the edges, each edge at least once; loops are ignored. count: number of nodes. leaf:
-    number of nodes up to which a part is not bisected. places: (count, d) coordinates of the nodes; default: computed
-    from distances in the graph. Result: order of elimination, its parts (separators and leaves), and their tree.
+    rows, columns: (e,) ends of the edges, each edge at least once; loops are ignored. places: (count, d) coordinates of
+    the nodes; default: computed from distances in the graph. Result: order of elimination, its parts (separators and
+    leaves), and their tree.
     """
     proper = rows != columns
     rows, columns = rows[proper], columns[proper]
@@ -75,10 +75,10 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
 def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> tuple[Ints, Ints, Ints]:
     """Split a part of a graph into two halves and a separator, and return all three.
 
-    Each of the two longest directions gives a cut, and either set of nodes along a cut may be the separator; the
-    smallest one is taken. nodes: nodes of the part. a, b: ends of the edges. places: (n, d) coordinates of all nodes.
-    side: work array (n,), overwritten at the nodes of the part.
+    places: (n, d) coordinates of all nodes. side: work array (n,), overwritten at the nodes of the part.
     """
+    # Each of the two longest directions gives a cut, and either set of nodes along a cut may be the separator; the
+    # smallest one is taken.
     middle = places[nodes] - places[nodes].mean(axis=0)
     axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
     cuts: list[tuple[int, Bools, Bools]] = []
@@ -113,9 +113,10 @@ def _along(nodes: Ints, places: Floats) -> Ints:
 def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
     """Return artificial coordinates (count, 3) of the nodes of a graph, for bisection.
 
-    They follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of the first
-    coordinate; the third is 0. rows, columns: (e,) ends of the edges. count: number of nodes.
+    rows, columns: (e,) ends of the edges.
     """
+    # They follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of the
+    # first coordinate; the third is 0.
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))
     parts, part = connected_components(graph, directed=False)
@@ -195,11 +196,7 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
-        """Build the fronts of the elimination, and the row ranges that receive their updates.
-
-        start, parent: parts of the dissection. a, b: ends of the edges between unknowns. offset: first unknown of each
-        node.
-        """
+        """Build the fronts of the elimination, and the row ranges that receive their updates."""
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]
@@ -228,8 +225,9 @@ class Fronts:
     def _place_entries(self, rows: Ints, columns: Ints) -> None:
         """Assign each matrix entry a position in the arrays of its front.
 
-        The arrays are the pivot matrix and the panel below it. rows, columns: (e,) positions in the matrix.
+        rows, columns: (e,) positions in the matrix.
         """
+        # The arrays are the pivot matrix and the panel below it.
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         front = np.searchsorted(self.bounds, column, side="right") - 1
         own = self.bounds[front + 1] - self.bounds[front]
@@ -288,7 +286,6 @@ class Fronts:
 def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
     """Split ascending positions into ranges of consecutive ones.
 
-    places: ascending positions in the parent front. first: number of the first position in the child's update matrix.
     own: True if the positions count in the parent's pivot unknowns.
     """
     if not len(places):
@@ -300,9 +297,7 @@ def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
 def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, target: Floats) -> None:
     """Add the update matrix of a child front to the matrices of its parent.
 
-    table: (n, n) update matrix, its upper triangle. runs: ranges of its rows in the parent. pivot, panel, target: pivot
-    matrix, panel and update matrix of the parent. Separators are numbered along their length, so ranges are few and
-    long, and slices replace index arrays.
+    table: (n, n) update matrix, its upper triangle.
     """
     for i, row in enumerate(runs):
         rows = slice(row.place, row.place + row.last - row.first)
@@ -318,10 +313,7 @@ def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, targe
 
 
 def _expand(nodes: Ints, offset: Ints) -> Ints:
-    """Return the unknowns of graph nodes, one node after another.
-
-    offset: first unknown of each node.
-    """
+    """Return the unknowns of graph nodes, one node after another."""
     count = offset[nodes + 1] - offset[nodes]
     ends = np.cumsum(count)
     onward = np.arange(int(ends[-1]) if len(ends) else 0)

@@ -54,8 +54,9 @@ class Projector:
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
     """Return a solver of A Aᵀ x = r by multifrontal Cholesky, or None if impossible.
 
-    It needs known places and a positive definite matrix. normal: A Aᵀ. places: (rows, d) coordinates of the rows.
+    places: (rows, d) coordinates of the rows.
     """
+    # It needs known places and a positive definite matrix.
     if places is None:
         return None
     rows, columns = normal.tocoo().coords
@@ -77,10 +78,8 @@ def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    """Return the right inverse Aᵀ(A Aᵀ)⁻¹ of a matrix A, or its pseudo-inverse.
-
-    The pseudo-inverse serves linearly dependent rows.
-    """
+    """Return the right inverse Aᵀ(A Aᵀ)⁻¹ of a matrix A, or its pseudo-inverse."""
+    # The pseudo-inverse serves linearly dependent rows.
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:
@@ -139,6 +138,6 @@ class ConsistentProjector:
 def dense_if_small(matrix: Any) -> Any:
     """Return a small sparse matrix as a dense one, which multiplies vectors faster.
 
-    matrix: any sparse matrix. Result: dense up to `_FULL` entries (rows × columns), else the same matrix.
+    Result: dense up to `_FULL` entries (rows × columns), else the same matrix.
     """
     return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix

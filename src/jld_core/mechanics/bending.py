@@ -70,10 +70,9 @@ _TIPS = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, crushed: Bools) -> Bending:
     """Compute the bending rows of all faces.
 
-    A point has 1 row, a rectangle 4, any other face 1 per edge of its hull. faces: all m faces. point: (m,) True for
-    faces that are points. inner_bending: see `InnerBending`. crushed: (m,) True for faces whose inner set has a
-    compressive strength.
+    point: (m,) True for faces that are points. crushed: (m,) True for faces whose inner set has a compressive strength.
     """
+    # A point has 1 row, a rectangle 4, any other face 1 per edge of its hull.
     rectangle = faces.rectangle & ~point
     count = np.where(point, 1, 4)
     general = np.flatnonzero(~rectangle & ~point)
@@ -120,8 +119,7 @@ def _local(faces: Interfaces, face: int) -> Floats:
 def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
     """Return the convex hulls of some faces in their own frames.
 
-    faces: all faces. which: indices of the faces wanted. Result: corners, counter-clockwise, scene units, without
-    corners inside an edge.
+    Result: corners, counter-clockwise, scene units, without corners inside an edge.
     """
     local = [_local(faces, face) for face in which.tolist()]
     # Take the hull first: the outline of a face with a hole passes its bridges twice.
@@ -236,8 +234,9 @@ class Frictional(Strengths):
     def _capacity(self, normal: Floats) -> tuple[Floats, Floats]:
         """Return the scaled shear capacities c + μN (m,) of all faces as dry, and of all as inner.
 
-        A capacity is inf where V is left out of the program. normal: (m,) scaled normal forces N.
+        normal: (m,) scaled normal forces N.
         """
+        # A capacity is inf where V is left out of the program.
         if self.has_dry_cohesion:
             dry = np.where(self.friction + self.cohesion > 0.0, self.cohesion + self.friction * normal, np.inf)
         else:
@@ -276,9 +275,8 @@ class Frictional(Strengths):
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
     """Convert strengths to forces, stress times area, and divide them by the force scale.
 
-    strengths: of m faces, scene units; friction coefficients stay. unit: (m,) area of each face over the force scale. A
-    material that the scene does not name gives a face without strength. `require_materials` refuses the labellings that
-    need such a material.
+    unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
+    strength. `require_materials` refuses the labellings that need such a material.
     """
     return Strengths(
         friction=np.nan_to_num(strengths.friction, nan=0.0),

@@ -127,8 +127,7 @@ class Criterion(Protocol):
     def rows(self, faces: FaceGeometry, values: Mapping[str, float]) -> FaceRows:
         """Return the yield set of faces.
 
-        faces: k faces. values: value of each parameter, scene units. Result: rows of k faces, or of one for all of
-        them.
+        Result: rows of k faces, or of one for all of them.
         """
 
 

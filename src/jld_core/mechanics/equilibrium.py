@@ -84,11 +84,9 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
 
 
 def _of_members(assembly: Assembly) -> Iterator[tuple[int, int, Floats, Floats]]:
-    """Yield the forces of unit resultants of members on elements.
-
-    Each entry is the column of A_eq, the element, the point (d,) of application and the force (d,). Bars and pins have
-    no moments, and only pins have shear V.
-    """
+    """Yield the forces of unit resultants of members on elements."""
+    # Each entry is the column of A_eq, the element, the point (d,) of application and the force (d,). Bars and pins
+    # have no moments, and only pins have shear V.
     members, faces, q = assembly.members, assembly.interfaces, assembly.freedoms
     for k, face in enumerate(members.face.tolist()):
         if face < 0:

@@ -23,10 +23,10 @@ _STEPS: Final = 257  # number of points on a parabola at which `_interaction_pla
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
     """Return yield rows that enclose the dry and the inner set, for faces of unknown label.
 
-    A relaxation with these rows bounds λ over both labels, docs/method.md (6.3). The result is the pattern of `sets`
-    with `dry` and `h_dry` replaced. sets: yield sets of all faces. freedoms: resultants per face, 3 or 6. shear: place
-    of V (planar, 1) or of mT (spatial, 5) among them. parabolas: True if its cones are those of crushing.
+    shear: place of V (planar, 1) or of mT (spatial, 5) among them. parabolas: True if its cones are those of crushing.
     """
+    # A relaxation with these rows bounds λ over both labels, docs/method.md (6.3). The result is the pattern of `sets`
+    # with `dry` and `h_dry` replaced.
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
     inside = pattern.column < freedoms * len(sets.friction)
@@ -56,16 +56,13 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     """Return sets that enclose the yield sets of both labels, for planar faces that crush.
 
     crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
-
-    Bending: in N and |m|, the result is the hull of two sets. Write T = σtA of the inner face, and C for its σcA. The
-    dry set is |m| ≤ N − N²/N_c. The inner set is a triangle with its foot at (−T, 0) and its top at ((C − T)/2, (C +
-    T)/6). The boundary of the hull has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and
-    the line from the foot to the top. If the tangent through the foot passes above the top, it replaces the last two.
-    The tangent from a point (x, y) touches at n₀ = x + √(x² − N_c (x − y)).
-
-    Shear: in N and |V|, the bound is the line through (−T, τA − μ_inner T) above all corners. Bending and shear
-    interact, see `ParabolicBending`.
     """
+    # Bending: in N and |m|, the result is the hull of two sets. Write T = σtA of the inner face, and C for its σcA. The
+    # dry set is |m| ≤ N − N²/N_c. The inner set is a triangle with its foot at (−T, 0) and its top at ((C − T)/2, (C +
+    # T)/6). The boundary of the hull has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and
+    # the line from the foot to the top. If the tangent through the foot passes above the top, it replaces the last two.
+    # The tangent from a point (x, y) touches at n₀ = x + √(x² − N_c (x − y)). Shear: in N and |V|, the bound is the
+    # line through (−T, τA − μ_inner T) above all corners. Bending and shear interact, see `ParabolicBending`.
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):
         return None
@@ -101,17 +98,17 @@ def parabolic_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 def _interaction_planes(strengths: Floats) -> Floats:
     """Compute the planes that bound V and M together, for planar faces that crush.
 
-    The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
-    above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, one plane touches the
-    corner, and the parabola of the dry set at N₁. It encloses the sets of both labels. A row is zero where there is no
-    such plane. strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
-
-    Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
-    corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The
-    one with b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. It is a plane of the hull
-    where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else the one with the
-    longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
+    strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
     """
+    # The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
+    # above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, one plane touches
+    # the corner, and the parabola of the dry set at N₁. It encloses the sets of both labels. A row is zero where there
+    # is no such plane. Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore
+    # bulges between a corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 +
+    # μb − 2N₁/N_c. The one with b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. It is a
+    # plane of the hull where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else
+    # the one with the longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds
+    # little.
     limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)
     normal = np.stack([-tension, top, inner_limit])[:, :, None]
@@ -139,14 +136,10 @@ def _interaction_planes(strengths: Floats) -> Floats:
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:
-    """Widen the parabolas of crushing in a row pattern until they enclose both labels.
-
-    The parabola |m| ≤ N (1 − N/C) stands about N = −σtA. Without a compressive strength of the inner face it is
-    dropped. data, rhs: numbers of the pattern, changed in place.
-
-    With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the
-    dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
-    """
+    """Widen the parabolas of crushing in a row pattern until they enclose both labels."""
+    # The parabola |m| ≤ N (1 − N/C) stands about N = −σtA. Without a compressive strength of the inner face it is
+    # dropped. With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥
+    # 0, so the dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
     pattern = sets.pattern
     old = np.where(np.isfinite(sets.crush_dry), sets.crush_dry, 1.0)
     new = np.maximum(sets.crush_dry, sets.crush_inner) + sets.tension

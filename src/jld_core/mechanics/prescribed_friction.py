@@ -64,10 +64,8 @@ class PrescribedFriction:
 
     @cached_property
     def pattern(self) -> RowPattern:
-        """Return the rows of `base` with the prescribed friction in the rows that limit shear.
-
-        With effective areas, V enters the torsion rows of dry faces too.
-        """
+        """Return the rows of `base` with the prescribed friction in the rows that limit shear."""
+        # With effective areas, V enters the torsion rows of dry faces too.
         base = self.base.pattern
         entries = base.capacity
         head, face = base.row[entries], base.face[entries]
@@ -98,11 +96,9 @@ class PrescribedFriction:
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Return a row pattern in which torsion is taken about effective areas.
-
-        The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
-        one. pattern: with torsion about whole faces. areas: the effective areas, with ρ and a.
-        """
+        """Return a row pattern in which torsion is taken about effective areas."""
+        # The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
+        # one.
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
         row, face, sign = p.row[twist], p.face[twist], p.dry[twist]

@@ -105,10 +105,8 @@ def _dot(a: list[Fraction], b: list[Fraction] | Vector) -> Fraction:
 
 
 def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
-    """Return rows C x + d ≥ 0 of the closed hull of vertices (p, k) and rays (q, k), k = 2 or 3.
-
-    C is (r, k) with largest entry 1. Every vertex and ray satisfies the rows up to rounding.
-    """
+    """Return rows C x + d ≥ 0 of the closed hull of vertices (p, k) and rays (q, k), k = 2 or 3."""
+    # C is (r, k) with largest entry 1. Every vertex and ray satisfies the rows up to rounding.
     k = vertices.shape[1]
     reach = float(abs(vertices).max(initial=0.0)) or 1.0
     sizes = np.linalg.norm(rays, axis=1, keepdims=True)
@@ -329,10 +327,8 @@ class RowYield:
         return np.asarray(size + (self._of(labels, "c").sum(axis=1) if self.dimension == 3 else 0.0))
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`.
-
-        The demand of a row are its shear and moments, and its capacity the rest. Along N, it is N over the end of N.
-        """
+        """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""
+        # The demand of a row are its shear and moments, and its capacity the rest. Along N, it is N over the end of N.
         core, c, d = forces[:, self._core], self._of(labels, "C"), self._of(labels, "d")
         least = 1e-6 * max(float(abs(forces[:, :3]).max(initial=0.0)), 1e-300)
         demand = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
@@ -383,7 +379,7 @@ class RowYield:
 def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> RowYield:
     """Make the yield sets of all faces of an assembly from rows: of the standard criterion, and of plug-ins.
 
-    inner_bending: as in `yield_set`. Raises InputError where joints crush, and for rows that are no yield set.
+    Raises InputError where joints crush, and for rows that are no yield set.
     """
     dry, inner = _of_stresses(assembly, inner_bending)
     sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
@@ -457,10 +453,7 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
 
 
 def _standard(dimension: int, numbers: Strengths, bending: Bending | None, dry: bool) -> FaceRows:
-    """Return the rows of the standard criterion under one label, in stresses.
-
-    numbers: of m faces; a material that is missing counts as one without strength. bending: of the faces, in space.
-    """
+    """Return the rows of the standard criterion under one label, in stresses."""
     count, one = len(numbers.friction), np.ones(len(numbers.friction))
     friction = np.nan_to_num(numbers.friction if dry else numbers.inner_friction)
     shear = np.nan_to_num(numbers.cohesion if dry else numbers.shear)
@@ -535,10 +528,8 @@ def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], dry: bool
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
-    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one.
-
-    Gauges are divided by the larger of the size of B and k.
-    """
+    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
+    # Gauges are divided by the larger of the size of B and k.
     shear, coupled = np.tile(np.eye(2), (count, 1, 1)), np.zeros(count, dtype=bool)
     numbers = np.zeros((3, count, 2))
     numbers[0] = 1.0
@@ -570,7 +561,7 @@ def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
 def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
     """Return the rows (r, 4) that bound a core, its vertices (p, 3) and its rays (q, 3).
 
-    table: rows C, d. key, name: of its criterion, for the message. Raises InputError for an unusable set.
+    Raises InputError for an unusable set.
     """
     table = np.unique(table[np.any(table[:, :3] != 0.0, axis=1)], axis=0)
     rows, constants = table[:, :3], table[:, 3]
@@ -592,11 +583,9 @@ def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
 
 
 def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
-    """Return sets of stresses that enclose those of both labels.
-
-    The cores have hulls; in the plane those of (N, M) and of (N, V). A gauge is the widest circle in the two of shear,
-    with a line above the capacities of both labels.
-    """
+    """Return sets of stresses that enclose those of both labels."""
+    # The cores have hulls; in the plane those of (N, M) and of (N, V). A gauge is the widest circle in the two of
+    # shear, with a line above the capacities of both labels.
     vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
     rays = np.concatenate([dry.rays, inner.rays], axis=1)
     _, first, kind = np.unique(np.column_stack([dry.kind, inner.kind]), axis=0, return_index=True, return_inverse=True)
@@ -647,10 +636,8 @@ def _hull_of(dimension: int, vertices: Floats, rays: Floats) -> Floats:
 
 
 def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
-    """Return sets whose rows have places of their own for bending, shear and others, so that they share sparsity.
-
-    Within a kind rows stand by falling N, in space by the angle of the moments.
-    """
+    """Return sets whose rows have places of their own for bending, shear and others, so that they share sparsity."""
+    # Within a kind rows stand by falling N, in space by the angle of the moments.
     ordered, kinds = [], []
     for one in sets:
         c = one.C
@@ -701,10 +688,7 @@ class _Sheet:
         return self.freedoms * self.face + resultant
 
     def add(self, terms: list[tuple[Ints, list[Floats]]], sides: list[Floats], *, step: int = 1) -> None:
-        """Add one row for each face: columns with coefficients of each set, and right-hand sides.
-
-        step: distance of the rows of successive faces; 3 for those of a cone, which are added one after the other.
-        """
+        """Add one row for each face: columns with coefficients of each set, and right-hand sides."""
         place = self.rows + step * self.face
         for column, values in terms:
             table = np.array(values)
@@ -736,10 +720,7 @@ class _Sheet:
 
 
 def _patterns(dimension: int, sets: tuple[LabelRows, LabelRows, LabelRows]) -> tuple[RowPattern, RowPattern]:
-    """Return the rows of a program for both labels, and those with enclosing rows in the places of dry ones.
-
-    sets: scaled sets of dry faces, of inner ones, and enclosing ones. Both patterns have the same sparsity.
-    """
+    """Return the rows of a program for both labels, and those with enclosing rows in the places of dry ones."""
     sheet = _Sheet(len(sets[0].d), 3 if dimension == 2 else 6)
     core = [0, 1, 2] if dimension == 2 else [0, 3, 4]
     for r in range(sets[0].C.shape[1]):
@@ -760,11 +741,9 @@ def _patterns(dimension: int, sets: tuple[LabelRows, LabelRows, LabelRows]) -> t
 
 
 def _with_shear(sheet: _Sheet, sets: tuple[LabelRows, LabelRows, LabelRows]) -> tuple[RowPattern, RowPattern]:
-    """Return the patterns of spatial faces, with rows of shear and torsion after those of the core.
-
-    A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and
-    ± k mT have rows of their own.
-    """
+    """Return the patterns of spatial faces, with rows of shear and torsion after those of the core."""
+    # A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and ±
+    # k mT have rows of their own.
     count = len(sheet.face)
     bound = sheet.freedoms * count + sheet.face
     alone = not all(one.coupled.all() for one in sets)

@@ -80,11 +80,9 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Return the force scale: mean weight of free elements times the height of their pile.
-
-    The height is the largest number of interfaces between a free element and a support, docs/method.md (8.2). Without
-    weight the result is that of `reference_load`.
-    """
+    """Return the force scale: mean weight of free elements times the height of their pile."""
+    # The height is the largest number of interfaces between a free element and a support, docs/method.md (8.2). Without
+    # weight the result is that of `reference_load`.
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
@@ -107,12 +105,9 @@ def _force_scale(assembly: Assembly) -> float:
 def reference_load(assembly: Assembly) -> float:
     """Compute the reference force of an assembly: weight, else a strength, else live load.
 
-    Forces far below it count as zero in the width of a bracket.
-
-    assembly: a planar or spatial structure. Result: total weight, scene units. Without weight: the least strength times
-    area of any face, under either label. Without strengths: the total live load.
-
-    Source: docs/method.md (3.13).
+    Forces far below it count as zero in the width of a bracket. Result: total weight, scene units. Without weight: the
+    least strength times area of any face, under either label. Without strengths: the total live load. Source:
+    docs/method.md (3.13).
     """
     if assembly.total_dead:
         return assembly.total_dead

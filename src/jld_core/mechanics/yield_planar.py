@@ -60,9 +60,10 @@ class PlanarYield(Frictional):
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
         """Return the linear yield rows C F + d ≥ 0 of each face, or None if a face can crush.
 
-        C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
-        is a given number or a small integer. labels: (m,) True = dry.
+        labels: (m,) True = dry.
         """
+        # C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
+        # is a given number or a small integer.
         if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
             return None
         rows, constants = np.zeros((len(labels), 4, 3)), np.zeros((len(labels), 4))
@@ -152,9 +153,9 @@ class PlanarYield(Frictional):
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity on each face, 0 to 1.
 
-        Demands are bending, shear, tension of inner faces and compression. forces: (m, q) scaled resultants. labels:
-        (m,) True = dry.
+        forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
+        # Demands are bending, shear, tension of inner faces and compression.
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(v.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -208,10 +209,7 @@ class PlanarYield(Frictional):
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Make the planar yield sets of all faces of an assembly, and their row pattern.
-
-    scaling: scales of the assembly, by which strengths are divided.
-    """
+    """Make the planar yield sets of all faces of an assembly, and their row pattern."""
     sets = scaled_strengths(assembly.strengths(_ROUTE), assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
@@ -221,11 +219,9 @@ _Rows = tuple[Ints, list[tuple[int, Floats, Floats]], Floats, Floats]
 
 
 def _planar_rows(sets: Strengths) -> RowPattern:
-    """Build the rows of planar faces with scaled strengths `sets`, linear rows first.
-
-    Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
-    (N ∓ m).
-    """
+    """Build the rows of planar faces with scaled strengths `sets`, linear rows first."""
+    # Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
+    # (N ∓ m).
     count = len(sets.friction)
     kinds = _linear_rows(sets)
     entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = []
@@ -267,11 +263,9 @@ def _planar_rows(sets: Strengths) -> RowPattern:
 
 
 def _linear_rows(sets: Strengths) -> list[_Rows]:
-    """List the families of linear yield rows of planar faces with scaled strengths `sets`.
-
-    Each entry holds the faces (k,), two terms (resultant, dry coefficients, inner coefficients), and the right-hand
-    sides (k,) of dry and of inner faces.
-    """
+    """List the families of linear yield rows of planar faces with scaled strengths `sets`."""
+    # Each entry holds the faces (k,), two terms (resultant, dry coefficients, inner coefficients), and the right-hand
+    # sides (k,) of dry and of inner faces.
     friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
     crush_inner, inner_friction = sets.crush_inner, sets.inner_friction
     count = len(friction)

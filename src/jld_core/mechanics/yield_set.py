@@ -305,8 +305,7 @@ class FrictionSet(YieldSet, Protocol):
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
     """Return the ratio demand / capacity (m,) of each face.
 
-    It is 0 for demands up to `least`, and 1 without positive capacity. demand, capacity: (m,) scaled forces. least:
-    scaled force up to which a demand counts as zero.
+    It is 0 for demands up to `least`, and 1 without positive capacity. demand, capacity: (m,) scaled forces.
     """
     safe = np.where(capacity > 0.0, capacity, 1.0)
     return np.where(demand <= least, 0.0, np.where(capacity > 0.0, demand / safe, 1.0))

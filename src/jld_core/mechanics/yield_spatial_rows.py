@@ -65,9 +65,8 @@ class _RowCollector:
     ) -> None:
         """Add one family of rows, one row per face.
 
-        face: (k,) faces. coefficients: columns with their dry and inner coefficients. h_dry, h_inner: (k,) right-hand
-        sides. place: (k,) positions of the rows, by default after the present ones. limits_shear: True if the first of
-        the coefficients is −μ.
+        face: (k,) faces. h_dry, h_inner: (k,) right-hand sides. place: (k,) positions of the rows, by default after the
+        present ones. limits_shear: True if the first of the coefficients is −μ.
         """
         if place is None:
             place = self.rows + np.arange(len(face))
@@ -85,8 +84,7 @@ class _RowCollector:
     ) -> int:
         """Add one second-order cone per face, and return the number of cones.
 
-        face: (k,) faces. rows: coefficients and both right-hand sides of each row of a cone. limits_shear: True if the
-        first row of the cone is μN.
+        face: (k,) faces. limits_shear: True if the first row of the cone is μN.
         """
         size = len(rows)
         for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
@@ -96,10 +94,7 @@ class _RowCollector:
         return len(face)
 
     def pattern(self, linear: int, cones: tuple[int, ...]) -> RowPattern:
-        """Return the collected rows as a pattern.
-
-        linear: number of linear rows, which come first. cones: sizes of the cones after them.
-        """
+        """Return the collected rows as a pattern."""
         row, column, face, dry, inner = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.concatenate([side for side, _, _ in self.sides])
         order = np.argsort(np.concatenate([place for _, place, _ in self.sides]))
@@ -123,15 +118,12 @@ class _RowCollector:
 def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
     """Build the yield rows of m spatial faces under both labels.
 
-    sets: scaled strengths. point: (m,) True for faces that are points. bending: rows of the bending sets.
-
-    Columns: six resultants per face, as in A_eq; t, a bound on shear, per face with moments; p, q, a, b per face with a
-    dry compressive strength.
-
-    Linear rows, in this order: bending per hull edge; t ± mT ≤ c + μN; bending of inner faces against σc; p ≤ N ∓ m1
-    and q ≤ N ∓ m2. Cones: |V| ≤ t, or |V| ≤ μN at a point; then a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³
-    ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
+    point: (m,) True for faces that are points.
     """
+    # Columns: six resultants per face, as in A_eq; t, a bound on shear, per face with moments; p, q, a, b per face with
+    # a dry compressive strength. Linear rows, in this order: bending per hull edge; t ± mT ≤ c + μN; bending of inner
+    # faces against σc; p ≤ N ∓ m1 and q ≤ N ∓ m2. Cones: |V| ≤ t, or |V| ≤ μN at a point; then a² ≤ pq, b² ≤ N, N² ≤
+    # √N_c a b, which together mean N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
     sheet = _RowCollector(len(sets.friction))
     crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
     _bending_rows(sheet, sets.tension, sets.crush_dry, point, bending)
@@ -148,12 +140,9 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
 
 
 def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Return rows of spatial faces in which dry faces bend without crushing.
-
-    `hull_rows` takes them and moves N by −σtA; then they enclose both labels. N ≤ max(N_c, σcA) takes the place of
-    crushing, in the rows of inner σc, where a face has those. The variables of crushing keep their inner rows. pattern:
-    rows with crushing. sets, point, bending: as in `spatial_rows`.
-    """
+    """Return rows of spatial faces in which dry faces bend without crushing."""
+    # `hull_rows` takes them and moves N by −σtA; then they enclose both labels. N ≤ max(N_c, σcA) takes the place of
+    # crushing, in the rows of inner σc, where a face has those. The variables of crushing keep their inner rows.
     crushed = np.isfinite(sets.crush_dry)
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
     size, resultants = len(bending.face), 6 * len(sets.friction)
@@ -197,7 +186,7 @@ class _Crush:
 def _bending_rows(sheet: _RowCollector, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
     """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges.
 
-    sheet: receives the rows. tension, crush_dry: (m,) scaled strengths. point, bending: as in `spatial_rows`.
+    tension, crush_dry: (m,) scaled strengths.
     """
     face = bending.face
     size = np.maximum(1.0, tension / 3.0)[face]
@@ -214,8 +203,7 @@ def _torsion_rows(
 ) -> None:
     """Add the rows t ± mT ≤ c + μN, which limit torsion, for faces (k,).
 
-    bound: (k,) columns of t, the bound on shear. of_dry, of_inner: friction and cohesion of all faces under either
-    label. sheet: receives the rows.
+    bound: (k,) columns of t, the bound on shear.
     """
     (mu, cohesive), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
     size_v, size_s = np.maximum(np.maximum(1.0, mu), cohesive), np.maximum(np.maximum(1.0, cap), inner_mu)
@@ -235,7 +223,7 @@ def _torsion_rows(
 def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> None:
     """Add the bending rows c·m ≤ σcA − N of inner faces with a compressive strength σc.
 
-    sheet: receives the rows. crush: (m,) scaled σcA. bending: rows c of all faces.
+    crush: (m,) scaled σcA.
     """
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
@@ -247,10 +235,8 @@ def _inner_crush_rows(sheet: _RowCollector, crush: Floats, bending: Bending) -> 
 
 
 def _effective_rows(sheet: _RowCollector, crush: _Crush) -> None:
-    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush.
-
-    p and q bound the sides of the effective rectangle. sheet: receives the rows. crush: columns of these faces.
-    """
+    """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
+    # p and q bound the sides of the effective rectangle.
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
         for sign in (1.0, -1.0):
@@ -267,8 +253,7 @@ def _shear_cones(
 ) -> int:
     """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return the number of cones.
 
-    plane: faces with moments. bound: their columns of t. points: faces that are points. friction, cohesion: (m,) of dry
-    faces. inner: (m,) positive where an inner face resists shear. sheet: receives the rows.
+    friction, cohesion: (m,) of dry faces. inner: (m,) positive where an inner face resists shear.
     """
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     held = friction[plane] + cohesion[plane]
@@ -287,9 +272,10 @@ def _shear_cones(
 def _crush_cones(sheet: _RowCollector, crush: _Crush, crush_dry: Floats) -> int:
     """Add the cones (2.12) of docs/method.md for dry faces that crush; return their number.
 
-    x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.
-    sheet: receives the rows. crush: columns of these faces. crush_dry: (m,) scaled N_c.
+    crush_dry: (m,) scaled N_c.
     """
+    # x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by
+    # one.
     face = crush.face
     one, nothing = np.ones(len(face)), np.zeros(len(face))
     normal = sheet.column(face, 0)
@@ -447,9 +433,9 @@ class SpatialYield(Frictional):
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity on each face, 0 to 1.
 
-        Demands are bending, shear with torsion, tension of inner faces and compression. forces: (m, 6) scaled
-        resultants. labels: (m,) True = dry.
+        forces: (m, 6) scaled resultants. labels: (m,) True = dry.
         """
+        # Demands are bending, shear with torsion, tension of inner faces and compression.
         n, shear, dry = forces[:, 0], self.shear_of(forces), self.is_dry(labels)
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(shear.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -496,8 +482,7 @@ def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
     """Return the ratio 1/q (k,) of bending demand to capacity in dry rectangles that crush.
 
     q is the factor on moments at which the rectangle crushes: the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
-    forces: (k, 6) scaled resultants. crush: (k,) scaled N_c. least: scaled moment up to which the ratio is 0. The ratio
-    is 1 where N leaves no capacity.
+    forces: (k, 6) scaled resultants. crush: (k,) scaled N_c.
     """
     n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -510,10 +495,11 @@ def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
 def _crush_slack(forces: Floats, crush: Floats) -> Floats:
     """Return the slack t (k,) of scaled forces (k, 6) in dry rectangles that crush.
 
-    t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by bisection.
-    It is concave and never changes faster than its three arguments. The plain difference of both sides would change
-    faster near the apex of the set. crush: (k,) N_c.
+    crush: (k,) N_c.
     """
+    # t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by
+    # bisection. It is concave and never changes faster than its three arguments. The plain difference of both sides
+    # would change faster near the apex of the set.
     n, p, q = forces[:, 0], forces[:, 0] - np.abs(forces[:, 3]), forces[:, 0] - np.abs(forces[:, 4])
     high = np.minimum(p, q)
     low = np.minimum(high, -n)
@@ -528,11 +514,10 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
     """Return the dissipation (k,) of dry rectangles that crush, docs/method.md (3.8).
 
     drive: (k,) friction work minus opening, μ max(|s|, c_T|ω|) − δ. jumps: (k, 6) scaled. crush: (k,) N_c.
-
-    With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1 + a2 − a1 u − a2 v), where a =
-    |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤ least a / greatest a. Beyond
-    they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at the transition.
     """
+    # With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1 + a2 − a1 u − a2 v), where a
+    # = |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤ least a / greatest a.
+    # Beyond they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at the transition.
     turn = np.abs(jumps[:, 3:5])
     less, more = turn.min(axis=1), turn.max(axis=1)
     gain = drive + less + more
@@ -550,10 +535,7 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
 def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> SpatialYield:
     """Make the yield sets of all faces of a spatial assembly, and their row pattern.
 
-    assembly: a spatial structure; for concave contact its `point_contact_assembly`. scaling: scales of the assembly.
-    inner_bending: "uncoupled": each moment of a rectangle is limited by itself, docs/method.md (2.5). "kern": elastic
-    edge stress for all faces, (2.6). Faces that are no rectangles always have the kern form. Raises InputError: a dry
-    compressive strength is given for a face that is no rectangle.
+    Raises InputError: a dry compressive strength is given for a face that is no rectangle.
     """
     faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)

@@ -196,7 +196,7 @@ class FieldResult(Result):
 def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
-    bounds: bounds by fields. Result: bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
+    Result: bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
     """
     if bounds.upper < 0.0:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
@@ -282,12 +282,10 @@ def least_by_fields(
 ) -> tuple[float, float]:
     """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
 
-    The reversed live load that it carries is the opposite of that λ.
-
-    alone: structure under one load case. labels: (m,) True = dry. bounds: its bounds by fields. seconds: time for the
-    bounds under the reversed live load, on a coarse mesh, s. Returns (float, float): proven bounds; NaN where one is
-    unknown.
+    labels: (m,) True = dry. seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Returns
+    (float, float): proven bounds; NaN where one is unknown.
     """
+    # The reversed live load that it carries is the opposite of that λ.
     if bounds.upper < 0.0:
         return math.nan, math.nan
     if not alone.dead_loads:
@@ -304,9 +302,7 @@ def stands_by(bounds: FieldBounds | SpatialBounds, least: tuple[float, float]) -
     """Decide whether a structure of crackable blocks stands without live load.
 
     It does if it carries some live load and some of the reversed one, since the states between both are admissible.
-
-    bounds: its bounds by fields. least: (float, float) bounds on its least λ, see `least_by_fields`. Result: None where
-    it is undecided.
+    least: (float, float) bounds on its least λ, see `least_by_fields`. Result: None where it is undecided.
     """
     if bounds.upper < 0.0 or least[0] > 0.0:
         return False

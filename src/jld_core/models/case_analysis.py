@@ -86,11 +86,7 @@ class CaseAnalysis:
         return governing_result(self.assembly, dict(zip(names, found, strict=True)))
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
-        """Solve one labelling under the load case of an analysis.
-
-        labels, stands: as in `solve`. With `single_labelling`, the time of the result includes that of building the
-        analysis.
-        """
+        """Solve one labelling under the load case of an analysis."""
         start = time.perf_counter()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
         least = least_bracket(analysis, labels, self.model, proof)
@@ -118,13 +114,12 @@ _FAR: Final = 4.0
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
     """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
 
-    The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
-    that, it takes λ₀ less the least λ.
-
     labels: (m,) True = dry. proof: proof of the labelling, with `stands` decided. Returns (float, float): proven bounds
     in scene units; zeros where the structure stands without live load. NaN where unknown, and where friction has no
     dilation or areas are effective, since the states under such models are not convex.
     """
+    # The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
+    # that, it takes λ₀ less the least λ.
     unknown = math.nan, math.nan
     if proof.stands:
         return 0.0, 0.0
@@ -160,8 +155,7 @@ _LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in resu
 def assembly_of(structure: Structure) -> Assembly:
     """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
 
-    structure: a text is the name of a scene file. Raises InputError if the file or the scene cannot be used, or the
-    object is none of these.
+    Raises InputError if the file or the scene cannot be used, or the object is none of these.
     """
     if isinstance(structure, Assembly):
         return structure
@@ -216,10 +210,7 @@ def _values(labels: Labels) -> NDArray[np.generic]:
 
 
 def _checked(values: NDArray[np.generic], assembly: Assembly, parameter: str) -> Bits:
-    """Return labels as truth values (m,); raise InputError for a wrong number or value.
-
-    values: labels as given. parameter: name of the parameter, for the message.
-    """
+    """Return labels as truth values (m,); raise InputError for a wrong number or value."""
     faces = assembly.faces
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
     if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
@@ -241,8 +232,7 @@ R = TypeVar("R")
 def model_of(model: Model | None, options: dict[str, Any]) -> Model:
     """Return a model with some of its fields replaced.
 
-    model: model, None for the defaults. options: values of fields of the model, by name. Raises InputError: a name is
-    no field of the model, or a value is not allowed.
+    Raises InputError: a name is no field of the model, or a value is not allowed.
     """
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
@@ -258,7 +248,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
 
-    function: function whose last parameter is `**options`. Result: the same function.
+    Result: the same function.
     """
     signature = inspect.signature(function)
     own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]

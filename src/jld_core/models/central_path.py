@@ -98,10 +98,9 @@ class CentralPath:
     def points(self) -> Iterator[PathPoint]:
         """Follow the central path, and yield each iterate until it ends.
 
-        It ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the cones.
-
         Yields: iterate; of a converged path the last ones have a small gap and residual.
         """
+        # It ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the cones.
         point, reduction = self._start(), _REDUCTIONS[1]
         best, since = np.inf, 0
         while True:
@@ -147,10 +146,7 @@ class CentralPath:
         return PathPoint(y, np.zeros(len(rows.load)), s, self.size * self.weights * self._inverse(s))
 
     def _inside(self, values: Floats) -> bool:
-        """Return True if a vector (rows,) lies strictly inside all cones.
-
-        values: slacks or multipliers of the rows.
-        """
+        """Return True if a vector (rows,) lies strictly inside all cones."""
         cones = values[self.rows.linear :].reshape(-1, 3)
         curved = (cones[:, 0] > 0.0) & (cones**2 @ _FLIP > 0.0)
         return bool((values[: self.rows.linear] > 0.0).all() and curved.all())
@@ -214,11 +210,7 @@ class CentralPath:
         matrix: sp.csr_array,
         slopes: Floats,
     ) -> PathPoint | None:
-        """Return the point after one Newton step towards a path parameter; None if singular.
-
-        point: present iterate. target: path parameter. residuals: of stationarity, equilibrium and rows. matrix: rows
-        at the point. slopes: derivatives of the parameters of torsion rows, see `MovingRows.parameters`.
-        """
+        """Return the point after one Newton step towards a path parameter; None if singular."""
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         dual, balance, primal = residuals
         values, _ = rows.parameters(point.y)
@@ -252,10 +244,8 @@ class CentralPath:
         return PathPoint(y, u, -primal - matrix @ y - leaning, z)
 
     def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
-        """Return rows, columns and values of the squared scaling W², for which W² z = s.
-
-        s are slacks and z multipliers of the point. Source: Nesterov and Todd.
-        """
+        """Return rows, columns and values of the squared scaling W², for which W² z = s."""
+        # s are slacks and z multipliers of the point. Source: Nesterov and Todd.
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
         length_s, length_z = (np.sqrt(v**2 @ _FLIP)[:, None] for v in (s, z))
@@ -323,8 +313,7 @@ class FixedPoint:
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
     """Evaluate a state under the effective areas of its own forces.
 
-    prover: of any template of the assembly. state: forces. labels: (m,) True = dry. The results are the state under
-    these areas, the areas, and a prover with the areas frozen.
+    labels: (m,) True = dry. The results are the state under these areas, the areas, and a prover with the areas frozen.
     """
     areas = areas_under(prover.template.assembly, state.forces, labels)
     frozen = prover.with_template(frozen_areas(prover.template, areas))
@@ -334,13 +323,11 @@ def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, 
 def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS) -> FixedPoint | None:
     """Search forces that are an optimum of the problem frozen at their own effective areas.
 
-    analysis: analysis of a spatial assembly with whole faces. labels: (m,) True = dry. starts: largest number of
-    central paths. Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest
-    bracket; None if no path comes near, or no dry rectangle resists torsion.
-
-    Source: docs/method.md (2.16) to (2.18). Fixed points need not be unique. The weights of each start depend on the
-    structure and its loads alone.
+    labels: (m,) True = dry. Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the
+    narrowest bracket; None if no path comes near, or no dry rectangle resists torsion.
     """
+    # Source: docs/method.md (2.16) to (2.18). Fixed points need not be unique. The weights of each start depend on the
+    # structure and its loads alone.
     rows = MovingRows(analysis.template, labels)
     if not rows.torsion.size:
         return None
@@ -375,10 +362,10 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
     """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ.
 
-    The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
-    end is missing.
-    labels: (m,) True = dry. point: the iterate. starts: number of paths followed.
+    labels: (m,) True = dry.
     """
+    # The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
+    # end is missing.
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
     if not state.admissible and state.slack > -_EDGE:
         # faces that bear nothing have no slack at all
@@ -410,9 +397,9 @@ def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPo
 def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
     """Compute the weights of the barrier for one of several central paths.
 
-    assembly: spatial assembly. rows: program of one labelling. start: number of the path. All weights of the first one
-    are equal. Returns (rows,): weights. They vary with the place of a face in axes of the loads, so that order,
-    position, rotation and units do not change them. Symmetry is broken: symmetric paths may end at a branch point.
+    start: number of the path. All weights of the first one are equal. Returns (rows,): weights. They vary with the
+    place of a face in axes of the loads, so that order, position, rotation and units do not change them. Symmetry is
+    broken: symmetric paths may end at a branch point.
     """
     spread = _SPREAD[min(start, len(_SPREAD) - 1)]
     places = assembly.interfaces.origin - assembly.interfaces.origin.mean(axis=0)
@@ -431,12 +418,11 @@ def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
 def load_axes(assembly: Assembly) -> Floats:
     """Compute three orthonormal directions that turn with the structure and its loads.
 
-    Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
-
     assembly: spatial assembly. Returns (3, 3): rows: direction of the dead load, of the live load across it, and their
     cross product. Where loads are parallel or zero, the way to the middle of the live load and the first face's e1 and
     e2 take their place.
     """
+    # Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
     elements, free = assembly.elements, assembly.elements.free
     dead, live = assembly.dead[free, :3], assembly.live[free, :3]
     size = np.linalg.norm(live, axis=1)

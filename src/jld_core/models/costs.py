@@ -66,21 +66,16 @@ def cost_estimate(assembly: Assembly) -> CostEstimate:
 
 
 def _cost(dimension: int, faces: int, cases: int) -> CostEstimate:
-    """Estimate time and memory of one labelling from the size of the structure.
-
-    dimension: 2 or 3. faces: number of faces. cases: number of load cases, by which the time is multiplied.
-    """
+    """Estimate time and memory of one labelling from the size of the structure."""
     seconds, power, size, growth = _COSTS[dimension]
     share = faces / _FACES
     return CostEstimate(cases * seconds * share**power, _BASE + size * share**growth)
 
 
 def _least_faces(scene: Scene) -> int:
-    """Return a lower bound on the number of faces, known before contacts are built.
-
-    Each free element has a face of its own on a path to a support. In grids, all pairs of neighbouring cells count. In
-    spatial scenes that may be too large, pairs of elements that certainly touch count.
-    """
+    """Return a lower bound on the number of faces, known before contacts are built."""
+    # Each free element has a face of its own on a path to a support. In grids, all pairs of neighbouring cells count.
+    # In spatial scenes that may be too large, pairs of elements that certainly touch count.
     if scene.grid is not None:
         return _grid_faces(scene.grid.rows)
     elements = scene.elements or []

@@ -36,9 +36,8 @@ def under(assembly: Assembly, model: Model | None = None) -> Assembly:
 def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     """Raise InputError if an assembly cannot be analysed with its crack model.
 
-    assembly: assembly with its crack model, see `under`. model: model options. Cracks by fields take associative
-    friction and whole faces only. Raises InputError if the cells do not divide the grid. With cracks by fields: if an
-    option asks for another model or solver, or as `require_fields` (planar) or `require_spatial_fields`.
+    Raises InputError if the cells do not divide the grid. With cracks by fields: if an option asks for another model or
+    solver, or as `require_fields` (planar) or `require_spatial_fields`.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)
@@ -94,10 +93,8 @@ def rigid(assembly: Assembly, labels: Bits, what: str = "") -> tuple[Assembly, B
 
 
 def _require_cells(assembly: Assembly, cell: float, model: Model | None) -> None:
-    """Raise InputError unless cells of size `cell` divide the grid of an assembly's scene.
-
-    Of general elements any size is accepted here. The message names the parameter where the model states the cells.
-    """
+    """Raise InputError unless cells of size `cell` divide the grid of an assembly's scene."""
+    # Of general elements any size is accepted here. The message names the parameter where the model states the cells.
     grid = None if assembly.scene is None else assembly.scene.grid
     if grid is None:
         return

@@ -49,9 +49,9 @@ HOLDING_WEIGHT: Final = 30.0
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """Raise InputError if effective areas do not apply to a labelling of an assembly.
 
-    They do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with cohesion.
     labels: (m,) True = dry.
     """
+    # They do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with cohesion.
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     if assembly.members.bond is not None:
@@ -66,8 +66,7 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Compute the largest change of effective areas between two iterates.
 
-    old: previous iterate. new: current iterate. Result: largest change of c_T,e / c_T and of a = x / c_T over all
-    faces.
+    Result: largest change of c_T,e / c_T and of a = x / c_T over all faces.
     """
     return float(_changes(old, new).max(initial=0.0))
 
@@ -75,18 +74,14 @@ def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
 def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
     """Return the largest change (m,) of the effective area of each face between two iterates.
 
-    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger. old, new: the iterates.
+    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger.
     """
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio)
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
 
 def slack_to_request(own: State, margin: float, tries: int) -> float:
-    """Return the scaled slack to request in the yield rows of the next state.
-
-    own: the last state under the effective areas of its own forces, where it was not admissible. The slack is twice the
-    violation of `own`, at least `margin`. It has an upper limit that grows with `tries`, the number of states so far.
-    """
+    """Return the scaled slack to request in the yield rows of the next state."""
     return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
 
@@ -95,18 +90,14 @@ def prove_effective_area(
 ) -> Proof:
     """Prove the load factor with torsion on effective areas, docs/method.md (2.14) to (2.16).
 
-    The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
-    problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by a
-    ray within the areas that the ray itself causes, since the areas approach those as λ grows.
-
-    analysis: analysis of a spatial assembly with dry rectangles, with whole faces. labels: (m,) True = dry. stands:
-    also decide whether λ = 0 is admissible, with whole faces. most: largest number of programs solved by the proximal
-    iteration, which follows if central paths fail. weight: weight of its proximal term, which keeps the areas from
-    jumping between equally good states. Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is
-    left. The status is uncertified if it exceeds 1e-8, or if the bracket is wider than the gap of the analysis.
+    labels: (m,) True = dry. Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The
+    status is uncertified if it exceeds 1e-8, or if the bracket is wider than the gap of the analysis.
     `extra["effective_area"]` is None where the labelling is unstable or has no state with whole faces. Raises
     InputError if the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
     """
+    # The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
+    # problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by
+    # a ray within the areas that the ray itself causes, since the areas approach those as λ grows.
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
     plain = analysis.prove(labels, stands=stands)
@@ -151,7 +142,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     """Convert a fixed point to a proof: its forces and its mechanism bound λ from both sides.
 
     The bounds are those of the problem frozen at its areas. A wide bracket, or a status other than collapse, becomes
-    uncertified. labels: (m,) True = dry. found: the fixed point.
+    uncertified. labels: (m,) True = dry.
     """
     proof = Proof(state=found.state, motion=found.motion)
     frozen = analysis.with_template(found.prover.template, labels)
@@ -165,8 +156,9 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own effective areas.
 
-    None if no such ray, or no such forces along it, are found. labels: (m,) True = dry. plain: proof with whole faces.
+    labels: (m,) True = dry.
     """
+    # None if no such ray, or no such forces along it, are found.
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
         return None
@@ -182,12 +174,7 @@ def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None
 def _proof_of_iteration(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[Proof, dict[str, Any]]:
-    """Prove the load factor by the proximal iteration on forces and effective areas.
-
-    labels, forces, most, weight: as in `_iterate`. The results are the proof, and facts for `extra["effective_area"]`.
-    `fixed_point` is the change of areas that is left. `face` is the pair of elements whose area still changes. `above`
-    is the width of a bracket that is too wide.
-    """
+    """Prove the load factor by the proximal iteration on forces and effective areas."""
     state, proof, moves, solves = _iterate(analysis, labels, forces, most, weight)
     moved = float(moves.max(initial=0.0))
     settled = state.admissible and moved <= tolerances.FIXED_POINT
@@ -214,8 +201,9 @@ def _proof_of_iteration(
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
     """Return True if a motion proves an instability for any effective areas.
 
-    If the motion does not, it is tried again with small shares of an opening motion added. labels: (m,) True = dry.
+    labels: (m,) True = dry.
     """
+    # If the motion does not, it is tried again with small shares of an opening motion added.
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
         tried = motion
@@ -238,11 +226,11 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
     """Return True if a motion has finite dissipation under any effective areas.
 
-    At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
-    c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners of
-    all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested. analysis: of whole
-    faces. labels: (m,) True = dry.
+    labels: (m,) True = dry.
     """
+    # At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
+    # c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners
+    # of all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested.
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
     turned = np.abs(jumps[:, 5])
@@ -262,9 +250,9 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
 def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None) -> State | None:
     """Find a ray of forces within the effective areas that these forces cause.
 
-    Along it the live load grows without limit. analysis: of whole faces. labels: (m,) True = dry. ray: ray to begin
-    with, under any areas. The result is None if no such ray is found.
+    labels: (m,) True = dry.
     """
+    # Along it the live load grows without limit.
     for _ in range(_RAYS):
         if ray is None:
             return None
@@ -283,7 +271,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
     """List sentences on dry faces that are no rectangles, and on an increase of λ.
 
-    plain: proof with whole faces. proof: proof with effective areas, whose λ may be higher. labels: (m,) True = dry.
+    labels: (m,) True = dry.
     """
     found = []
     odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
@@ -308,10 +296,10 @@ def _iterate(
 ) -> tuple[State, Proof, Floats, int]:
     """Iterate on forces and effective areas until the areas belong to the forces.
 
-    `_STEPS` free steps come first, then steps that keep the forces near those before. labels: (m,) True = dry. forces:
-    (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a state, the proof with constant
-    areas, the remaining change (m,) of areas, and the number of programs.
+    labels: (m,) True = dry. forces: (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a
+    state, the proof with constant areas, the remaining change (m,) of areas, and the number of programs.
     """
+    # `_STEPS` free steps come first, then steps that keep the forces near those before.
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
     stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLDING_WEIGHT))

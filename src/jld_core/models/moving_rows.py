@@ -30,13 +30,11 @@ _TWISTING = (5, 1, 2)
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
     """Compute the torsion factors of the effective areas of faces under given forces.
 
-    assembly: spatial assembly. forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result:
-    ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. arm (m, 2) = (x2,
-    −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not rectangles
-    have ratio 1 and arm 0.
-
-    Source: docs/method.md (2.14), (2.15).
+    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: ratio (m,) = c_T / c_T,e:
+    torsion length of the whole face over that of its effective rectangle. arm (m, 2) = (x2, −x1) / c_T, with centre of
+    pressure x. Inner faces, faces without normal force and faces that are not rectangles have ratio 1 and arm 0.
     """
+    # Source: docs/method.md (2.14), (2.15).
     faces = assembly.interfaces
     labels = labels & faces.rectangle
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so x1 and x2 below are relative to l1 / 2 and l2 / 2.
@@ -53,9 +51,8 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
     """Differentiate the effective areas of dry rectangles with respect to N, m1 and m2.
 
-    assembly: spatial assembly. forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result:
-    ratio: (m, 3) derivatives of c_T / c_T,e. At x = 0, where |x| has a kink, the mean of both sides; arm: (m, 2, 3)
-    derivatives of x / c_T.
+    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: ratio: (m, 3) derivatives of
+    c_T / c_T,e. At x = 0, where |x| has a kink, the mean of both sides; arm: (m, 2, 3) derivatives of x / c_T.
     """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
@@ -91,8 +88,7 @@ def _torsion_length_slope(one: Floats, other: Floats) -> Floats:
 def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
     """Build the template of associative friction with torsion about given effective areas.
 
-    template: template of the assembly with whole faces. areas: effective areas to freeze. Result: template with the
-    same equilibrium, and yield sets with the effective areas.
+    Result: template with the same equilibrium, and yield sets with the effective areas.
     """
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
@@ -130,11 +126,9 @@ class MovingRows:
         self._coefficients = self._torsion_coefficients(template)
 
     def _torsion_coefficients(self, template: Template) -> Floats:
-        """Return coefficients (3, k) by which ρ, ρ a1 and ρ a2 enter the torsion rows.
-
-        Entry [i, j] is the derivative of the entry of G in torsion row j and column `_columns[i, j]` (mT, V1, V2) by
-        parameter i. G is linear in the parameters. template: with whole faces.
-        """
+        """Return coefficients (3, k) by which ρ, ρ a1 and ρ a2 enter the torsion rows."""
+        # Entry [i, j] is the derivative of the entry of G in torsion row j and column `_columns[i, j]` (mT, V1, V2) by
+        # parameter i. G is linear in the parameters.
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
         parts = [self.rows, *shifted]
@@ -147,8 +141,8 @@ class MovingRows:
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
         """Return the matrix of the program with one and the same effective area for all faces.
 
-        template: with whole faces. labels: (m,) True = dry. ratio: c_T / c_T,e. arm: (x2, −x1) / c_T with centre of
-        pressure x, see `EffectiveAreas`. The rows are those of equilibrium, of λ, and of yield.
+        labels: (m,) True = dry. arm: (x2, −x1) / c_T with centre of pressure x, see `EffectiveAreas`. The rows are
+        those of equilibrium, of λ, and of yield.
         """
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))

@@ -68,11 +68,9 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
     """Return True if the inner faces are strong enough that rigid blocks save time.
 
     If strengths are of the order of the loads, most blocks fail a check and are taken apart, which costs more than
-    rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid
-    blocks are exact in the first round. Measurements: docs/notes/tried.md.
-
-    template: program template of the full assembly. labels: (m,) True = dry. Result: True if the weakest inner face is
-    stronger than a threshold, relative to the force scale. False if there are no inner faces.
+    rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid blocks
+    are exact in the first round. Measurements: docs/notes/tried.md. labels: (m,) True = dry. Result: True if the
+    weakest inner face is stronger than a threshold, relative to the force scale. False if there are no inner faces.
     """
     inner = ~labels & ~template.assembly.of_members
     if not inner.any():
@@ -85,8 +83,8 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
     """Join elements through inner faces into rigid blocks, except for elements in `apart`.
 
-    assembly: full assembly. labels: (m,) True = dry. apart: (k,) elements that remain separate bodies. Result:
-    condensed assembly. A block glued to a support is itself a support.
+    labels: (m,) True = dry. apart: (k,) elements that remain separate bodies. Result: condensed assembly. A block glued
+    to a support is itself a support.
     """
     elements, faces = assembly.elements, assembly.interfaces
     alone = np.zeros(len(elements), dtype=bool)
@@ -107,8 +105,7 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
     """Build the condensed assembly: sum loads and weights per block, keep some interfaces.
 
-    labels: (m,) True = dry. group: (n,) block of each element. support: (blocks,) True for supports. kept: interfaces
-    that stay.
+    labels: (m,) True = dry. group: (n,) block of each element. support: (blocks,) True for supports.
     """
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
     number = len(support)
@@ -158,9 +155,9 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
 def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
     """Return the elements (k,) of all blocks with an inner face that jumps in a motion.
 
-    A jump counts above a small share of the largest. velocity: (≥ q·free,) velocities, scaled, for example multipliers
-    of a solver. If they are zero or not finite, there are none. labels: (m,) True = dry.
+    labels: (m,) True = dry.
     """
+    # A jump counts above a small share of the largest.
     count = full.template.matrix.shape[0]
     jumps = full.prover.jumps(velocity[None, :count])[0]
     size = abs(jumps).max(axis=1, initial=0.0)
@@ -175,14 +172,12 @@ def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
 def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None) -> Proof | None:
     """Prove the load factor with rigid blocks, taking apart blocks that fail a check.
 
-    full: analysis of the full model. labels: (m,) True = dry. apart: (k,) elements that are separate bodies from the
-    first round on, for example of blocks that are known to crack. Result: proof about the full model: its lower bound
-    is a state checked in the full model, and its mechanism moves each element with its block. Its bracket may be wide,
-    or lack the lower bound. The status may also be unstable, without bounds. None where the full model must be solved
-    instead.
-
-    Source: docs/method.md (7.1), (7.2).
+    labels: (m,) True = dry. apart: (k,) elements that are separate bodies from the first round on, for example of
+    blocks that are known to crack. Result: proof about the full model: its lower bound is a state checked in the full
+    model, and its mechanism moves each element with its block. Its bracket may be wide, or lack the lower bound. The
+    status may also be unstable, without bounds. None where the full model must be solved instead.
     """
+    # Source: docs/method.md (7.1), (7.2).
     assembly, own = full.assembly, full.options
     scale = full.template.scaling
     apart = np.zeros(0, dtype=np.int64) if apart is None else apart
@@ -246,10 +241,9 @@ def _inner_forces(
 ) -> tuple[Floats, Ints] | None:
     """Compute scaled forces (m, q) on all faces, and list blocks without admissible ones.
 
-    Given boundary forces and λ, each block maximises its own least slack. rigid: the condensed assembly. boundary: (m',
-    q) forces on the faces between blocks, scene units. load: λ, scene units. labels: (m,) True = dry. None if the
-    solver returns forces that are not finite.
+    labels: (m,) True = dry. None if the solver returns forces that are not finite.
     """
+    # Given boundary forces and λ, each block maximises its own least slack.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
     forces = np.zeros((count, q))
@@ -303,16 +297,14 @@ def _inner_forces(
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
     """Return the face of each second-order cone of a row pattern.
 
-    row_face: (rows,) face of each row. linear: number of linear rows. cones: sizes of the cones.
+    row_face: (rows,) face of each row.
     """
     return np.asarray(row_face[linear + beginnings(cones)])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:
-    """Convert a motion of rigid blocks into a motion of the elements of the full model.
-
-    Faces inside a block do not jump. inner: the analysis of the rigid blocks.
-    """
+    """Convert a motion of rigid blocks into a motion of the elements of the full model."""
+    # Faces inside a block do not jump.
     assembly, scale = full.assembly, full.template.scaling
     mechanism = element_velocities(inner.template, motion.velocity)[rigid.group]
     arm = assembly.elements.centroid - rigid.assembly.elements.centroid[rigid.group]
@@ -328,9 +320,8 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, 
 def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
     """Prove bounds by the free elements that are connected to a loaded one, in a scale of their own.
 
-    full: analysis of the whole structure. labels: (m,) True = dry. known: proof of the whole with a state, whose forces
-    hold the other elements at any λ. Result: proof about the whole; None where all elements are connected to a loaded
-    one, or no bounds are found.
+    labels: (m,) True = dry. Result: proof about the whole; None where all elements are connected to a loaded one, or no
+    bounds are found.
     """
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces
@@ -369,15 +360,14 @@ _ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
     """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
-    assembly: assembly with whole faces. labels: (m,) True = dry. Result: expanded: assembly with m' faces. Its labels
-    are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one point.
-    Its sizes are those of its parent face; they only scale moments, which a point face does not have; parent: (m',)
-    face of `assembly` from which each face of `expanded` comes, sorted. Raises InputError if a dry face has a
-    compressive strength or cohesion, since a point has no area.
-
-    Corners inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
-    docs/method.md (2.13).
+    labels: (m,) True = dry. Result: expanded: assembly with m' faces. Its labels are dry for point faces and inner for
+    all others. A point face has no area, no moments and a polygon of one point. Its sizes are those of its parent face;
+    they only scale moments, which a point face does not have; parent: (m',) face of `assembly` from which each face of
+    `expanded` comes, sorted. Raises InputError if a dry face has a compressive strength or cohesion, since a point has
+    no area.
     """
+    # Corners inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
+    # docs/method.md (2.13).
     faces = assembly.interfaces
     if assembly.members.bond is not None:
         raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")
@@ -410,10 +400,8 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
     """Convert a proof about point contacts into a proof about whole faces.
 
-    full: analysis of the assembly with whole faces. points: analysis of the assembly with point contacts. parent: (m',)
-    face of `full` for each face of `points`. proof: proof about `points`, in the scaled units of `points`. Result: the
-    same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse below zero
-    are dropped.
+    Result: the same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse
+    below zero are dropped.
     """
     one, other = full.template.scaling, points.template.scaling
     unit = other.load / one.load
@@ -444,11 +432,7 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
 
 
 def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
-    """Compute the resultants (m, 6) of whole faces about their centroids from point forces.
-
-    assembly: with m whole faces. points: its assembly of m' point contacts. parent: (m',) whole face of each point.
-    forces: (m', 6) resultants of the points, scene units, as is the result.
-    """
+    """Compute the resultants (m, 6) of whole faces about their centroids from point forces."""
     faces = assembly.interfaces
     arm = points.interfaces.origin - faces.origin[parent]
     x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
@@ -532,8 +516,7 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
 def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
     """Raise InputError if a solver does not accept the programs of an analysis.
 
-    analysis: analysis that uses the solver. options: options that name the solver. Raises InputError if it does not;
-    the message names the parameter `solver`.
+    Raises InputError if it does not; the message names the parameter `solver`.
     """
     if options.solver == "auto":
         return
@@ -584,7 +567,7 @@ def solve_labelling(
 def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, pruning_threshold: float) -> Proof:
     """Prove λ of one labelling under the friction of the options, on the contacts as given.
 
-    labels: (m,) True = dry. stands, pruning_threshold: as in `solve_labelling`.
+    labels: (m,) True = dry.
     """
     if options.friction == "zero-dilation":
         # Local imports: most labellings are solved with dilation, and `jld solve` is to start quickly.

@@ -192,11 +192,7 @@ class SolvedProgram:
         self.held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
-        """Compute the rate of λ with one parameter, in scene units.
-
-        change: the parameter. unit: its unit, for the result. Rates are NaN where λ has a kink or where they are not
-        known well enough, see `Sensitivity`.
-        """
+        """Compute the rate of λ with one parameter, in scene units."""
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))
@@ -232,12 +228,10 @@ class SolvedProgram:
         return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute the left and the right rate of scaled λ from chords at two steps to either side.
-
-        Returns both rates, the size of the kink, and the rounding error. The size of the kink excludes curvature, which
-        vanishes as steps shrink, and rounding, which is estimated from the difference of primal and dual values.
-        change: the parameter.
-        """
+        """Compute the left and the right rate of scaled λ from chords at two steps to either side."""
+        # Returns both rates, the size of the kink, and the rounding error. The size of the kink excludes curvature,
+        # which vanishes as steps shrink, and rounding, which is estimated from the difference of primal and dual
+        # values.
         here, noise = self._value(self.program)
         chords, kinks, noises = [], [], []
         for step in (_FAR * change.size, _NEARER * _FAR * change.size):
@@ -266,9 +260,10 @@ class SolvedProgram:
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
         """Compute the rate of −λ for an increase of a parameter, scaled; NaN without an optimum.
 
-        It is the value of the linear program in the module docstring. matrix: (rows, columns) ΔM, and rhs: (rows,) Δr,
-        rates of the program data with the parameter. For the rate of a decrease, pass −ΔM and −Δr.
+        matrix: (rows, columns) ΔM, and rhs: (rows,) Δr, rates of the program data with the parameter. For the rate of a
+        decrease, pass −ΔM and −Δr.
         """
+        # It is the value of the linear program in the module docstring.
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)
         loose = np.setdiff1d(np.arange(self.first, self.last), held)

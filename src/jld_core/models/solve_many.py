@@ -211,7 +211,7 @@ def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[Case
 def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     """Solve k labellings under one load, by the batch solver where it settles them.
 
-    labels: (k, m) True = dry. model: model and solver options.
+    labels: (k, m) True = dry.
     """
     require_materials(assembly, np.asarray(labels.any(axis=0)), np.asarray(~labels.all(axis=0)))
     analysis = limit_analysis(assembly, model)
@@ -235,7 +235,7 @@ def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 def _governing(assembly: Assembly, labels: Bits, model: Model, cases: dict[str, BatchResult]) -> BatchResult:
     """Combine the results of load cases into the least λ / required of each labelling.
 
-    labels: (k, m) True = dry. cases: results by the names of the load cases.
+    labels: (k, m) True = dry.
     """
     required, names = assembly.required.tolist(), list(cases)
     decided = [

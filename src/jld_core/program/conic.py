@@ -32,11 +32,9 @@ class Bodies:
 
     @cached_property
     def root(self) -> Ints:
-        """Return the representative element (free,) of the block of each free element.
-
-        Entries are indices among the free elements. The representative is the element nearest to the middle of the
-        block. Elements of blocks that contain a support represent themselves.
-        """
+        """Return the representative element (free,) of the block of each free element."""
+        # Entries are indices among the free elements. The representative is the element nearest to the middle of the
+        # block. Elements of blocks that contain a support represent themselves.
         elements = self.assembly.elements
         block = blocks_of(self.assembly, self.labels)
         held = np.zeros(int(block.max(initial=-1)) + 1, dtype=bool)
@@ -56,13 +54,11 @@ class Bodies:
     def sums(self, equations: int) -> sp.csr_array | None:
         """Return the matrix T that replaces the equations of each root by those of its block.
 
-        A block's equations are sums over its elements, with moments about the centroid of the root.
-
         equations: number of equations; those beyond equilibrium stay as they are. Returns (equations, equations): T,
         which has an inverse; None where every free block is one element.
-
-        Source: docs/method.md (8.6).
         """
+        # A block's equations are sums over its elements, with moments about the centroid of the root. Source:
+        # docs/method.md (8.6).
         root = self.root
         member = np.flatnonzero(root != np.arange(len(root)))
         if not len(member):

@@ -149,10 +149,7 @@ class Template:
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:
-        """Build structure, coefficients and right-hand sides of the programs under either label.
-
-        sets: supplies the yield rows. Only attributes of the template are set.
-        """
+        """Build structure, coefficients and right-hand sides of the programs under either label."""
         pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)

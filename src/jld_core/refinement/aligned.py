@@ -80,13 +80,11 @@ class TriangleStresses:
 def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
     """Cut a planar body along the principal directions of its stresses.
 
-    Head joints are level lines of a function whose gradient follows the compression, and beds those of a function whose
-    gradient is at right angles to it. Both are weighted least-squares fits; the sign of the direction is made alike
-    from triangle to triangle. Lines between two crossings become straight where they leave the curve by little.
-
-    field: stresses, of a body whose triangles share nodes. size: wanted side of a cell, length. Raises InputError if
-    the stresses have no direction, or the cells are too many.
+    Raises InputError if the stresses have no direction, or the cells are too many.
     """
+    # Head joints are level lines of a function whose gradient follows the compression, and beds those of a function
+    # whose gradient is at right angles to it. Both are weighted least-squares fits; the sign of the direction is made
+    # alike from triangle to triangle. Lines between two crossings become straight where they leave the curve by little.
     gradient, area = field.gradients
     deviator = _smoothed(field, gradient, area, _SMOOTH * size)
     strength = np.hypot(*deviator.T)
@@ -133,10 +131,8 @@ def _lumped(triangles: Ints, values: Floats, count: int) -> Floats:
 
 
 def _smoothed(field: TriangleStresses, gradient: Floats, area: Floats, length: float) -> Floats:
-    """Return (σx − σy)/2 and τxy (t, 2) of the triangles, averaged over a length.
-
-    One implicit step of diffusion: (M + l² K) v = M v0 at the nodes.
-    """
+    """Return (σx − σy)/2 and τxy (t, 2) of the triangles, averaged over a length."""
+    # One implicit step of diffusion: (M + l² K) v = M v0 at the nodes.
     count = len(field.points)
     raw = np.column_stack([0.5 * (field.stress[:, 0] - field.stress[:, 1]), field.stress[:, 2]])
     mass = _lumped(field.triangles, area, count)
@@ -148,10 +144,8 @@ def _smoothed(field: TriangleStresses, gradient: Floats, area: Floats, length: f
 
 
 def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
-    """Give directions (t, 2) like signs in place, from the triangles of largest weight on; return the parts (t,).
-
-    Triangles that hang together over edges are one part.
-    """
+    """Give directions (t, 2) like signs in place, from the triangles of largest weight on; return the parts (t,)."""
+    # Triangles that hang together over edges are one part.
     edges: dict[tuple[int, int], list[int]] = {}
     for number, (a, b, c) in enumerate(triangles.tolist()):
         for pair in ((a, b), (b, c), (c, a)):
@@ -184,8 +178,9 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
 def _fitted(field: TriangleStresses, gradient: Floats, weight: Floats, direction: Floats) -> Floats:
     """Return the function (p,) at nodes whose gradient is parallel to directions (t, 2), and about as long.
 
-    Minimises Σ w [(∇φ·d⊥)² + η (∇φ·d − 1)²], with a small part of w alike in all directions. weight: (t,).
+    weight: (t,).
     """
+    # Minimises Σ w [(∇φ·d⊥)² + η (∇φ·d − 1)²], with a small part of w alike in all directions.
     count = len(field.points)
     along = np.einsum("tid,td->ti", gradient, direction)
     across = np.einsum("tid,td->ti", gradient, np.column_stack([-direction[:, 1], direction[:, 0]]))
@@ -200,8 +195,9 @@ def _fitted(field: TriangleStresses, gradient: Floats, weight: Floats, direction
 def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -> tuple[Floats, Ints]:
     """Return the segments (s, 2, 2) of level lines at about a distance, and the triangle (s,) of each.
 
-    The levels divide the range of the values in equal parts. points: (p, 2). triangles: (t, 3). values: (p,).
+    points: (p, 2). triangles: (t, 3). values: (p,).
     """
+    # The levels divide the range of the values in equal parts.
     own = values[triangles]
     low, high = float(own.min()), float(own.max())
     levels = np.linspace(low, high, max(1, round((high - low) / size)) + 1)[1:-1]
@@ -226,10 +222,8 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
 
 
 def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float) -> list[shapely.Polygon]:
-    """Return the polygons that joints and the outline enclose; joints straightened between crossings.
-
-    They reach a little beyond the outline. lines: pieces of joints. size: of a cell, length.
-    """
+    """Return the polygons that joints and the outline enclose; joints straightened between crossings."""
+    # They reach a little beyond the outline.
     body = shapely.union_all(shapely.polygons(field.points[field.triangles]))
     extent = float(np.ptp(field.points, axis=0).max())
     outline = shapely.boundary(body)
@@ -255,10 +249,7 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
 
 
 def _extended(line: shapely.LineString, near: shapely.Geometry, length: float) -> shapely.LineString:
-    """Return a line whose ends on the outline are moved beyond it by a length.
-
-    near: narrow strip about the outline.
-    """
+    """Return a line whose ends on the outline are moved beyond it by a length."""
     points = shapely.get_coordinates(line)
     for end, before in ((0, 1), (-1, -2)):
         if near.covers(shapely.Point(points[end])):
@@ -272,7 +263,7 @@ def _halved(
 ) -> list[shapely.Polygon]:
     """Cut cells across their longer principal direction until none is larger than an area.
 
-    direction: (t, 2) of compression in each triangle. largest: the area.
+    direction: (t, 2) of compression in each triangle.
     """
     tree = shapely.STRtree(shapely.polygons(field.points[field.triangles]))
     done: list[shapely.Polygon] = []

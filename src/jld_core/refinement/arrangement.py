@@ -40,11 +40,9 @@ def split_by_cells(
 ) -> list[list[shapely.Polygon]]:
     """Cut elements along the boundaries of cells.
 
-    ids: (n,) names of the elements, for error messages. outlines: elements that are cut. fixed: elements that stay
-    whole; nodes near their corners merge with these. cells: cells that cover all elements. size: size of a cell, a
-    length. snap: distance, relative to the size of a cell, within which nodes move to a corner of the outlines or to
-    one another. Result: parts of each element, in order of the cells and then of place. Parts that touch share their
-    corners exactly. Raises InputError: the parts of an element do not add up to it.
+    ids: (n,) names of the elements, for error messages. Result: parts of each element, in order of the cells and then
+    of place. Parts that touch share their corners exactly. Raises InputError: the parts of an element do not add up to
+    it.
     """
     known = np.concatenate([*outlines, *fixed])
     origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
@@ -75,9 +73,8 @@ def _faces(
 ) -> list[shapely.Polygon]:
     """Return the polygons that all outlines and cell boundaries together enclose.
 
-    outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. cells: cells. origin:
-    (2,) point about which coordinates are computed. extent: size of the structure. size: of a cell. Both are lengths.
-    snap: distance relative to a cell within which nodes move together.
+    outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. origin: (2,) point
+    about which coordinates are computed.
     """
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
@@ -117,10 +114,10 @@ def _nodes(
 ) -> tuple[Ints, Floats]:
     """Merge near points; return the row (k,) of each in a table of places, and the table.
 
-    The table holds the unchanged corners, then the points. Points merge with corners first, then with points on
-    outlines, then with others, so that a node on an outline stays on it. points: (k, 2). corners: (c, 2). rings:
-    outlines. extent: of the structure. size: of a cell, length.
+    points: (k, 2). corners: (c, 2).
     """
+    # The table holds the unchanged corners, then the points. Points merge with corners first, then with points on
+    # outlines, then with others, so that a node on an outline stays on it.
     near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON_LINE * extent)[
         0
     ]
@@ -142,11 +139,10 @@ def _snapped(
 ) -> Ints:
     """Move nodes to near ones, so that few edges are shorter than a distance.
 
-    Corners stay. A node on outlines moves to the nearest corner on them, else to a node that stays there; other nodes
-    move to the nearest corner or node that stays. node: (k,) rows of `place`. place: (r, 2), corners first. corners:
-    their number. rings: outlines. on: distance within which a node lies on an outline, length. reach: largest move,
-    length. Returns the new rows (k,).
+    node: (k,) rows of `place`. place: (r, 2), corners first. reach: largest move, length. Returns the new rows (k,).
     """
+    # Corners stay. A node on outlines moves to the nearest corner on them, else to a node that stays there; other nodes
+    # move to the nearest corner or node that stays.
     used = np.concatenate([np.arange(corners), np.unique(node[node >= corners])])
     outlines: list[set[int]] = [set() for _ in range(len(place))]
     near = shapely.STRtree(list(rings)).query(shapely.points(place[used]), predicate="dwithin", distance=on)
@@ -168,11 +164,7 @@ def _snapped(
 
 
 def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:
-    """Join parts smaller than a least area to the neighbour with the longest common boundary.
-
-    parts: polygons that share their corners exactly. least: the area, scene units. The smallest part is joined first. A
-    part stays separate where every union would have a hole or two components.
-    """
+    """Join parts smaller than a least area to the neighbour with the longest common boundary."""
     parts, stuck = list(parts), set[bytes]()
     while len(parts) > 1:
         small = [part for part in parts if part.area < least and part.wkb not in stuck]
@@ -191,11 +183,9 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
 
 
 def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
-    """Join a polygon to the neighbour with the longest common boundary, if that makes one.
-
-    Neighbours whose union with it would have a hole or two components are passed over. Returns the neighbour's index
-    and the union; None if there is no such neighbour.
-    """
+    """Join a polygon to the neighbour with the longest common boundary, if that makes one."""
+    # Neighbours whose union with it would have a hole or two components are passed over. Returns the neighbour's index
+    # and the union; None if there is no such neighbour.
     edges = _edges(part)
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
     for index in sorted(range(len(others)), key=lambda k: -lengths[k]):
@@ -224,8 +214,7 @@ _ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a c
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
     """Cover a box with rectangles of a given size, row by row from the lower left corner.
 
-    lower, upper: (2,) corners of the box. cell: width and height, length. The last rectangles may exceed the box.
-    Raises InputError for more than `MOST` cells.
+    lower, upper: (2,) corners of the box. Raises InputError for more than `MOST` cells.
     """
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
@@ -239,8 +228,7 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
 def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: str) -> list[shapely.Polygon]:
     """Cover a box with stones in courses of a masonry bond, course by course from below.
 
-    lower, upper: (2,) corners of the box. cell: length of a stretcher and height of a course, length. bond: its name,
-    one of `BONDS`. Raises InputError for an unknown bond or more than `MOST` cells.
+    lower, upper: (2,) corners of the box. Raises InputError for an unknown bond or more than `MOST` cells.
     """
     length = float(upper[0] - lower[0])
     count = max(1, int(np.ceil((upper[1] - lower[1]) / cell[1] - 1e-9)))
@@ -257,8 +245,7 @@ def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: st
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
     """Return Voronoi cells that cover a region, about as many as cells of a given size.
 
-    region: polygons. cell: width and height, length. seed: of the random points in the region, which are then spread
-    evenly by Lloyd iterations. Outer cells extend beyond the region. Raises InputError for more than `MOST` cells.
+    Raises InputError for more than `MOST` cells.
     """
     count = max(2, round(region.area / (cell[0] * cell[1])))
     _refuse(count)
@@ -284,8 +271,7 @@ def sectors(
 ) -> list[shapely.Polygon]:
     """Cover a box with sectors of rings about a centre, with chords for arcs.
 
-    lower, upper: (2,) corners of the box. cell: ring thickness, length, and sector angle, degrees. Raises InputError
-    for an angle above 120 degrees, or more than `MOST` cells.
+    lower, upper: (2,) corners of the box. Raises InputError for an angle above 120 degrees, or more than `MOST` cells.
     """
     thick, angle = cell
     if not angle <= 120.0:
@@ -317,8 +303,8 @@ def _refuse(count: float) -> None:
 def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:
     """Cut a convex polyhedron by the plane n·x = offset into two closed polyhedra.
 
-    vertices: (k, 3). faces: outward loops of vertex indices. normal: (3,) unit vector n. Returns vertices and faces of
-    the part below the plane, then above; of the polyhedron alone where the plane does not cross it.
+    vertices: (k, 3). normal: (3,) unit vector n. Returns vertices and faces of the part below the plane, then above; of
+    the polyhedron alone where the plane does not cross it.
     """
     height = vertices @ normal - offset
     size = float(np.ptp(vertices, axis=0).max())
@@ -331,8 +317,8 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
     """Return the part of a convex polyhedron above a plane, with the cut as its last face.
 
-    vertices: (k, 3). faces: outward loops of vertex indices. height: (k,) signed distance of every vertex from the
-    plane, exactly 0 on it, with both signs present. normal: (3,) unit vector towards the part that is returned.
+    vertices: (k, 3). height: (k,) signed distance of every vertex from the plane, exactly 0 on it, with both signs
+    present. normal: (3,) unit vector towards the part that is returned.
     """
     points: list[Floats] = []
     place: dict[tuple[int, int], int] = {}
@@ -378,7 +364,7 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
 def convex(vertices: Floats, faces: Faces) -> bool:
     """Return True if a polyhedron is convex, up to 1e-5 of its size.
 
-    vertices: (k, 3). faces: outward loops of vertex indices.
+    vertices: (k, 3).
     """
     facets = facets_of([vertices], [faces])
     size = float(np.ptp(vertices, axis=0).max())

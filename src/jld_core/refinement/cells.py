@@ -31,21 +31,15 @@ class CrackCells:
     face: Ints
 
     def labels(self, labels: Bits) -> Bits:
-        """Return the labels of the cells' faces.
-
-        labels: (..., m) labels of the joint grid, True = dry. Returns (..., M): pieces have the label of their face;
-        faces inside an element are inner.
-        """
+        """Return the labels of the cells' faces."""
         return np.asarray(np.where(self.face >= 0, labels[..., np.maximum(self.face, 0)], False))
 
 
 def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     """Split the elements of a scene into cells along which blocks may crack.
 
-    scene: scene with inner material, without stated interfaces. assembly: assembly of the scene, the joint grid. If it
-    has low values of materials, so have the cells. cell: size of the cells along every axis, length. Result: the finer
-    assembly, and the joint face of each of its faces. Raises InputError if `refine` does not accept the scene, or if
-    two cells touch although their elements do not.
+    Result: the finer assembly, and the joint face of each of its faces. Raises InputError if `refine` does not accept
+    the scene, or if two cells touch although their elements do not.
     """
     # moving loads are stated case by case, on elements of the joint grid
     placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
@@ -69,9 +63,8 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     """Split the elements of an assembly into cells, under the assembly's loads.
 
-    assembly: assembly of a scene, or one of its load cases (`by_case`). cell: size of the cells along every axis,
-    length. Result: the finer assembly, and the joint face of each of its faces. Raises InputError as `crack_cells`, or
-    if the assembly was changed since it was built of its scene.
+    Result: the finer assembly, and the joint face of each of its faces. Raises InputError as `crack_cells`, or if the
+    assembly was changed since it was built of its scene.
     """
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
@@ -99,10 +92,9 @@ def _same(one: Assembly, other: Assembly) -> bool:
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
     """Map each face of the cells to the joint-grid face that it is a piece of, (M,).
 
-    The value is −1 inside an element. joints: assembly of the joint grid. fine: assembly of the cells, with M
-    interfaces. parent: element of the joint grid, by the id of each cell. Raises InputError if two cells touch although
-    their elements do not.
+    Raises InputError if two cells touch although their elements do not.
     """
+    # The value is −1 inside an element.
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):

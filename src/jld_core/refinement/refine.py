@@ -179,7 +179,7 @@ def _cells(
 ) -> tuple[list[shapely.Polygon], float, float]:
     """Return the cells, the length of their shortest side, and the least area of a piece.
 
-    outlines: elements as polygons. down: (2,) direction of weight. Pieces of smaller area join a neighbour later.
+    down: (2,) direction of weight. Pieces of smaller area join a neighbour later.
     """
     elements, free = assembly.elements, assembly.elements.free
     if grid.voussoirs is not None:
@@ -247,8 +247,7 @@ def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[in
 def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], list[tuple[Floats, Faces]]]:
     """Return the function that cuts an element, given by its index, by planes along the axes.
 
-    cell: sizes along the axes. Raises ParameterError for too many cells; the function raises InputError for an element
-    that is not convex.
+    Raises ParameterError for too many cells; the function raises InputError for an element that is not convex.
     """
     elements = assembly.elements
     sizes = (cell[0], cell[min(1, len(cell) - 1)], cell[-1])
@@ -280,7 +279,7 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
 def _volume(vertices: Floats, faces: Faces) -> float:
     """Compute the volume of a polyhedron.
 
-    vertices: (k, 3). faces: outward loops of vertex indices.
+    vertices: (k, 3).
     """
     total = 0.0
     for loop in faces:
@@ -296,8 +295,7 @@ def _elements(
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
     """Write the scene entries of all pieces; return them, their original elements, and notes.
 
-    cut_up: pieces of each element. Original elements are ids by the id of the piece. Notes name the data that are
-    dropped. Raises InputError if a piece would have the id of another element.
+    Raises InputError if a piece would have the id of another element.
     """
     elements = assembly.elements
     given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}

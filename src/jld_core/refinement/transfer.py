@@ -38,10 +38,7 @@ class Piece:
 def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
     """Transfer loads on elements to the pieces at their points of application.
 
-    loads: the scene's "loads" as plain data. cut_up: pieces of each element. A force without a point acts at the
-    centroid of the element; the pieces that hold its point share it equally. Pressure on the whole free boundary of an
-    element becomes one on each of its free parts. Moving loads and pressure along a polyline stay as they are. Raises
-    InputError for pressure on a free part of a solid that has a hole.
+    Raises InputError for pressure on a free part of a solid that has a hole.
     """
 
     def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
@@ -96,10 +93,7 @@ def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
-    """Transfer members to the pieces that contain their points.
-
-    members: the scene's "members" as plain data. cut_up: pieces of each element.
-    """
+    """Transfer members to the pieces that contain their points."""
 
     def moved(anchor: dict[str, Any]) -> dict[str, Any]:
         """Return an anchor that refers to a piece."""
@@ -147,11 +141,9 @@ def face_of_piece(old: Interfaces, candidates: list[int], new: Interfaces, piece
 
 
 def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
-    """Return the label lists of pairs of pieces under which all faces keep their old labels.
-
-    New faces within one element are inner, those between elements that did not touch dry. Faces that `new` labels so
-    already are left out. parent: original element of each piece, by id. The keys are "inner" and "dry".
-    """
+    """Return the label lists of pairs of pieces under which all faces keep their old labels."""
+    # New faces within one element are inner, those between elements that did not touch dry. Faces that `new` labels so
+    # already are left out.
     known = _old_faces(old)
     ids, faces = new.elements.ids, new.interfaces
     lists: dict[str, list[list[str]]] = {"inner": [], "dry": []}
@@ -169,11 +161,7 @@ def labels_of(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str,
 def search_of(
     search: dict[str, Any], scene: Scene, old: Assembly, new: Assembly, parent: dict[str, str], by: str | None
 ) -> dict[str, Any]:
-    """Change the search of a scene to refer to pieces, and keep old joints as `by` requires.
-
-    search: the scene's "search" as plain data, changed and returned. old, new: assemblies before and after the split.
-    parent: element of each piece by id. by: "block", "material" or None, see `refine`.
-    """
+    """Change the search of a scene to refer to pieces, and keep old joints as `by` requires."""
     ids, faces = new.elements.ids, new.interfaces
     couples = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
     by_parents: dict[tuple[str, str], list[list[str]]] = {}
@@ -242,10 +230,8 @@ class CellOptions:
 
 
 def check_options(scene: Scene, grid: CellOptions, by: str | None) -> None:
-    """Raise an error for arguments of `refine` that are invalid or do not fit the scene.
-
-    ParameterError: `grid` or `by` is wrong. InputError: the scene cannot be refined.
-    """
+    """Raise an error for arguments of `refine` that are invalid or do not fit the scene."""
+    # ParameterError: `grid` or `by` is wrong. InputError: the scene cannot be refined.
     if by is not None and by not in BY:
         raise ParameterError("by", f"{by!r} is unknown", "one of " + ", ".join(BY))
     if grid.voussoirs is None:

@@ -75,9 +75,10 @@ def find_arcs(ring: Floats) -> list[Arc]:
 def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) -> int:
     """Return the number of corners from `start` on that form one arc, 1 if there is none.
 
-    Corners of an arc lie on one circle and turn to one side. ring: (k, 2) corners. turn: (k,) angle at each corner,
-    radians. smooth: (k,) True where that angle is small enough for an arc. most: largest number to try.
+    ring: (k, 2) corners. turn: (k,) angle at each corner, radians. smooth: (k,) True where that angle is small enough
+    for an arc.
     """
+    # Corners of an arc lie on one circle and turn to one side.
     count, run = len(ring), 1
     for number in range(_LEAST, most + 1):
         inside = (start + np.arange(1, number - 1)) % count
@@ -90,10 +91,8 @@ def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) 
 
 
 def _fit(points: Floats) -> tuple[Floats, float] | None:
-    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius.
-
-    None if a point is off the circle by more than a tolerance, or the points lie on a line.
-    """
+    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius."""
+    # None if a point is off the circle by more than a tolerance, or the points lie on a line.
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     local = (points - middle) / extent
     rows = np.column_stack([2.0 * local, np.ones(len(local))])
@@ -106,10 +105,8 @@ def _fit(points: Floats) -> tuple[Floats, float] | None:
 
 
 def _arc(points: Floats) -> Arc | None:
-    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline.
-
-    None if the points are on no circle, or turn by less than the least angle of an arc.
-    """
+    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline."""
+    # None if the points are on no circle, or turn by less than the least angle of an arc.
     fitted = _fit(points)
     if fitted is None:
         return None
@@ -159,10 +156,7 @@ class _Fan:
     opening: int = 0
 
     def cells(self, far: float) -> list[shapely.Polygon]:
-        """Return the cells between the rays, ring by ring; the last ring ends beyond `far`.
-
-        far: distance from the centre, length.
-        """
+        """Return the cells between the rays, ring by ring; the last ring ends beyond `far`."""
         found = []
         for k in range(len(self.distance) + 1):
             for a, b in zip(self.ray[:-1], self.ray[1:], strict=True):
@@ -188,17 +182,13 @@ def voussoir_cells(
 ) -> VoussoirCells:
     """Return cells of voussoirs that cover a structure.
 
-    Joints radiate from the centre of each arc of an opening, and divide the arc between its springings in equal parts.
-    Rings divide the depth below an extrados. Without an extrados, a ring has the depth of the crown over the number of
-    rings, and rings go on outwards. Parts of the structure that no ray reaches are cut in courses. A structure without
-    an arc is a flat arch. Its joints meet at `centre`, or where its sides meet, and divide the soffit in equal parts.
-
-    region: union of all free elements. down: (2,) direction of weight. voussoirs: number for each opening. rings:
-    number over the depth of the arch. centre: point where the joints of a flat arch meet, None if its sides define it;
-    with a centre arcs are not used. skew: angle
-    between the joints at both ends of a flat arch and the normal of its soffit, degrees, which takes the place of a
-    centre. Raises InputError if there is neither an arc nor such a centre.
+    down: (2,) direction of weight. Raises InputError if there is neither an arc nor such a centre.
     """
+    # Joints radiate from the centre of each arc of an opening, and divide the arc between its springings in equal
+    # parts. Rings divide the depth below an extrados. Without an extrados, a ring has the depth of the crown over the
+    # number of rings, and rings go on outwards. Parts of the structure that no ray reaches are cut in courses. A
+    # structure without an arc is a flat arch. Its joints meet at `centre`, or where its sides meet, and divide the
+    # soffit in equal parts.
     if voussoirs < 1 or rings < 1:
         name, value = ("voussoirs", voussoirs) if voussoirs < 1 else ("rings", rings)
         raise ParameterError(name, f"{value} is wrong", "a whole number from 1")
@@ -229,11 +219,7 @@ def _fans(
     skew: float | None,
     number: int,
 ) -> list[_Fan]:
-    """Make the rays of one connected part: a fan for each arc, or one for a flat arch.
-
-    down, voussoirs, rings, centre, skew: as in `voussoir_cells`. number: number of the first opening. Without an arc
-    and without a flat arch the list is empty.
-    """
+    """Make the rays of one connected part: a fan for each arc, or one for a flat arch."""
     region = region_of(part)
     arcs = [arc for ring in (region.shell, *region.holes) for arc in find_arcs(ring)]
     hollow = [arc for arc in arcs if arc.hollow]
@@ -283,9 +269,7 @@ def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
 def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, rings: int) -> _Fan:
     """Make the rays and rings of one arc.
 
-    arcs: all arcs of the part, among which is the extrados. part: polygon of the structure. voussoirs: number for this
-    arc. rings: number over the depth. Raises ParameterError for too many cells, and InputError if no material lies
-    above the arc.
+    Raises ParameterError for too many cells, and InputError if no material lies above the arc.
     """
     joints = np.linspace(arc.angles[0], arc.angles[-1], voussoirs + 1)
     near = 1e-3 * (joints[1] - joints[0])
@@ -325,8 +309,7 @@ def _at_corners(arc: Arc, angles: Floats) -> Floats:
 def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
     """Return the distances (s,) along rays from the centre of an intrados to the extrados.
 
-    arc: the intrados. arcs: candidates for the extrados. directions: (s, 2) unit vectors of the rays. The result is
-    None without an extrados.
+    directions: (s, 2) unit vectors of the rays. The result is None without an extrados.
     """
     for other in arcs:
         if other.hollow or other.radius <= arc.radius:
@@ -348,7 +331,7 @@ def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
 def _crown(arc: Arc, part: shapely.Polygon) -> float:
     """Return the depth of material above the middle of an arc.
 
-    part: connected part of the structure. Raises InputError if there is none.
+    Raises InputError if there is none.
     """
     middle = 0.5 * (arc.angles[0] + arc.angles[-1])
     direction = np.array([np.cos(middle), np.sin(middle)])
@@ -376,8 +359,7 @@ def _flat(
 ) -> _Fan | None:
     """Return the fan of a flat arch; None if its sides do not meet below the soffit.
 
-    ring: (k, 2) corners of the part, counter-clockwise. down, voussoirs, rings, centre, skew: as in
-    `voussoir_cells`.
+    ring: (k, 2) corners of the part, counter-clockwise.
     """
     edge = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*edge.T)
@@ -417,7 +399,7 @@ def _flat(
 def _exit(part: shapely.Polygon, centre: Floats, direction: Floats, start: float) -> float:
     """Return the distance from a centre at which a ray leaves a part of the structure.
 
-    direction: (2,) unit vector of the ray. start: distance at which the ray enters the part.
+    direction: (2,) unit vector of the ray.
     """
     far = 2.0 * (_reach(part, centre) + start)
     line = shapely.LineString([centre, centre + far * direction])
@@ -434,9 +416,9 @@ def _reach(region: shapely.Geometry, centre: Floats) -> float:
 def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
     """Return the strip of the plane, along the direction of weight, that each fan cuts.
 
-    Borders lie in the middle of the piers between openings. Fans of one opening share a strip. down: (2,) direction of
-    weight. far: extent of the structure.
+    down: (2,) direction of weight.
     """
+    # Borders lie in the middle of the piers between openings. Fans of one opening share a strip.
     right = np.array([-down[1], down[0]])
     spans: dict[int, tuple[float, float]] = {}
     for fan in fans:
@@ -461,8 +443,7 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
     """Cover the part of a structure outside all voussoirs by cells in courses.
 
-    region: the structure. fans: cells of the voussoirs. fan: its first springing and size of voussoirs define the
-    courses. down: (2,) direction of weight. If nothing is left, the result is one box around the structure.
+    down: (2,) direction of weight. If nothing is left, the result is one box around the structure.
     """
     rest = shapely.difference(region, shapely.union_all(fans))
     if rest.area <= 1e-9 * region.area:

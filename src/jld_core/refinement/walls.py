@@ -34,11 +34,11 @@ _THIN: Final = 0.25  # least height of a course between the sills and heads of o
 def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, height: float) -> Floats:
     """Return the heights of the bed joints of walls, against `down`, ascending.
 
-    Courses begin at the lowest point. Sills and heads of openings, and steps of a wall, are bed joints; the courses
-    below, between and above them are equally high. shapes: (k, 3) vertices of each wall. faces: outward loops of each.
-    down: (3,) direction of weight. height: of a course, length. Raises ParameterError for more than `MOST` courses, or
-    where sills and heads are closer than a quarter of a course.
+    shapes: (k, 3) vertices of each wall. down: (3,) direction of weight. Raises ParameterError for more than `MOST`
+    courses, or where sills and heads are closer than a quarter of a course.
     """
+    # Courses begin at the lowest point. Sills and heads of openings, and steps of a wall, are bed joints; the courses
+    # below, between and above them are equally high.
     own = [-(vertices @ down) for vertices in shapes]
     low, high = min(float(one.min()) for one in own), max(float(one.max()) for one in own)
     if (high - low) / height > MOST:
@@ -76,13 +76,10 @@ def split_walls(
 ) -> list[tuple[Floats, Faces]]:
     """Cut the walls of a solid with upright and level faces into a masonry bond with bonded corners.
 
-    Windows and doors are rectangles through the wall; a lintel spans each. name: of the element, for messages.
-    vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction of weight. beds: heights of bed
-    joints, of `bed_joints`. stretcher: its length. bond: one of `BONDS`. lintel: how openings are spanned. Returns
-    vertices and faces of each stone, course by course from below. A rest at the foot or the top that is lower than a
-    twentieth of a course joins the course beside it. Raises InputError if a face is inclined, walls do not meet
-    at right angles or an opening cannot be spanned, and ParameterError for more than `MOST` stones.
+    vertices: (k, 3). down: (3,) direction of weight. Raises InputError if a face is inclined, walls do not meet at
+    right angles or an opening cannot be spanned, and ParameterError for more than `MOST` stones.
     """
+    # Windows and doors are rectangles through the wall; a lintel spans each.
     axes = _axes_of(name, vertices, faces, down)
     local = vertices @ axes.T
     origin = local.min(axis=0)
@@ -105,11 +102,11 @@ def split_walls(
 def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
     """Return two level axes along the walls of a solid, and the upright one, as rows (3, 3).
 
-    The first lies along the longest edge of an upper face, anticlockwise. Of equally long ones that counts along which
-    the centroid is farthest beyond the middle, then that nearest to a level world axis, so that a solid is cut alike
-    wherever it stands. name: of the element, for the message. vertices, faces: of the solid. down: (3,) direction of
-    weight. Raises InputError if a face is neither level nor upright.
+    down: (3,) direction of weight. Raises InputError if a face is neither level nor upright.
     """
+    # The first lies along the longest edge of an upper face, anticlockwise. Of equally long ones that counts along
+    # which the centroid is farthest beyond the middle, then that nearest to a level world axis, so that a solid is cut
+    # alike wherever it stands.
     facets = facets_of([vertices], [faces])
     level = facets.normal @ down
     if not ((abs(level) < _FLAT) | (abs(level) > 1.0 - _FLAT)).all():
@@ -137,8 +134,7 @@ def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
 def _sections(name: str, facets: Facets, heights: Floats) -> list[shapely.Geometry]:
     """Return the plan of a solid at each of some heights, ascending.
 
-    name: of the element, for the message. facets: of the solid, whose third coordinate is the height. Raises InputError
-    if the solid is empty at a height.
+    Raises InputError if the solid is empty at a height.
     """
     level = np.flatnonzero(abs(facets.normal[:, 2]) > 0.5)
     order = level[np.argsort(facets.origin[level, 2], kind="stable")]
@@ -173,8 +169,7 @@ class Prism:
     def part(self, outline: Floats, low: float, high: float) -> tuple[Floats, Faces]:
         """Return vertices and outward faces of a part of the prism.
 
-        outline: (k, 2) outline of the part in the profile. low, high: distances of both ends of the part from the lower
-        cap.
+        outline: (k, 2) outline of the part in the profile.
         """
         count = len(outline)
         flat = self.origin + outline @ self.axes[:2]
@@ -186,8 +181,7 @@ class Prism:
 def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
     """Return a solid as a prism without holes; None if it is none.
 
-    vertices: (k, 3). faces: outward loops of vertex indices. Of several possible axes the prism has that whose profile
-    has the most corners.
+    vertices: (k, 3).
     """
     size = float(np.ptp(vertices, axis=0).max())
     best: Prism | None = None
@@ -230,10 +224,9 @@ def split_prism(
 ) -> list[tuple[Floats, Faces]]:
     """Cut a prism into voussoirs, rings and courses along its axis.
 
-    name: of the element, for messages. vertices: (k, 3). faces: outward loops of vertex indices. down: (3,) direction
-    of weight. voussoirs, rings, skew: as in `voussoir_cells`. courses: number of equal lengths. running: True shifts
-    every second voussoir by half a course. Returns vertices and faces of each piece. Raises InputError if the solid is
-    no prism, its axis is upright, or its profile has neither an arc nor a soffit.
+    vertices: (k, 3). down: (3,) direction of weight. running: True shifts every second voussoir by half a course.
+    Returns vertices and faces of each piece. Raises InputError if the solid is no prism, its axis is upright, or its
+    profile has neither an arc nor a soffit.
     """
     prism = prism_of(vertices, faces)
     if prism is None:

@@ -23,10 +23,9 @@ _SLIVER: Final = 0.25  # shortest piece at the end of a course, in stretchers; a
 def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
     """Return the positions of the head joints of one course, with its ends.
 
-    The result (k + 1,) ascends from 0 to `length` and bounds k stones. bond: one of BONDS. number: number of the course
-    from 0, which decides its shift. length, stretcher: lengths of course and stretcher, m. Raises InputError for an
-    unknown bond.
+    Raises InputError for an unknown bond.
     """
+    # The result (k + 1,) ascends from 0 to `length` and bounds k stones.
     if bond not in BONDS:
         raise ParameterError("bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
     if bond == "flemish":
@@ -46,11 +45,7 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
 
 
 def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
-    """Remove an interval, such as an opening, from the stones of a course.
-
-    pieces: begin and end of each stone, ascending. left, right: ends of the interval. least: length below which the
-    rest of a stone joins the stone beside it. Returns the remaining stones in the same form.
-    """
+    """Remove an interval, such as an opening, from the stones of a course."""
     before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
     after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
     if len(before) > 1 and before[-1][1] - before[-1][0] < least:

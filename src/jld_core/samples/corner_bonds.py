@@ -25,14 +25,11 @@ def corner_course(
 ) -> list[Rectangle]:
     """Return the stones of one course over a plan of walls, the quoins of courses above one another alternating.
 
-    In even courses walls along x run through the corners, in odd courses those along y: the stone at a corner belongs
-    to the one, then to the other. Head joints closer than a quarter of a stretcher to a corner or to the end of their
-    wall are left out, so that no joint runs through two courses at a corner.
-
-    plan: outline whose edges lie along x and y; it may have holes. number: number of the course, from 0. bond: one of
-    `BONDS`. stretcher: length of a stretcher, in the unit of the plan. name: of the element, for messages. Raises
-    InputError for an unknown bond, or edges that are not along the axes.
+    Raises InputError for an unknown bond, or edges that are not along the axes.
     """
+    # In even courses walls along x run through the corners, in odd courses those along y: the stone at a corner belongs
+    # to the one, then to the other. Head joints closer than a quarter of a stretcher to a corner or to the end of their
+    # wall are left out, so that no joint runs through two courses at a corner.
     bounds = plan.bounds
     plan = squared(plan, name)
     corners = inner_corners(plan)
@@ -63,9 +60,7 @@ def head_joints(
 ) -> list[float]:
     """Return the head joints of a bond in a part of a wall, with its ends, ascending.
 
-    Joints closer than `SLIVER` to an end or a line are left out. bounds: of the whole plan, at whose least coordinates
-    courses begin. along: axis of the wall. ends: of the part. lines: positions along the wall. number: of the course.
-    bond, stretcher: as in `corner_course`.
+    Joints closer than `SLIVER` to an end or a line are left out.
     """
     # walls along y are one course ahead: where they run through, a whole stretcher begins at their corner
     joints = bounds[along] + course(bond, number + along, bounds[along + 2] - bounds[along], stretcher)[1:-1]
@@ -77,7 +72,7 @@ def head_joints(
 def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
     """Return a plan of one or several polygons whose nearly equal coordinates are equal.
 
-    name: of the element, for messages. Raises InputError for edges that are not along the axes.
+    Raises InputError for edges that are not along the axes.
     """
     points = shapely.get_coordinates(plan)
     extent = float(np.ptp(points, axis=0).max())
@@ -98,10 +93,7 @@ def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
 
 
 def levels_of(values: Floats, extent: float) -> Floats:
-    """Return the different values, ascending; of nearly equal ones the least.
-
-    extent: of the structure, length; values that differ by 1e-6 of it are equal.
-    """
+    """Return the different values, ascending; of nearly equal ones the least."""
     ordered = np.sort(values)
     return np.asarray(ordered[np.concatenate([[True], np.diff(ordered) > _NEAR * extent])])
 
@@ -126,8 +118,7 @@ def inner_corners(plan: shapely.Polygon) -> Floats:
 def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Rectangle]:
     """Divide a plan into walls, those along one axis running through the corners.
 
-    plan: as `squared` returns it. corners: its re-entrant corners (k, 2). through: 0 for walls along x, 1 for those
-    along y.
+    corners: its re-entrant corners (k, 2).
     """
     across = 1 - through
     levels = [plan.bounds[across], *np.unique(corners[:, across]).tolist(), plan.bounds[across + 2]]

@@ -147,9 +147,7 @@ def _opening(
 ) -> tuple[float, float, int, int]:
     """Return both jambs of an opening along its wall, its first course, and that of its lintel.
 
-    name: of the option, for messages. text: numbers, m. form: their names; without a sill the opening begins at the
-    foot. start, length: of the wall between its corners, m. height, courses: height and number of the courses. Raises
-    ParameterError for another text, or an opening that does not fit.
+    Raises ParameterError for another text, or an opening that does not fit.
     """
     try:
         numbers = [float(part) for part in text.split(",")]

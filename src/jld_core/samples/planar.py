@@ -272,8 +272,7 @@ def wall(
 def _opening(text: str, courses: int, height: float, length: float) -> tuple[float, float, int, int]:
     """Return left, right, first course and lintel course of an opening.
 
-    text: x,y,width,height, m. courses, height: number and height of the courses. length: of the wall. Raises
-    ParameterError for another text, or an opening that does not fit.
+    Raises ParameterError for another text, or an opening that does not fit.
     """
     try:
         x, y, wide, tall = (float(part) for part in text.split(","))

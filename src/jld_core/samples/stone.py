@@ -46,20 +46,14 @@ push: horizontal body load. crown, quarter: 1 N downwards on the upper side of t
 
 
 def check(**values: float) -> None:
-    """Raise InputError for a dimension that is not a finite number above 0.
-
-    values: dimensions by the names of their options.
-    """
+    """Raise InputError for a dimension that is not a finite number above 0."""
     for name, value in values.items():
         if not (value > 0.0 and np.isfinite(value)):
             raise ParameterError(name, f"{value:g} is wrong", "a number above 0")
 
 
 def count(least: int, **values: int) -> None:
-    """Raise InputError for a number of parts below `least` or above `MOST`.
-
-    values: numbers by the names of their options.
-    """
+    """Raise InputError for a number of parts below `least` or above `MOST`."""
     for name, value in values.items():
         if not least <= value <= MOST:
             raise ParameterError(name, f"{value} is wrong", f"a number from {least} to {MOST}")
@@ -72,10 +66,7 @@ def cap(elements: float) -> None:
 
 
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
-    """Raise InputError if the value of an option is not one of the allowed names.
-
-    option: name of the option, for the message. value: the given name.
-    """
+    """Raise InputError if the value of an option is not one of the allowed names."""
     if value not in allowed:
         raise ParameterError(option, f"{value!r} is unknown", "one of " + ", ".join(allowed))
 
@@ -85,8 +76,7 @@ def scene_of(
 ) -> Scene:
     """Return the scene of a sample from its elements, with material and live load.
 
-    elements: entries of "elements" in a scene, all planar or all spatial. load: one of LOADS. depth: out-of-plane depth
-    of planar elements, m. Raises InputError for another load, or an invalid element.
+    Raises InputError for another load, or an invalid element.
     """
     choose("load", load, LOADS)
     spatial = "vertices" in elements[0]
@@ -138,10 +128,8 @@ def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict
 
 
 def _top_at(outline: Floats, x: float) -> float:
-    """Return the largest y at which an upright line at x meets a polygon (k, 2).
-
-    Where rounding puts x just beside the polygon, the nearest corner counts.
-    """
+    """Return the largest y at which an upright line at x meets a polygon (k, 2)."""
+    # Where rounding puts x just beside the polygon, the nearest corner counts.
     x = float(np.clip(x, outline[:, 0].min(), outline[:, 0].max()))
     begin, end = outline, np.roll(outline, -1, axis=0)
     low, high = np.minimum(begin[:, 0], end[:, 0]), np.maximum(begin[:, 0], end[:, 0])
@@ -180,7 +168,7 @@ def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
     """Make a spatial element through consecutive four-cornered sections.
 
     sections: (k, 4, 3), k ≥ 2, corners in the same order, m. Each section, and each side between two of them, must be
-    plane. keys: further keys of the element, such as `support`. Returns its entry of "elements" in a scene.
+    plane.
     """
     number = len(sections)
     faces = [[3, 2, 1, 0], [4 * (number - 1) + i for i in range(4)]]

@@ -65,14 +65,12 @@ def bonded_walls(
 ) -> list[list[Floats]]:
     """Return the stones of walls course by course, each as its corners (8, 3) with the faces `FACES`.
 
-    Corners are bonded as by `corner_course`. Head joints keep a quarter of a stretcher away from the jambs of openings
-    in their own course and in those above and below, and from the ends of lintels in courses above and below.
-
-    sections: plan of each course, from below, its edges along x and y. beds: heights of the bed joints, one more.
-    bond, stretcher, name: as in `corner_course`. first: number of the first course. lintel: None for its defaults.
-    Raises InputError for an unknown bond, edges that are not along the axes, an opening that is no rectangle through
-    its wall, or no room for the bearing of a lintel.
+    lintel: None for its defaults. Raises InputError for an unknown bond, edges that are not along the axes, an opening
+    that is no rectangle through its wall, or no room for the bearing of a lintel.
     """
+    # Corners are bonded as by `corner_course`. Head joints keep a quarter of a stretcher away from the jambs of
+    # openings in their own course and in those above and below, and from the ends of lintels in courses above and
+    # below.
     walls = _Walls(sections, bond, stretcher, first, lintel or Lintel(), name)
     above: list[list[tuple[Rectangle, Interval]]] = []
     for k in range(len(sections)):
@@ -138,10 +136,7 @@ class _Walls:
         return sorted(found)
 
     def lintels(self, k: int, below: list[tuple[Rectangle, Interval]]) -> list[tuple[Rectangle, Interval]]:
-        """Return the lintels of a course, in plan, each with the jambs of its opening.
-
-        below: lintels of the course below.
-        """
+        """Return the lintels of a course, in plan, each with the jambs of its opening."""
         if k == 0:
             return []
         covered = shapely.difference(self.voids[k - 1], self.voids[k])
@@ -176,7 +171,6 @@ class _Walls:
     def _bearing(self, limit: float, lines: list[float]) -> float:
         """Return the length by which a lintel reaches beyond a jamb.
 
-        limit: greatest length. lines: distances from the jamb, away from the opening, that its end is to keep clear of.
         Raises InputError where the wall beside the opening is too short.
         """
         least, given = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
@@ -193,10 +187,7 @@ class _Walls:
         return limit if limit - reach < least else reach
 
     def stones(self, k: int, own: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
-        """Return the stones of a course beside its lintels, in plan.
-
-        own: its lintels. beside: lintels of the courses above and below.
-        """
+        """Return the stones of a course beside its lintels, in plan."""
         found = []
         near = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
         for wall in self.walls(k):
@@ -241,10 +232,7 @@ def _axes(stone: Rectangle) -> tuple[int, Interval, Interval, Interval]:
 
 
 def _hexahedron(along: int, lower: Interval, upper: Interval, sides: Interval, low: float, high: float) -> Floats:
-    """Return the corners (8, 3) of a stone whose ends at the lower and the upper face may differ.
-
-    along: axis of its wall. sides: positions across the wall. low, high: heights.
-    """
+    """Return the corners (8, 3) of a stone whose ends at the lower and the upper face may differ."""
     corners = []
     for ends, height in ((lower, low), (upper, high)):
         x, y = (ends, sides) if along == 0 else (sides, ends)
@@ -253,10 +241,7 @@ def _hexahedron(along: int, lower: Interval, upper: Interval, sides: Interval, l
 
 
 def _lintel_stones(whole: Rectangle, jambs: Interval, low: float, high: float, number: int) -> list[Floats]:
-    """Return the stones of a lintel: one, or wedges of a flat arch between skewbacks that lean by half the bearing.
-
-    whole: lintel in plan. jambs: positions of the jambs. low, high: heights. number: of wedges.
-    """
+    """Return the stones of a lintel: one, or wedges of a flat arch between skewbacks that lean by half the bearing."""
     along, ends, _, sides = _axes(whole)
     if number == 1:
         return [_hexahedron(along, ends, ends, sides, low, high)]

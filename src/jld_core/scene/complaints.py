@@ -28,12 +28,7 @@ _EXPECTED = {
 
 
 def first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:
-    """Return the most informative of pydantic's errors as an InputError with its key path.
-
-    model: the validated model. known: further keys that its top level may have. Where a value may have several forms,
-    pydantic reports one error for each. The deepest path belongs to the form that was probably meant, and names of
-    forms are removed from it. Where no form fits better than the others, the message names all of them.
-    """
+    """Return the most informative of pydantic's errors as an InputError with its key path."""
     complaints = error.errors(include_url=False)
 
     def weight(complaint: ErrorDetails) -> tuple[int, bool, bool]:
@@ -105,10 +100,7 @@ def _keys(complaint: ErrorDetails) -> list[int | str]:
 
 
 def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
-    """Return the model that has the last key of a key path as its field.
-
-    model: of the first key. keys: names of fields and positions in lists.
-    """
+    """Return the model that has the last key of a key path as its field."""
     for key in keys[:-1]:
         if isinstance(key, str) and key in model.model_fields:
             model = _model_in(model.model_fields[key].annotation) or model

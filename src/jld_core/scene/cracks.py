@@ -44,8 +44,9 @@ CrackModel = Literal["faces"] | CellCracks | FieldCracks
 def cracks_by_kind(given: Any) -> Any:
     """Validate the value of the key "cracks" by its kind, for messages about the kind meant.
 
-    Returns "faces", a CellCracks or a FieldCracks. Raises InputError for an unknown kind or a wrong value.
+    Raises InputError for an unknown kind or a wrong value.
     """
+    # Returns "faces", a CellCracks or a FieldCracks.
     if given == "faces" or isinstance(given, CellCracks | FieldCracks):
         return given
     kind = given.get("kind") if isinstance(given, dict) else None
@@ -62,8 +63,7 @@ def cracks_by_kind(given: Any) -> Any:
 def cracks_of(given: Any) -> CrackModel:
     """Return the crack model that a text, a value of the key "cracks" or a crack model names.
 
-    given: as on the command line, "cells:0.05"; as in a scene; or the crack model. Raises InputError: nothing of these
-    names a crack model.
+    Raises InputError: nothing of these names a crack model.
     """
     if isinstance(given, str):
         return parse_cracks(given)
@@ -109,10 +109,7 @@ def parse_cracks(text: str) -> CrackModel:
 
 
 def cracks_in_words(cracks: CrackModel) -> str:
-    """Return a crack model in words, for the terminal and the page.
-
-    cracks: the crack model.
-    """
+    """Return a crack model in words, for the terminal and the page."""
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g} inside the elements"
     if isinstance(cracks, FieldCracks):
@@ -123,7 +120,7 @@ def cracks_in_words(cracks: CrackModel) -> str:
 def cracks_in_short(cracks: CrackModel) -> str:
     """Return a crack model in two or four words, for the repr of results.
 
-    cracks: the crack model. Result: "by faces", "by cells of SIZE" or "by fields".
+    Result: "by faces", "by cells of SIZE" or "by fields".
     """
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g}"
@@ -133,6 +130,6 @@ def cracks_in_short(cracks: CrackModel) -> str:
 def cracks_to_json(cracks: CrackModel) -> Any:
     """Return a crack model as the value of the key "cracks".
 
-    cracks: the crack model. Result: value of the key in a scene file.
+    Result: value of the key in a scene file.
     """
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

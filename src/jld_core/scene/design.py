@@ -113,10 +113,7 @@ _ACTIONS: Final = ("self_weight", "dead", "live")  # factors that EN 1990 states
 
 
 def _of_actions(name: str, table: str, permanent: tuple[float, float], live: float) -> PartialFactors:
-    """Return the set of one table of EN 1990, with material values unreduced.
-
-    table: its name, as source. permanent: favourable and unfavourable factors. live: factor of variable actions.
-    """
+    """Return the set of one table of EN 1990, with material values unreduced."""
     clauses = dict.fromkeys(_ACTIONS, table)
     clauses["prestressing"] = "EN 1992-1-1, 2.4.2.2(1) and (2)"
     clauses |= dict.fromkeys(("strength", "friction", "members"), UNREDUCED)
@@ -148,8 +145,7 @@ _STEEL: Final = 1.15  # γM of reinforcing and prestressing steel: EN 1996-1-1:2
 def partial_factors(design: Design | None, name: str | None = None) -> PartialFactors:
     """Return the partial factors of a design check.
 
-    design: key "design" of a scene; None for its defaults. name: name of the set to use in the place of the scene's.
-    Factors that the scene states stay. Raises ParameterError: no set has this name; the parameter is `set`.
+    Raises ParameterError: no set has this name; the parameter is `set`.
     """
     own = design or Design()
     chosen = own.set if name is None else name
@@ -168,10 +164,7 @@ def partial_factors(design: Design | None, name: str | None = None) -> PartialFa
 
 
 def _with_masonry(found: PartialFactors, design: Design) -> PartialFactors:
-    """Return a set with γM of masonry and of steel by EN 1996-1-1.
-
-    design: supplies category of units, kind of mortar and class of execution control.
-    """
+    """Return a set with γM of masonry and of steel by EN 1996-1-1."""
     value = _MASONRY[design.units, design.mortar][design.execution - 1]
     table = "EN 1996-1-1, 2.4.3(1)"
     clauses = {**found.clauses, "strength": table, "friction": f"{table} and 3.6.2(3), fv as a whole"}

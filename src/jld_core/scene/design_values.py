@@ -32,15 +32,11 @@ SMALL_VARIATION: Final = 0.1
 def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) -> Scene:
     """Return the scene with design values of strengths, friction, capacities and prestress.
 
-    Loads and weights become characteristic values.
-
-    scene: scene with characteristic values. The characteristic value of a strength is the low one of nominal and low
-    values, and the 5 % fractile of a value with uncertainty. That of a live load with uncertainty is the 98 % fractile;
-    permanent loads and weights count by their means. factors: partial factors. prestress: factor of the prestress of
-    members. Result: scene at design values. A tendon that states no capacity keeps none but its prestress. Raises
-    InputError: the design values contradict one another, such as a prestress beyond the design tension; a permanent
-    action varies by more than `SMALL_VARIATION`; or the scene has fill.
+    Result: scene at design values. A tendon that states no capacity keeps none but its prestress. Raises InputError:
+    the design values contradict one another, such as a prestress beyond the design tension; a permanent action varies
+    by more than `SMALL_VARIATION`; or the scene has fill.
     """
+    # Loads and weights become characteristic values.
     if scene.fill is not None:
         raise InputError("fill", "the design check has no partial factors of soil", "loads in the place of it")
     document = scene.model_dump(mode="json", exclude_defaults=True)
@@ -93,11 +89,7 @@ def _put_loads(document: dict[str, Any], scene: Scene) -> None:
 
 
 def characteristic(value: dict[str, Any]) -> float:
-    """Return the characteristic value of a strength, EN 1990, 4.2(3).
-
-    value: object {"nominal", "low"}, whose low value it is, or {"mean", "cov", "kind"}, whose 5 % fractile it is, at
-    least 0.
-    """
+    """Return the characteristic value of a strength, EN 1990, 4.2(3)."""
     if not is_uncertain(value):
         return float(value["low"])
     return max(0.0, fractile(Uncertain(float(value["mean"]), float(value["cov"]), value["kind"]), LOW_FRACTILE))

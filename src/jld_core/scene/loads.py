@@ -127,11 +127,9 @@ _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as the kind of load that their keys state.
-
-    Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
-    was meant.
-    """
+    """Validate load entries as the kind of load that their keys state."""
+    # Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
+    # was meant.
     if not isinstance(entries, list):
         return entries
     kinds: list[Any] = []
@@ -165,10 +163,7 @@ _Entries = list[LoadEntry]  # load entries of a scene
 
 
 def require_unique_names(key: str, names: list[str]) -> None:
-    """Raise InputError if two entries of a list have the same name.
-
-    key: key of the list in the scene, for the message. names: names of its entries.
-    """
+    """Raise InputError if two entries of a list have the same name."""
     for position, name in enumerate(names):
         if name in names[:position]:
             raise InputError(f"{key}[{position}].name", f"{name!r} is used twice", "a name of its own for each")

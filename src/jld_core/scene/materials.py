@@ -59,9 +59,7 @@ class Dry(StatedMaterial):
 def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
     """Raise InputError if a tensile strength lies beyond the apex of the friction cone.
 
-    tension, shear: tensile and shear strength, stress. friction: friction coefficient μ; without friction there is no
-    apex. The apex is at the tension `shear` / μ. where: key for the error message. Raises InputError if tension × μ
-    exceeds the shear strength.
+    Raises InputError if tension × μ exceeds the shear strength.
     """
     if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
         raise InputError(

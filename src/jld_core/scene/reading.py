@@ -136,8 +136,7 @@ def _as_json(value: Any, depth: int = 0) -> Any:
 def at_low(scene: Scene) -> Scene:
     """Return the scene with the low value of every material value that has one.
 
-    scene: scene with at least one low value. Raises InputError: no material value has a low value, or the low values
-    contradict one another.
+    Raises InputError: no material value has a low value, or the low values contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
@@ -183,10 +182,8 @@ _Path = tuple[Any, "str | int"] | None
 
 
 def _refuse_extremes(document: object) -> None:
-    """Refuse JSON values that cannot be computed with or written again.
-
-    These are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
-    """
+    """Refuse JSON values that cannot be computed with or written again."""
+    # These are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
     pending: list[tuple[_Path, object, int]] = [(None, document, 0)]
     while pending:
         where, value, depth = pending.pop()

@@ -52,7 +52,7 @@ class MaySpread:
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
     """Validate a number, an object {"nominal", "low"}, or an object with uncertainty.
 
-    number: validator of the number. Raises InputError for other keys, or a low value above the nominal one.
+    Raises InputError for other keys, or a low value above the nominal one.
     """
     if isinstance(value, Spread | uncertain.Uncertain):
         return value
@@ -76,10 +76,7 @@ def _written(value: Any) -> Any:
 
 
 def lowered(document: Any) -> Any:
-    """Replace each object {"nominal", "low"} in a scene document by its low value.
-
-    document: nested dicts and lists; returned as a copy.
-    """
+    """Replace each object {"nominal", "low"} in a scene document by its low value."""
     if isinstance(document, dict):
         if set(document) == set(_KEYS):
             return document["low"]

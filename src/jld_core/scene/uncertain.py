@@ -69,8 +69,8 @@ def is_uncertain(value: Any) -> bool:
 def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, *, each: bool = True) -> Uncertain:
     """Validate an object {"mean", "cov", "kind"}.
 
-    number: validator of the mean. each: whether the key "each" is allowed. Raises InputError for missing, unknown or
-    wrong keys, a negative coefficient of variation, and a mean of zero, of which it says nothing.
+    Raises InputError for missing, unknown or wrong keys, a negative coefficient of variation, and a mean of zero, of
+    which it says nothing.
     """
     cov, kind, own = _distribution(value, each=each)
     mean = number(value["mean"])
@@ -111,10 +111,7 @@ def written(value: Any) -> Any:
 
 
 def object_schema(mean: dict[str, Any], *, each: bool = True) -> dict[str, Any]:
-    """Return the JSON schema of a value with uncertainty.
-
-    mean: schema of its mean. each: whether the key "each" is allowed.
-    """
+    """Return the JSON schema of a value with uncertainty."""
     keys: dict[str, Any] = {"mean": mean, "cov": {"type": "number", "minimum": 0}, "kind": {"enum": list(KINDS)}}
     return {
         "type": "object",
@@ -188,10 +185,7 @@ Path = tuple[str | int, ...]
 
 
 def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
-    """Yield path and value of every value of a scene with uncertainty, in its order.
-
-    part: a scene, or a part of one. path: where it stands. Values with a coefficient of variation of 0 are left out.
-    """
+    """Yield path and value of every value of a scene with uncertainty, in its order."""
     if isinstance(part, Uncertain | UncertainVector):
         if (part if isinstance(part, Uncertain) else part.size).cov > 0.0:
             yield path, part
@@ -210,10 +204,7 @@ def in_words(path: Path) -> str:
 
 
 def with_means(document: Any) -> Any:
-    """Replace each value with uncertainty in a scene document by its mean.
-
-    document: nested dicts and lists; returned as a copy. Lists of numbers are shared.
-    """
+    """Replace each value with uncertainty in a scene document by its mean."""
     if isinstance(document, dict):
         if document.keys() >= set(KEYS) and document.keys() <= {*KEYS, EACH}:
             return document["mean"]

@@ -134,9 +134,9 @@ class UnitSystem:
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in the units of the scene.
 
-    document: scene as nested dicts and lists, not validated. Result: new document with numbers in place of the texts.
-    Lists in which nothing is converted are not copied. Raises InputError if a text under a key of `QUANTITIES` is no
-    number with a fitting unit, or the scene's own units are unknown.
+    Result: new document with numbers in place of the texts. Lists in which nothing is converted are not copied. Raises
+    InputError if a text under a key of `QUANTITIES` is no number with a fitting unit, or the scene's own units are
+    unknown.
     """
     units = document.get("units")
     names = units if isinstance(units, dict) else {}
@@ -169,11 +169,7 @@ def _gravity(materials: Any) -> float:
 
 
 def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
-    """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively.
-
-    value: part of a scene document. own: units of the scene. where: key path of the value. powers:
-    powers of force and length of its quantity; None if it is no quantity.
-    """
+    """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively."""
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)
     if isinstance(value, list) and powers is None and not any(isinstance(inner, dict) for inner in value):
@@ -191,8 +187,7 @@ def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> A
 def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
     """Convert a text with a number and a unit to a number in the units of the scene.
 
-    own: units of the scene. where: key of the value. powers: powers of force and length of the quantity. A density may
-    be a mass or a weight per volume. Raises InputError for no number, an unknown unit or a unit of another quantity.
+    Raises InputError for no number, an unknown unit or a unit of another quantity.
     """
     expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
     found = _TEXT.fullmatch(text)
@@ -229,10 +224,8 @@ def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:
-    """Return the size of a unit in N and m, and its powers of force and length.
-
-    The result is None for an unknown unit. A force and a length may stand together, as in kNm.
-    """
+    """Return the size of a unit in N and m, and its powers of force and length."""
+    # The result is None for an unknown unit. A force and a length may stand together, as in kNm.
     if name in NEWTONS:
         return NEWTONS[name], _FORCE
     if name in METRES:

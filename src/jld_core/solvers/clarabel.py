@@ -149,10 +149,7 @@ def _cones(structure: Structure) -> list[Any]:
 
 
 def _raw_solution(answer: Any, start: float) -> RawSolution:
-    """Convert an answer of Clarabel to a raw solution.
-
-    start: clock reading when the solve began, s.
-    """
+    """Convert an answer of Clarabel to a raw solution."""
     name = str(answer.status)
     return RawSolution(
         status=_STATUS.get(name, RawStatus.FAILED),

@@ -101,12 +101,10 @@ def highs_of(
 ) -> Any:
     """Make a silent, single-threaded HiGHS instance of a linear program, ready to run.
 
-    The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
-
     rows: (rows, columns) matrix R. objective: (columns,) coefficients of the objective. low, high: (rows,) bounds on R
-    x. least, most: (columns,) bounds on x. options: hiGHS' own options; they override silence and the single thread.
-    Result: the instance; its method `run` solves the program.
+    x. least, most: (columns,) bounds on x. Result: the instance; its method `run` solves the program.
     """
+    # The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
     import highspy  # local imports here and below: most labellings are solved without it
 
     matrix = sp.csc_array(rows)
@@ -131,11 +129,9 @@ _greeted = False
 
 
 def _new() -> Any:
-    """Make a HiGHS instance.
-
-    The first one of a process prints a banner to stdout since version 1.16, whatever `output_flag` says later. It is
-    made while stdout leads nowhere, as that is where results go.
-    """
+    """Make a HiGHS instance."""
+    # The first one of a process prints a banner to stdout since version 1.16, whatever `output_flag` says later. It is
+    # made while stdout leads nowhere, as that is where results go.
     import highspy
 
     global _greeted
@@ -166,10 +162,7 @@ def _flush() -> None:
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Return bounds with ±inf replaced by the infinity of HiGHS.
-
-    values: bounds, of any shape; finite ones stay.
-    """
+    """Return bounds with ±inf replaced by the infinity of HiGHS."""
     import highspy
 
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

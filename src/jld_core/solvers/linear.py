@@ -49,7 +49,7 @@ class LinearRows:
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
         """Change the bounds of consecutive rows for the minimisations that follow.
 
-        rows: the k rows, as a slice with start and stop. low, high: (k,) new bounds, ±inf for none.
+        low, high: (k,) new bounds, ±inf for none.
         """
         place = np.arange(rows.start, rows.stop, dtype=np.int32)
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
@@ -75,13 +75,10 @@ def interior_point(
 ) -> LinearAnswer:
     """Minimise objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior-point method.
 
-    No crossover follows.
-
     objective: (columns,) objective. rows: (rows, columns) matrix R. low, high: (rows,) bounds on R x, ±inf for none.
-    seconds: time limit, s, at least 0.1; after it the solution is marked as not found. threads: number of threads.
-    presolve: give False if rows repeat one another: presolve removes such rows, and the dual that it restores can
-    violate columns. Result: unverified solution.
+    Result: unverified solution.
     """
+    # No crossover follows.
     free = np.full(rows.shape[1], np.inf)
     options = {
         **_FEASIBLE,

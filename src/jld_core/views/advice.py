@@ -53,7 +53,7 @@ def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
 def _way(speed: Floats, turning: float) -> str:
     """Describe a motion in words: "turn", or "move along" a direction.
 
-    speed: (d,) summed velocity of the moving elements. turning: their summed rotation times the size of the structure.
+    speed: (d,) summed velocity of the moving elements.
     """
     length = float(np.linalg.norm(speed))
     if length < 0.1 * turning:
@@ -62,10 +62,8 @@ def _way(speed: Floats, turning: float) -> str:
 
 
 def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
-    """Describe the supports between which forces are unbounded, and a remedy.
-
-    The keys are "confined", absent without unbounded forces, and "next".
-    """
+    """Describe the supports between which forces are unbounded, and a remedy."""
+    # The keys are "confined", absent without unbounded forces, and "next".
     found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
     if result.unbounded_forces is None:
         return found

@@ -27,8 +27,7 @@ PER_SECOND: Final = 12
 def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
     """Write the collapse mechanism of a result as a looped animation, .gif or .mp4.
 
-    path: file to write; its ending decides. An existing file is replaced. Raises InputError for another ending, for
-    .mp4 without ffmpeg, or for a result without a mechanism.
+    Raises InputError for another ending, for .mp4 without ffmpeg, or for a result without a mechanism.
     """
     ending = Path(path).suffix.lower()
     if ending not in (".gif", ".mp4"):

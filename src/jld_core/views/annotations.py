@@ -63,12 +63,10 @@ FONT: Final = 7.5
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Draw the live loads on axes, and return the points that loads and structure cover.
-
-    Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
-    added to `drawn` as "live", "body" and "couples". The result is a list of arrays (2,) or (k, 2) on paper, scene
-    units.
-    """
+    """Draw the live loads on axes, and return the points that loads and structure cover."""
+    # Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
+    # added to `drawn` as "live", "body" and "couples". The result is a list of arrays (2,) or (k, 2) on paper, scene
+    # units.
     projection = projection_of(assembly)
     lower, upper = extent(assembly, projection)
     covered = [lower, upper]
@@ -117,8 +115,7 @@ def arrows(
 ) -> Quiver:
     """Draw vectors as arrows and return the artist.
 
-    feet: (k, 2) positions, and vectors: (k, 2), both in data units. name: label of the artist. pivot: part of the arrow
-    at its position, "tail", "mid" or "tip". width: of the shaft, points. hollow: white inside.
+    feet: (k, 2) positions, and vectors: (k, 2), both in data units.
     """
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
     look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
@@ -130,8 +127,7 @@ def arrows(
 def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
     """Set the limits and aspect of axes so that they show given points, and label the axes.
 
-    covered: arrays (2,) or (k, 2), data units. bare: no axes. Spatial views show the directions x, y, z instead of
-    axes.
+    covered: arrays (2,) or (k, 2), data units.
     """
     points = np.vstack([np.atleast_2d(p) for p in covered])
     lower, upper = points.min(axis=0), points.max(axis=0)
@@ -175,10 +171,7 @@ def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
 
 
 def legend(ax: Axes, handles: list[Artist]) -> None:
-    """Add a legend below the axes, at a distance in points that suits any shape of the axes.
-
-    handles: legend handles, in order.
-    """
+    """Add a legend below the axes, at a distance in points that suits any shape of the axes."""
     figure = ax.get_figure(root=True)
     if figure is None:
         return
@@ -223,7 +216,7 @@ def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
 def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
     """Return legend handles of dry faces, inner faces and supports.
 
-    labels: (m,) True = dry; labels that no face has are left out. ink: style in which the faces were drawn.
+    labels: (m,) True = dry; labels that no face has are left out.
     """
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
@@ -258,8 +251,7 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
     """Return legend handles of a figure of forces: utilisation, arrows, thrust line, loads.
 
-    forces: (m, q) those of the result. drawn: artists by name; only names that it has get a handle. thick: width of the
-    widest face at rest, points.
+    forces: (m, q) those of the result.
     """
     size = np.linalg.norm(quantities.face_vectors(result.assembly, forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
@@ -282,7 +274,7 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
     """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement.
 
-    labels: (m,) True = dry. ink: style of the faces. drawn: artists by name; only its kinds of movement get a handle.
+    labels: (m,) True = dry.
     """
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color=REST, linewidth=0.6))

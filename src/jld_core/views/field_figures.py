@@ -42,10 +42,9 @@ _CRUSHED: Final = 0.02  # share of the largest dissipation per area above which 
 def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses | None) -> Drawn:
     """Draw the trajectories of principal stresses of a layout on axes, wider with stress.
 
-    Compression is solid, tension dashed. Stresses are first averaged over about a twelfth of an element. labels: (m,)
-    True = dry. stresses: field of a lower bound; without one the title says so. Returns artists by name: those of
-    `paint`, the loads, and "compression" and "tension", as present.
+    labels: (m,) True = dry.
     """
+    # Compression is solid, tension dashed. Stresses are first averaged over about a twelfth of an element.
     base = default_ink(ax, assembly, labels)
     faded = LineStyle([INK if dry else HATCH for dry in labels], 0.7 * base.widths)
     drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
@@ -72,11 +71,7 @@ def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses
 
 
 def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> LineCollection:
-    """Build a line collection of trajectories whose line width grows with the stress.
-
-    largest: stress of the widest line. kind: "compression", drawn solid, or "tension", drawn dashed; also the legend
-    text.
-    """
+    """Build a line collection of trajectories whose line width grows with the stress."""
     pieces, widths = [], []
     for one in found:
         share = np.sqrt(one.stress / largest)
@@ -93,9 +88,7 @@ def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> L
 def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities | None) -> Drawn:
     """Draw the displaced triangles of a velocity field, and where velocity jumps, on axes.
 
-    labels: (m,) True = dry. velocities: field of an upper bound; without one the title says so. Joints are dark lines
-    on both sides, thick where they move, and cracks are thinner red ones. Triangles that deform are shaded. Returns
-    artists by name: "supports", "blocks", "deforming", "joints", "cracks" and "rest", as present.
+    labels: (m,) True = dry.
     """
     base = default_ink(ax, assembly, labels)
     if velocities is None:
@@ -167,9 +160,9 @@ def strain_power(velocities: Velocities) -> Floats:
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
     """Compute the displaced sides of dry joints and cracks, a mask of joints, and their jumps.
 
-    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners of triangles. top: largest velocity; edges with less
-    than a share of it as jump are no cracks. faces: number m of faces. Returns sides (k, 2, 2, 2), with axes edge,
-    side, end and coordinate; mask (k,); largest velocity jump (k,) of each edge. A support does not move.
+    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners of triangles. faces: number m of faces. Returns sides
+    (k, 2, 2, 2), with axes edge, side, end and coordinate; mask (k,); largest velocity jump (k,) of each edge. A
+    support does not move.
     """
     mesh, e = velocities.mesh, velocities.mesh.edges
     face = np.where(e.tag < faces, e.tag, -1)
@@ -202,7 +195,7 @@ def _crack_handles(drawn: Drawn, thick: float) -> list[Any]:
 def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> Figure:
     """Return a figure of labels, stress trajectories and cracks of one layout under one load.
 
-    labels: (m,) True = dry. bounds: both bounds by fields. The title has name, bounds on λ and number of triangles.
+    labels: (m,) True = dry.
     """
     figure, axes = figure_for(assembly, 3)
     draw_assembly(axes[0], assembly, labels)
@@ -215,7 +208,7 @@ def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> F
 def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]], titles: Sequence[str]) -> Figure:
     """Return a figure of layouts side by side, stress trajectories above cracks.
 
-    layouts: for each an assembly under one load, its labels (m,), True = dry, and its bounds. titles: one per layout.
+    layouts: for each an assembly under one load, its labels (m,), True = dry, and its bounds.
     """
     count = len(layouts)
     figure, axes = figure_for(layouts[0][0], 2 * count, columns=count)

@@ -21,11 +21,7 @@ from jld_core.views.structure import (
 
 
 def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
-    """Return a new figure with axes of about their final size, on which line widths depend.
-
-    count: number of axes. columns: axes per row; None for one row, or one column for very wide scenes. Call `finish`
-    when all axes are drawn.
-    """
+    """Return a new figure with axes of about their final size, on which line widths depend."""
     lower, upper = extent(assembly, projection_of(assembly))
     figure = Figure(dpi=120)
     FigureCanvasAgg(figure)
@@ -35,10 +31,7 @@ def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tu
 
 
 def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
-    """Give all axes of a figure one scale and their final sizes, and set the figure's title.
-
-    columns: as in `figure_for`.
-    """
+    """Give all axes of a figure one scale and their final sizes, and set the figure's title."""
     limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
     low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
     for ax in axes:
@@ -51,7 +44,7 @@ def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = N
 def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
     """Set sizes in inches from the space for data, ticks, titles and the longest legend.
 
-    span: (2,) extent of the data. columns: axes per row; default all in one row, or one column for very wide scenes.
+    span: (2,) extent of the data.
     """
     stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
     width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0

@@ -58,13 +58,12 @@ NO_MECHANISM: Final = {
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
     """Draw an assembly on axes: blocks in tints, dry and inner faces, supports, live loads.
 
-    Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. labels: (m,) True = dry, default the
-    assembly's own. plain: no loads, axes or legend, for thumbnails.
-
-    Returns artists by name: "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as
-    present. In space faces and elements are in "elements" and "supports", in the order in which they are painted.
-    Raises ValueError for labels of another length than the interfaces.
+    labels: (m,) True = dry, default the assembly's own. Raises ValueError for labels of another length than the
+    interfaces.
     """
+    # Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. Returns artists by name:
+    # "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present. In space faces
+    # and elements are in "elements" and "supports", in the order in which they are painted.
     labels = _labels(assembly, labels)
     assembly, labels = faces_of(assembly), labels[: assembly.faces]
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels))
@@ -82,15 +81,11 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
-
-    Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
-    turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
-    left out. Without forces the title says so.
-
-    Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
-    "yield inner", "thrust", as present.
-    """
+    """Draw the forces on the faces of a result on axes, with utilisation and thrust line."""
+    # Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
+    # turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
+    # left out. Without forces the title says so. Returns artists by name: those of `paint`, the loads, and "press",
+    # "tension", "couples on faces", "yield dry", "yield inner", "thrust", as present.
     whole, result = result, result_of_faces(result)
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
@@ -124,7 +119,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
 def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> list[Floats]:
     """Draw arrows and couples of face forces, and return the points (k, 2) that they cover.
 
-    forces: (m, q) resultants. drawn: receives the artists by name.
+    forces: (m, q) resultants.
     """
     assembly, projection = result.assembly, projection_of(result.assembly)
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
@@ -173,7 +168,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: D
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
     """Mark each face at yield by a symbol on the half opposite to its centre of pressure.
 
-    forces: (m, q) resultants. used: (m,) utilisation. drawn: receives the artists by name.
+    forces: (m, q) resultants. used: (m,) utilisation.
     """
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
@@ -188,16 +183,9 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Draw the mechanism of a result on axes: displaced elements over the outline at rest.
-
-    share: part of the displacement that is drawn, 0 … 1, for animations. The scale is automatic: the largest
-    displacement is 12 % of the scene's size, or less where rotations would exceed 0.35 rad. An instability mechanism
-    takes precedence over the collapse mechanism. Without either, the structure at rest is drawn, with the reason in the
-    title.
-
-    Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
-    for the kinds of movement present.
-    """
+    """Draw the mechanism of a result on axes: displaced elements over the outline at rest."""
+    # Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and
+    # "crack" for the kinds of movement present.
     result = result_of_faces(result)
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
@@ -251,10 +239,7 @@ def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def figure_of_assembly(assembly: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
-    """Return a figure of an assembly under the name of the scene.
-
-    ids, values: also write the ids of elements and the values of live loads.
-    """
+    """Return a figure of an assembly under the name of the scene."""
     figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly)
     if ids:
@@ -279,12 +264,9 @@ def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
 
 
 def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
-    """Return a figure of labels, forces and mechanism of one result.
-
-    The axes are side by side, or above one another for very wide scenes. The title has name, λ with its bracket, and
-    status. Of several load cases the governing one is drawn. ids, values: also write the ids of elements, and the
-    values of live loads and forces.
-    """
+    """Return a figure of labels, forces and mechanism of one result."""
+    # The axes are side by side, or above one another for very wide scenes. The title has name, λ with its bracket, and
+    # status. Of several load cases the governing one is drawn.
     if result.governing is not None:
         result = result.cases[result.governing]
     figure, axes = figure_for(result.assembly, 3)
@@ -301,10 +283,7 @@ def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: 
 
 
 def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[str]) -> Figure:
-    """Return a figure of layouts of one assembly side by side, labels above mechanisms.
-
-    results: one per layout, at least one. titles: one per layout.
-    """
+    """Return a figure of layouts of one assembly side by side, labels above mechanisms."""
     count = len(results)
     figure, axes = figure_for(results[0].assembly, 2 * count, columns=count)
     for k, (result, title) in enumerate(zip(results, titles, strict=True)):

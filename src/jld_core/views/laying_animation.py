@@ -24,9 +24,9 @@ _COLOURS: Final = 64  # number of colours of the animation: drawings have few
 def save_laying_animation(laying: Laying, path: Path) -> None:
     """Write the stages of an assembly sequence as an animated GIF that repeats.
 
-    Each stage is drawn as by `figure_of_stage`. Raises ValueError for a sequence without steps, and DeadlinePassed as
-    drawing does.
+    Raises ValueError for a sequence without steps, and DeadlinePassed as drawing does.
     """
+    # Each stage is drawn as by `figure_of_stage`.
     frames = []
     for number in range(1, len(laying.steps) + 1):
         checkpoint()

@@ -115,10 +115,8 @@ EVIDENCE: Final[dict[str, Mark]] = {
 
 
 def rules() -> dict[str, Any]:
-    """Return all colours, dashes and marks as the object `look` of a page's data.
-
-    The format of the object is in docs/guide/page.md.
-    """
+    """Return all colours, dashes and marks as the object `look` of a page's data."""
+    # The format of the object is in docs/guide/page.md.
 
     def mark(of: Mark) -> dict[str, str]:
         """Return a mark as a dict."""

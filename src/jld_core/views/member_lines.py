@@ -28,11 +28,10 @@ def draw_members(
 ) -> None:
     """Draw fill and members of an assembly on axes, and add them to `drawn`.
 
-    Their names there are "fill" and "members", or "pressures" where all members are pressures of fill.
-
     forces: (m, q) resultants of the assembly; the tension is then written beside each member, and lines grow with it.
     move: displacement function (element, points) → points, if any.
     """
+    # Their names there are "fill" and "members", or "pressures" where all members are pressures of fill.
     members, projection = assembly.members, projection_of(assembly)
     if assembly.fill:
         joined = shapely.union_all([shapely.Polygon(outline) for outline in assembly.fill])
@@ -79,10 +78,7 @@ def _written(ax: Axes, line: Floats, force: float) -> Artist:
 
 
 def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
-    """Return the legend handles of fill and members, an empty list if none were drawn.
-
-    words: text of the legend.
-    """
+    """Return the legend handles of fill and members, an empty list if none were drawn."""
     line: dict[str, Any] = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
     handles: list[Artist] = []
     if "fill" in drawn:

@@ -24,8 +24,7 @@ _LONGEST: Final = 0.8  # length of the longest arrow, relative to a typical elem
 def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: Floats, *, true: bool = False) -> None:
     """Draw vectors at vertices as arrows on axes.
 
-    places, vectors: (v, d), scene units. Vectors below 1 % of the longest, or NaN, are left out. true: draw vectors in
-    data units, with their tips at the vertices; otherwise the longest has nearly the length of an element.
+    places, vectors: (v, d), scene units. Vectors below 1 % of the longest, or NaN, are left out.
     """
     sizes = np.linalg.norm(np.nan_to_num(vectors), axis=1)
     largest = float(sizes.max(initial=0.0))
@@ -50,7 +49,7 @@ def figure_of_move(
     """Return a figure of a structure before and after a move of its joints.
 
     labels: (m,) True = dry. places: (v, 2) vertices after the move. moved: (v, 2) their displacements, drawn as arrows.
-    Both are in scene units. titles: of the two axes. first: (m,) labels before the move; None for the same.
+    Both are in scene units. first: (m,) labels before the move; None for the same.
     """
     figure, axes = figure_for(before, 2)
     pairs = ((before, labels if first is None else first), (after, labels))

@@ -81,10 +81,7 @@ def _loads(assembly: Assembly) -> dict[str, str]:
 
 
 def _load(sum_of: Resultant, force: str, length: str) -> str:
-    """Describe the resultant of a load: force, point of its line of action, remaining moment.
-
-    force, length: units. Forces that cancel are described as a couple.
-    """
+    """Describe the resultant of a load: force, point of its line of action, remaining moment."""
     moment = f"{sum_of.moment:.6g} {force}·{length}"
     if sum_of.cancels:
         cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
@@ -163,10 +160,8 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _range(extra: dict[str, Any]) -> dict[str, str]:
-    """Describe the lowest and highest λ found without dilation, and the lower bound.
-
-    The result is empty where these were not sought.
-    """
+    """Describe the lowest and highest λ found without dilation, and the lower bound."""
+    # The result is empty where these were not sought.
     if extra.get("lowest_found") is None:
         return {}
     ends = (
@@ -212,10 +207,7 @@ class AssemblyView:
         return figures.figure_of_assembly(thing, ids=ids, values=values)
 
     def html(self, thing: Assembly, drawing: str | bytes | None) -> str:
-        """Return the HTML of an assembly's facts and drawing.
-
-        drawing: SVG text or PNG, None where it is too large.
-        """
+        """Return the HTML of an assembly's facts and drawing."""
         return page(thing.name, facts_of_assembly(thing), drawing)
 
 
@@ -237,19 +229,12 @@ class ResultView:
         return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | bytes | None) -> str:
-        """Return the HTML of a result's facts and drawing.
-
-        drawing: SVG text or PNG, None where it is too large.
-        """
+        """Return the HTML of a result's facts and drawing."""
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tables: str) -> str:
-    """Return HTML that shows one object in a notebook: title, facts, drawing, further tables.
-
-    facts: texts by name. drawing: SVG text or the content of a PNG file, None where it is too large. tables: HTML,
-    appended unchanged.
-    """
+    """Return HTML that shows one object in a notebook: title, facts, drawing, further tables."""
     cell = 'style="text-align: left; vertical-align: top"'
     rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())
     picture = f"<p>more than {LARGEST} elements: drawn only by <code>jld_core.views.figures</code></p>"
@@ -267,9 +252,6 @@ def _shown(value: float | None) -> str:
 
 
 def aligned(facts: Mapping[str, str]) -> str:
-    """Return facts as lines of text, the values one below another.
-
-    facts: values by their names.
-    """
+    """Return facts as lines of text, the values one below another."""
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())

@@ -48,11 +48,8 @@ def path_values(result: LimitAnalysisResult) -> list[PathValue]:
 
 
 def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str = "first axle along the path") -> None:
-    """Draw λ against the place of the first axle, one line for each vehicle and direction.
-
-    A position without a number has no mark; the least λ over required is marked. length: unit. distance: words of the
-    axis.
-    """
+    """Draw λ against the place of the first axle, one line for each vehicle and direction."""
+    # A position without a number has no mark; the least λ over required is marked.
     names = list(dict.fromkeys(one.vehicle for one in values))
     colours = (PRESS, FRONT, SOFT, *TINTS)
     for k, name in enumerate(names):
@@ -82,10 +79,7 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
 
 
 def figure_of_path(assembly: Assembly, values: list[PathValue]) -> Figure:
-    """Return a figure of λ along the paths of moving loads.
-
-    assembly: supplies name and units. values: at least one.
-    """
+    """Return a figure of λ along the paths of moving loads."""
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     draw_path(ax, values, assembly.units[0])

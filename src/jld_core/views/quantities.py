@@ -152,10 +152,10 @@ def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
 def utilisation(result: LimitAnalysisResult) -> Floats:
     """Return the utilisation of each face of a result, (m,): 1 is at yield.
 
-    It is the largest of bending, shear, tension and crushing, by the yield set of the result's own model. Faces without
-    force have 0. Raises ValueError where the result holds no forces, and TypeError for yield sets without a
-    utilisation.
+    Raises ValueError where the result holds no forces, and TypeError for yield sets without a utilisation.
     """
+    # It is the largest of bending, shear, tension and crushing, by the yield set of the result's own model. Faces
+    # without force have 0.
     if result.forces is None:
         raise ValueError("the result holds no forces")
     scaling = scaling_of(result.assembly)

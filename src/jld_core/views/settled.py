@@ -18,11 +18,9 @@ from jld_core.views.structure import projection_of
 
 
 def figure_of_settled(found: Settled) -> Figure:
-    """Return a figure of a settlement: both ends of the reaction's range, and the mechanism.
-
-    The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
-    The title says where the structure falls under its dead load alone.
-    """
+    """Return a figure of a settlement: both ends of the reaction's range, and the mechanism."""
+    # The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
+    # The title says where the structure falls under its dead load alone.
     if not found.settlement.load:
         found = without_live_load(found)
     figure, axes = figure_for(found.assembly, 3)
@@ -52,10 +50,7 @@ def without_live_load(found: Settled) -> Settled:
 
 
 def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
-    """Draw the forces at one end of the reaction's range, and the movement of the supports.
-
-    end: least or greatest reaction. Where it is None or holds no state, the structure is drawn with its labels.
-    """
+    """Draw the forces at one end of the reaction's range, and the movement of the supports."""
     if end is None or end.state is None:
         draw_assembly(ax, found.assembly, found.labels)
 
@@ -80,10 +75,7 @@ def draw_movement(ax: Axes, found: Settled) -> None:
 
 
 def words_of(end: Thrust | None, force: str) -> str:
-    """Describe the least or greatest reaction with its unit, for a title or a terminal.
-
-    end: the reaction; None reads "none". force: unit of force. The text says if it is unbounded or uncertified.
-    """
+    """Describe the least or greatest reaction with its unit, for a title or a terminal."""
     if end is None:
         return "none"
     if end.status == "unbounded":

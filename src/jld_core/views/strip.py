@@ -35,10 +35,11 @@ _MOST: Final = 60  # largest number of stages drawn
 def figure_of_laying(laying: Laying, title: str) -> Figure:
     """Return a figure of an assembly sequence: a strip of its stages in order.
 
-    Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
-    blue triangles below the blocks, or at their places along a line; the title of each stage has their total force. Of
-    more than 60 stages a regular selection is drawn. Raises DeadlinePassed after an enforced deadline.
+    Raises DeadlinePassed after an enforced deadline.
     """
+    # Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
+    # blue triangles below the blocks, or at their places along a line; the title of each stage has their total force.
+    # Of more than 60 stages a regular selection is drawn.
     steps = list(laying.steps)
     shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
     number = {id(step): k + 1 for k, step in enumerate(steps)}
@@ -72,10 +73,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
 
 def figure_of_stage(laying: Laying, number: int) -> Figure:
-    """Return a figure of one stage of an assembly sequence, drawn as in the strip.
-
-    number: number of the step, from 1.
-    """
+    """Return a figure of one stage of an assembly sequence, drawn as in the strip."""
     low, high = _span(laying)
     ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
     figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")
@@ -98,7 +96,7 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
 def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
     """Draw one stage of an assembly sequence on axes, with its arriving blocks and props.
 
-    before: (k,) mask of the blocks laid before. number: of the stage. low, high: (2,) corners of the drawing.
+    before: (k,) mask of the blocks laid before. low, high: (2,) corners of the drawing.
     """
     blocks = laying.blocks
     assembly = blocks.assembly

@@ -114,10 +114,7 @@ def paint(
 ) -> Drawn:
     """Draw the elements and interfaces of a structure on axes, at rest or displaced.
 
-    labels: (m,) True = dry; interfaces of members are left out. fills: colour of each of the n elements; supports are
-    always grey. ink: style of the faces, default as `default_ink`. move: displacement function; both sides of every
-    face are then drawn. Returns artists by name: "elements", "supports", and in the plane also "outlines", "dry",
-    "inner", "ticks".
+    labels: (m,) True = dry; interfaces of members are left out.
     """
     assembly, labels = faces_of(assembly), labels[: assembly.faces]
     ink = default_ink(ax, assembly, labels) if ink is None else ink
@@ -176,8 +173,7 @@ def _lines(
 ) -> LineCollection:
     """Draw segments as one line collection, and return it.
 
-    segments: points (k, 2) of each. colours, widths: of each segment, or one width in points. dash: matplotlib line
-    style.
+    segments: points (k, 2) of each.
     """
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)
@@ -188,9 +184,9 @@ def _lines(
 def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Floats]:
     """Return the boundaries of the free part of each block.
 
-    Lines between touching elements of a block are left out; open cracks are drawn. shapes: corners of each element as
-    drawn. blocks: (n,) block of each element.
+    blocks: (n,) block of each element.
     """
+    # Lines between touching elements of a block are left out; open cracks are drawn.
     seam = 2e-3 * typical(assembly)
     lines: list[Floats] = []
     free = assembly.elements.free
@@ -209,9 +205,10 @@ def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Fl
 def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
     """Return the indices of the elements from the farthest to the nearest to the viewer.
 
-    Of two elements in contact, the one on the viewer's side of the contact plane is nearer. Depth of the centroids
-    decides for other pairs and in cycles. toward: (3,) unit vector to the viewer.
+    toward: (3,) unit vector to the viewer.
     """
+    # Of two elements in contact, the one on the viewer's side of the contact plane is nearer. Depth of the centroids
+    # decides for other pairs and in cycles.
     faces, count = assembly.interfaces, len(assembly.elements)
     depth = assembly.elements.centroid @ toward
     behind: list[set[int]] = [set() for _ in range(count)]
@@ -293,7 +290,7 @@ def _paint_spatial(
 def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
     """Return the faces of an element that point to the viewer, the farthest first.
 
-    shape: (k, 3) vertices. faces: outward loops of vertex indices. toward: (3,) unit vector to the viewer.
+    shape: (k, 3) vertices. toward: (3,) unit vector to the viewer.
     """
     seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))

@@ -13,11 +13,7 @@ from jld_core.views.figures import draw_assembly, draw_forces
 
 
 def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
-    """Return a figure of one range: forces at its least and at its greatest value.
-
-    found: all ranges of a structure. one: the range to draw, one of them. Where an end has no state, the structure is
-    drawn with its labels, and the title says why.
-    """
+    """Return a figure of one range: forces at its least and at its greatest value."""
     figure, axes = figure_for(found.assembly, 2)
     moment = one.resultant.component.startswith("M")
     length, force = found.assembly.units

@@ -75,11 +75,9 @@ class Trajectory:
 
 
 def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
-    """Average a planar stress field on a regular grid, so that its trajectories can be drawn.
-
-    The spacing of the grid is a share of a typical element. A Gaussian filter of this width smooths jumps between
-    triangles.
-    """
+    """Average a planar stress field on a regular grid, so that its trajectories can be drawn."""
+    # The spacing of the grid is a share of a typical element. A Gaussian filter of this width smooths jumps between
+    # triangles.
     elements = assembly.elements
     lower, upper = elements.lower[elements.free].min(axis=0), elements.upper[elements.free].max(axis=0)
     spacing = max(typical(assembly) / GRID, float((upper - lower).max()) / _MOST_POINTS)
@@ -120,12 +118,7 @@ def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
 
 
 def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Trajectory]:
-    """Trace evenly spaced trajectories of principal stress, the most stressed first.
-
-    kind: sign of the stress. apart: distance between trajectories, scene units. Tracing ends when none fits between the
-    others. The list is empty where no stress has that sign. Source of the spacing: Jobard & Lefer, *Visualization in
-    Scientific Computing '97*, pp. 43–55.
-    """
+    """Trace evenly spaced trajectories of principal stress, the most stressed first."""
     rows, columns = np.nonzero(grid.inside)
     seeds = grid.origin + grid.spacing * np.column_stack([columns, rows])
     size = principal(grid.at(seeds), kind)[0]
@@ -163,7 +156,7 @@ class _Taken:
     def near(self, point: Floats, share: float) -> bool:
         """Return True if a stored point lies within `share` of the distance between trajectories.
 
-        point: (2,). share: at most 1.
+        point: (2,).
         """
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)
@@ -190,9 +183,9 @@ def _followed(
 ) -> Floats:
     """Trace a trajectory from its seed in one direction; return its points (k, 2).
 
-    The midpoint rule is used. kind: sign of the stress. seed: (2,). sign: 1 or −1 for the direction. least: stress
-    below which the trajectory ends. taken: other trajectories, near which it ends.
+    seed: (2,).
     """
+    # The midpoint rule is used.
     step, points, point = 0.5 * grid.spacing, [seed], seed
     ahead = sign * principal(grid.at(seed[None]), kind)[1][0]
     for _ in range(_STEPS):

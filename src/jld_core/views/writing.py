@@ -36,10 +36,8 @@ _LEAST_SEEN: Final = 0.008
 
 @contextmanager
 def as_written(figure: Figure) -> Iterator[None]:
-    """Make figures drawn inside this context show all text literally.
-
-    Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
-    """
+    """Make figures drawn inside this context show all text literally."""
+    # Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
     ticks = {id(text) for tick in figure.findobj(Tick) for text in tick.findobj(Text)}  # numbers made by matplotlib
     for text in figure.findobj(Text):
         if isinstance(text, Text) and id(text) not in ticks:
@@ -92,9 +90,8 @@ def write_numbers(
     """Write the number of each block, from 1, into a drawing; return the texts.
 
     In the plane a number stands at the block's centroid, or in its widest part where that is near its edge. In space it
-    stands on the largest part of the block that the viewer sees; a block of which too little is seen has none. blocks:
-    indices of the elements of each block; supports among them bear no number. centroids: (d,) of each block. size: of
-    the text, points.
+    stands on the largest part of the block that the viewer sees; a block of which too little is seen has none.
+    centroids: (d,) of each block.
     """
     if assembly.dimension == 2:
         places = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
@@ -108,7 +105,7 @@ def write_numbers(
 def _inside(assembly: Assembly, block: Sequence[int], centroid: Floats) -> Floats:
     """Return the place (2,) of the number of a planar block: its centroid, or the centre of its largest circle.
 
-    block: indices of its elements. centroid: (2,).
+    centroid: (2,).
     """
     elements = assembly.elements
     outlines = [shapely.Polygon(elements.shape[k]) for k in block if not elements.support[k]]
@@ -147,10 +144,8 @@ def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Fl
 
 
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
-    """Write the magnitude of each face's force beside its arrow on axes; return the texts.
-
-    Forces below the share `SMALL` of the largest are left out. The list is empty for a result without forces.
-    """
+    """Write the magnitude of each face's force beside its arrow on axes; return the texts."""
+    # Forces below the share `SMALL` of the largest are left out. The list is empty for a result without forces.
     result = result_of_faces(result)
     assembly, forces = result.assembly, result.forces
     if forces is None:

@@ -113,10 +113,7 @@ def assembly(
 
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
-    """Draw an assembly sequence into a folder; return pictures left out for lack of time.
-
-    title: of the strip. stages: one picture per stage as well. animation: an animated GIF as well.
-    """
+    """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
     from jld_core.views.figures import save_figure
     from jld_core.views.laying_animation import save_laying_animation
     from jld_core.views.strip import figure_of_laying
@@ -169,10 +166,7 @@ def _words_along(laying: Laying, stations: Stations) -> str:
 def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
     """Return the table of an assembly sequence: one row per step, in the order of laying.
 
-    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1. stations: places
-    of props along a line, whose forces are one more column. The columns are step, numbers of stones, blocks, elements,
-    direction of arrival, whether the stage stands, and prop forces. The table has no rows where there is no order.
-    Props of stages that were not solved are NaN.
+    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1.
     """
     import pandas as pd  # slow to import and needed for tables only
 
@@ -233,10 +227,8 @@ def words_of(laying: Laying) -> str:
 
 
 def _centring(laying: Laying) -> list[str]:
-    """Describe during which steps props stand; no line where none is needed.
-
-    A stage that was not solved counts as one that needs props.
-    """
+    """Describe during which steps props stand; no line where none is needed."""
+    # A stage that was not solved counts as one that needs props.
     needed = [number for number, step in enumerate(laying.steps, 1) if not step.stage.stands]
     if not needed:
         return []

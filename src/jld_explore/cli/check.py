@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
     """Read a scene file and return its scene and assembly.
 
-    strict: refuse a scene with plausibility warnings. Raises InputError for a scene that is invalid, or needs more
-    memory than there is.
+    Raises InputError for a scene that is invalid, or needs more memory than there is.
     """
     scene = load_scene(path)
     with error_context(path):
@@ -53,8 +52,7 @@ def warn_of(path: Path, assembly: Assembly) -> None:
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
     """Return the search space of a scene; check it as `jld explore` does if the scene has one.
 
-    path: scene file, for messages. A scene without the key "search" may have nothing to search. Raises InputError for a
-    search that is impossible.
+    Raises InputError for a search that is impossible.
     """
     from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
 
@@ -64,10 +62,8 @@ def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
 
 
 def check(scene: SceneFile, strict: Strict = False) -> None:
-    """Check a scene file: read it, find its interfaces, and print what will be modelled.
-
-    Plausibility warnings go to stderr; with --strict they are errors. The exit code is 2 for a scene that is refused.
-    """
+    """Check a scene file: read it, find its interfaces, and print what will be modelled."""
+    # Plausibility warnings go to stderr; with --strict they are errors. The exit code is 2 for a scene that is refused.
     from jld_explore.report import words
 
     parsed, assembly = load(scene, strict)

@@ -105,10 +105,7 @@ def _top(
 
 
 def main(started: float | None = None) -> None:
-    """Run the command line; every error ends in one line on stderr and an exit code.
-
-    started: start of the process on the clock `time.perf_counter`, s, from which time limits count; None for now.
-    """
+    """Run the command line; every error ends in one line on stderr and an exit code."""
     run(app, time.perf_counter() if started is None else started)
 
 

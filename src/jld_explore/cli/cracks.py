@@ -25,6 +25,6 @@ Seconds = Annotated[
 def with_cracks(scene: Scene, text: str | None) -> Scene:
     """Return a scene with the crack model that the option --cracks names.
 
-    text: value of the option; None leaves the scene unchanged. Raises InputError for an unknown model.
+    Raises InputError for an unknown model.
     """
     return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})

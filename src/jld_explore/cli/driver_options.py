@@ -13,11 +13,9 @@ from jld_explore.drivers.registry import owners
 
 
 def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Decorate a command so that it also has the options of all search drivers.
-
-    The command gets their values, texts or None, as further keyword arguments. The help texts come from the drivers,
-    which also validate the values.
-    """
+    """Decorate a command so that it also has the options of all search drivers."""
+    # The command gets their values, texts or None, as further keyword arguments. The help texts come from the drivers,
+    # which also validate the values.
     kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
     types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
     stated = inspect.signature(command).parameters

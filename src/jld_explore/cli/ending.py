@@ -45,11 +45,9 @@ _UNKNOWN: Final = re.compile(
 
 
 def raise_on_signals() -> None:
-    """Make signals such as SIGINT and SIGTERM raise Interrupted, so that searches end cleanly.
-
-    Finished results stay on disk. Further signals within `_WRITING` seconds change nothing, as results are being
-    written. Signals that the process ignores stay ignored.
-    """
+    """Make signals such as SIGINT and SIGTERM raise Interrupted, so that searches end cleanly."""
+    # Finished results stay on disk. Further signals within `_WRITING` seconds change nothing, as results are being
+    # written. Signals that the process ignores stay ignored.
     from jld_explore.evaluation import raise_deferred  # only searches need it, and it takes long to import
 
     first = -math.inf
@@ -81,10 +79,8 @@ def interrupt_on_signals() -> None:
 
 
 def usage_of(message: str) -> str:
-    """Convert a usage error of the command-line parser to one line.
-
-    It names the option, the given value and the expected value; a message of another form is kept.
-    """
+    """Convert a usage error of the command-line parser to one line."""
+    # It names the option, the given value and the expected value; a message of another form is kept.
     text = " ".join(message.split()).rstrip(".")
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:

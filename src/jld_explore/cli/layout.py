@@ -55,10 +55,7 @@ class LaidOut(NamedTuple):
 def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> LaidOut:
     """Return the layout that a command refers to.
 
-    source: scene file, results folder, or folder of a design, which has one best layout. rank: row of the folder's
-    results from 1; None for the strongest. The layout of a scene file is its own labelling. uncertain: values with
-    uncertainty are used as such, so that no note says that means stand for them. Raises InputError for a rank without
-    results, or a rank that the folder does not have.
+    Raises InputError for a rank without results, or a rank that the folder does not have.
     """
     source = best_of_design(source)
     if source.is_dir():
@@ -81,10 +78,7 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
 
 
 def require_whole_faces(model: Model, what: str) -> None:
-    """Raise InputError for a model beyond associative friction on whole faces.
-
-    what: route that knows no other model.
-    """
+    """Raise InputError for a model beyond associative friction on whole faces."""
     for name, value in model.beyond_whole_faces.items():
         shown = str(value).lower() if isinstance(value, bool) else value
         problem = f"the search in this folder had {name.replace('_', ' ')} {shown}, and {what} knows no such model"
@@ -94,8 +88,7 @@ def require_whole_faces(model: Model, what: str) -> None:
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
     """Draw layouts of a results folder side by side, and return the file written.
 
-    text: rows of the results, such as "1,4". out: the file; None for one in the folder, of the kind `ending`. Raises
-    InputError for invalid rows, an unknown ending, or a source that is no results folder.
+    Raises InputError for invalid rows, an unknown ending, or a source that is no results folder.
     """
     if not source.is_dir():
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")

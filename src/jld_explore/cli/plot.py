@@ -57,11 +57,7 @@ def plot_command(
 
 
 def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool) -> Path:
-    """Draw a scene with its own labels, or write its page, and return the file.
-
-    out: file, whose ending decides; None for one in the current folder, with the scene's name and the ending `kind`.
-    ids, values: also write ids, and values of live loads.
-    """
+    """Draw a scene with its own labels, or write its page, and return the file."""
     scene = load_scene(source)
     with error_context(source):
         assembly = build_assembly(scene)
@@ -81,8 +77,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
 def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Path:
     """Write an animation of a layout's mechanism under associative friction; return the file.
 
-    rank: row of a results folder as text, None for the strongest. out: the file; None for one named by the layout and
-    the kind. Raises ParameterError for a wrong rank, and InputError if blocks crack beside the faces.
+    Raises ParameterError for a wrong rank, and InputError if blocks crack beside the faces.
     """
     try:
         number = None if rank is None else int(rank)

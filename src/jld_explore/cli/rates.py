@@ -16,11 +16,7 @@ _FACES: Final = 40  # number of faces up to which `jld solve` looks for kinks of
 
 
 def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisResult:
-    """Return a result with the derivatives of λ by strengths and weight in its `facts`.
-
-    vertices: add those by the positions of vertices, which take three times as long and are None where unknown. The
-    entries are "sensitivities" and "geometry_sensitivities".
-    """
+    """Return a result with the derivatives of λ by strengths and weight in its `facts`."""
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
     if not vertices:
         return replace(result, facts={**result.facts, "sensitivities": rates})
@@ -32,10 +28,8 @@ def with_rates(result: LimitAnalysisResult, *, vertices: bool) -> LimitAnalysisR
 
 
 def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
-    """Write `vertices.png`, the derivatives of λ by vertices, into a folder.
-
-    Nothing is written for a result without them.
-    """
+    """Write `vertices.png`, the derivatives of λ by vertices, into a folder."""
+    # Nothing is written for a result without them.
     rates = result.facts.get("geometry_sensitivities")
     if rates is None:
         return

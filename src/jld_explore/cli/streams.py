@@ -51,11 +51,9 @@ def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 def open_streams() -> None:
-    """Prepare stdin, stdout and stderr so that writing to them never ends in a traceback.
-
-    Characters that an encoding lacks are spelt out. Closed streams become the null device, so that no opened file gets
-    their number.
-    """
+    """Prepare stdin, stdout and stderr so that writing to them never ends in a traceback."""
+    # Characters that an encoding lacks are spelt out. Closed streams become the null device, so that no opened file
+    # gets their number.
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
@@ -72,9 +70,9 @@ def open_streams() -> None:
 def say(text: object) -> None:
     """Write a line to stdout and flush it.
 
-    A closed pipe is ignored, and later output with it. Raises OSError with the file name "standard output" if writing
-    fails otherwise.
+    Raises OSError with the file name "standard output" if writing fails otherwise.
     """
+    # A closed pipe is ignored, and later output with it.
     try:
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()

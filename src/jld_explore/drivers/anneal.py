@@ -124,11 +124,9 @@ class Anneal(Searcher):
         return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:
-        """Return new canonical labellings (k, m), True = dry, registered as proposed.
-
-        Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
-        population gives a generation instead.
-        """
+        """Return new canonical labellings (k, m), True = dry, registered as proposed."""
+        # Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
+        # population gives a generation instead.
         self._accept_changes()
         self._advance_cycle()
         self._turn += 1
@@ -197,8 +195,9 @@ class Anneal(Searcher):
     def _partner(self, number: int) -> Bits:
         """Return an image under symmetry of a labelling to cross with that of chain `number`.
 
-        It is the labelling of this chain or of a random one. Raises ValueError if the chain has none.
+        Raises ValueError if the chain has none.
         """
+        # It is the labelling of this chain or of a random one.
         own, group = self._chains[number].labelling, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own
@@ -211,10 +210,7 @@ class Anneal(Searcher):
         return image
 
     def _compute_mechanisms(self, with_labelling: list[int]) -> None:
-        """Compute blocks and mechanisms of chains that lack them, together for each load case.
-
-        with_labelling: numbers of the chains that have a labelling.
-        """
+        """Compute blocks and mechanisms of chains that lack them, together for each load case."""
         unknown = [chain for chain in (self._chains[number] for number in with_labelling) if chain.moving is None]
         for case, movements in enumerate(self._movements):
             lacking = [chain for chain in unknown if chain.case == case]
@@ -254,10 +250,8 @@ class Anneal(Searcher):
         return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m) for the chains and the population.
-
-        Chains accept or reject their changes at the next call of `propose`.
-        """
+        """Take in evaluations of labellings (k, m) for the chains and the population."""
+        # Chains accept or reject their changes at the next call of `propose`.
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
             rank, loss = sort_key(found)

@@ -54,10 +54,7 @@ def driver_for(
 ) -> Driver:
     """Make the default driver for a space.
 
-    model: options of the limit analyses. known: number of classes of a space known to be small, otherwise None.
-    options: driver options by name; None where not given. An option that the exact driver lacks excludes that driver.
-    many: whether as many good labellings as possible are wanted, not only the best one. Raises InputError if the chosen
-    driver lacks an option, or a value is wrong.
+    Raises InputError if the chosen driver lacks an option, or a value is wrong.
     """
     if known is not None:
         return make_driver("enumeration", space, seed, **options)
@@ -81,11 +78,10 @@ def driver_for(
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     """Compute a λ that no labelling of a space exceeds, by one relaxation of all faces.
 
-    Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
-
-    model: options of the limit analyses. Result: the bound, scene units; None if there is no finite bound. The result
-    is also None if cells may be left out, if the model does not support such bounds, or above `BOUNDED` faces.
+    Result: the bound, scene units; None if there is no finite bound. The result is also None if cells may be left out,
+    if the model does not support such bounds, or above `BOUNDED` faces.
     """
+    # Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
     if space.void is not None or not dilating.supports_bounds_over_labellings or len(assembly.interfaces) > BOUNDED:
@@ -102,9 +98,7 @@ def what_would_prove(
 ) -> str | None:
     """Describe in one line the search that would prove or narrow the result of another one.
 
-    model: options of the limit analyses. whole: whether the driver proposes all classes unless it is stopped. finite:
-    whether the end of the search is near enough to wait for. Result: the line; None if nothing is left to prove, or no
-    driver can prove more.
+    Result: the line; None if nothing is left to prove, or no driver can prove more.
     """
     if summary["proven"]:
         return None
@@ -145,12 +139,11 @@ _SHARE: Final = 0.2  # largest share of the time left for these batches
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
     """Return a labelling of the space: that of the scene, a random or a constructed one.
 
-    Call this function inside `Deadline.enforced`. Few random labellings keep tight limits. One is then constructed from
-    the formula of the limits, which also finds out where no labelling keeps them.
-
     space: search space with m faces. Returns (k, m): canonical labels, True = dry; k = 1, or 0 if no labelling is in
     the space. Raises DeadlinePassed if the deadline passes first.
     """
+    # Call this function inside `Deadline.enforced`. Few random labellings keep tight limits. One is then constructed
+    # from the formula of the limits, which also finds out where no labelling keeps them.
     ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
     none = np.empty((0, len(space.fixed)), dtype=bool)
 
@@ -179,12 +172,11 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
     """Construct a labelling of a space, or prove that there is none.
 
-    Call this function inside `Deadline.enforced`. Where cells may be left out it seeks labellings with all cells only.
-
-    space: search space with m faces. seed: seed of the labels that the satisfiability solver tries first. Result: (1,
-    m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Raises DeadlinePassed
-    if the deadline passes first.
+    Result: (1, m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Raises
+    DeadlinePassed if the deadline passes first.
     """
+    # Call this function inside `Deadline.enforced`. Where cells may be left out it seeks labellings with all cells
+    # only.
     low, high = space.search.block_cells
     least, most = max(1, int(low or 1)), len(space.assembly.elements.free) if high is None else int(high)
     for cells in [*range(least, most), None]:
@@ -199,10 +191,8 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
 
 
 def _constructed(subspace: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
-    """Return a labelling (1, m) of part of a space from its formula; None if it is empty.
-
-    `blocks` are the possible blocks of the part, if they are listed.
-    """
+    """Return a labelling (1, m) of part of a space from its formula; None if it is empty."""
+    # `blocks` are the possible blocks of the part, if they are listed.
     formula = Formula(subspace, blocks, partial=True)
     shapes = [bounds for count, bounds in subspace.limits.on_counts if count.kinds]
     if blocks is not None and shapes:

@@ -26,11 +26,9 @@ from jld_explore.space.labelling import representatives
 
 
 def breadth_first(space: SearchSpace) -> Ints:
-    """Return the indices of the free elements in breadth-first order, (free,).
-
-    Neighbours are elements that share a candidate face. Each component starts at a far end, so that few elements are
-    half decided at a time in an enumeration.
-    """
+    """Return the indices of the free elements in breadth-first order, (free,)."""
+    # Neighbours are elements that share a candidate face. Each component starts at a far end, so that few elements are
+    # half decided at a time in an enumeration.
     assembly, graph = space.assembly, space.graph
     count = len(assembly.elements)
     links: list[list[int]] = [[] for _ in range(count)]
@@ -233,12 +231,10 @@ class Enumeration(Driver):
     def size_up_to(self, limit: int, work: int = 2000) -> int | None:
         """Count the classes of the space, up to a limit.
 
-        With assembly sequences to check the limit is at most `space.laying.counted`.
-
-        limit: largest number of classes of interest. work: number of sets of partial labellings examined before the
-        count is given up; fewer for many elements. Result: number of classes; None above `limit` or if the count was
-        given up. A space with few labellings behind many dead ends does not count as small.
+        Result: number of classes; None above `limit` or if the count was given up. A space with few labellings behind
+        many dead ends does not count as small.
         """
+        # With assembly sequences to check the limit is at most `space.laying.counted`.
         # the time per frontier grows with the number of elements
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling needs one frontier per face
@@ -343,9 +339,9 @@ class Enumeration(Driver):
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
         """Remove rows that no completion can bring within the limits.
 
-        A block beside the face just decided may be closed and too small, or the number of blocks out of bounds. p, q:
-        (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the face.
+        p, q: (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the face.
         """
+        # A block beside the face just decided may be closed and too small, or the number of blocks out of bounds.
         small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)
         closed = rows.closed
@@ -373,9 +369,7 @@ class Enumeration(Driver):
 def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | None:
     """Count the classes of a space, up to a limit.
 
-    limit: largest number of classes of interest. quick: give up after few steps, which take some hundredths of a
-    second. A space that is empty for an obvious reason is still found to be empty. Result: number of classes; None
-    above `limit` or if the count takes too long.
+    Result: number of classes; None above `limit` or if the count takes too long.
     """
     if quick:
         return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)

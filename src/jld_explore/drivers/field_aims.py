@@ -63,9 +63,8 @@ class ProofAim(Protocol):
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
         """Record the bound on the current target, and go to the next target.
 
-        bound: governing factor that no labelling of the target exceeds. left: (k,) counts of labellings of the target
-        that are neither refuted nor refined any more. Result: known bound of the next target; None where the proof
-        ends.
+        left: (k,) counts of labellings of the target that are neither refuted nor refined any more. Result: known bound
+        of the next target; None where the proof ends.
         """
         ...
 
@@ -76,18 +75,13 @@ class ProofAim(Protocol):
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
         """Return entries of the summary of the study.
 
-        best: see the class. sure: False where the proof was contradicted or failed its check; its bounds are then left
-        out.
+        sure: False where the proof was contradicted or failed its check; its bounds are then left out.
         """
         ...
 
 
 def goal_of(best: float, gap: float) -> float:
-    """Return the factor above which labellings must be refuted: best / (1 − gap).
-
-    best: largest proven governing factor. gap: relative. The result is slightly less, for rounding; 0 for best ≤ 0, inf
-    for gap ≥ 1.
-    """
+    """Return the factor above which labellings must be refuted: best / (1 − gap)."""
     if best <= 0.0:
         return 0.0
     return best / (1.0 - gap) * (1.0 - _BELOW) if gap < 1.0 else math.inf
@@ -96,7 +90,7 @@ def goal_of(best: float, gap: float) -> float:
 def holds(target: int | Range | None, counts: Floats) -> Bools:
     """Return True for each count that belongs to a target, (k,).
 
-    target: as `ProofAim.target` returns it. counts: (k,).
+    counts: (k,).
     """
     if target is None:
         return np.ones(len(counts), dtype=bool)
@@ -203,11 +197,7 @@ class FrontAim:
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the best proven factor among counts at least as good as the target's.
-
-        best: largest proven governing factor of each count. All counts qualify while the target is all labellings. The
-        result is −inf where no such count is in `best`.
-        """
+        """Return the best proven factor among counts at least as good as the target's."""
         return self._no_worse(self._now, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
@@ -218,9 +208,7 @@ class FrontAim:
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
         """Record the bound of the current target and go to the next count; see `ProofAim`.
 
-        The first target is all labellings; counts follow, best first. bound: upper bound on the governing factor of the
-        target. best, left: not used. The result is the bound on all labellings, which every count starts from. None: no
-        count is left.
+        The first target is all labellings; counts follow, best first.
         """
         self.bounds[self._now] = bound
         self._now = self._left.pop(0) if self._left else None
@@ -231,11 +219,9 @@ class FrontAim:
         return [Claim(count, max(bound, 0.0)) for count, bound in self.bounds.items()]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return the front as entry "front", one row for each count.
-
-        A row has the count, the best load factor, the bound (None unless `sure`), and whether it is proven to the gap.
-        Counts of which no layout stands are left out once that is proven.
-        """
+        """Return the front as entry "front", one row for each count."""
+        # A row has the count, the best load factor, the bound (None unless `sure`), and whether it is proven to the
+        # gap. Counts of which no layout stands are left out once that is proven.
         rows: list[dict[str, Any]] = []
         for count in sorted({*best, *(count for count in self.bounds if count is not None)}):
             low, bound = best.get(count, -math.inf), self.bounds.get(count, self.bounds.get(None, math.inf))
@@ -305,7 +291,7 @@ class RequirementAim:
         """Record the proven count and return None, which ends the proof; see `ProofAim.next`.
 
         Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
-        the place of `met`. bound: not used.
+        the place of `met`.
         """
         value = self.met(best)
         self.open_counts = left
@@ -336,9 +322,7 @@ class RequirementAim:
 def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
     """Make the aim of a proof from the option of the driver and the scene.
 
-    space: the search space; a required factor makes the count of the front the aim. aim: the strongest layout, or that
-    of every count. Raises InputError if a front is aimed at beside a required factor, or its count is no sum of binary
-    terms.
+    Raises InputError if a front is aimed at beside a required factor, or its count is no sum of binary terms.
     """
     if space.search.require is not None:
         if aim != "best":

@@ -49,11 +49,9 @@ _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
 
 def save_conflicts(folder: Path, proof: FieldProof) -> None:
-    """Write the conflicts of a proof with their velocity fields and meshes to one file.
-
-    The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out. Without
-    any conflict nothing is written.
-    """
+    """Write the conflicts of a proof with their velocity fields and meshes to one file."""
+    # The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out.
+    # Without any conflict nothing is written.
     conflicts = [one for one in proof.state.conflicts if one.mechanism is not None]
     if not conflicts:
         return
@@ -79,12 +77,10 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
 def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
     """Read the conflicts that an earlier run of a study stored, and compute their bounds again.
 
-    The meshes of the file are added to the proof. The caller adds the conflicts.
-
-    proof: the proof, whose relaxation takes the meshes. Result: conflicts with the bounds that weighing gives; those
-    without a finite bound are left out. Empty without a file, or where it has another number of load cases. Raises
-    InputError if the file cannot be read.
+    Result: conflicts with the bounds that weighing gives; those without a finite bound are left out. Empty without a
+    file, or where it has another number of load cases. Raises InputError if the file cannot be read.
     """
+    # The meshes of the file are added to the proof. The caller adds the conflicts.
     path = folder / CONFLICTS_FILE
     if not path.exists():
         return []
@@ -99,10 +95,8 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
-
-    Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
-    """
+    """Compute the bounds of the conflicts of a file again, and return those with finite bounds."""
+    # Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -176,7 +170,6 @@ class FieldExact(Driver):
     def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
         """Make a driver that proves to a gap.
 
-        gap: relative gap at which the proof ends. given: options by name, None for the default; see `Driver.made`.
         Raises InputError if an option is unknown or has a wrong value, and as the class.
         """
         options = {key: value for key, value in given.items() if value is not None}
@@ -253,11 +246,9 @@ class FieldExact(Driver):
         return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return entries of the summary: cost of the proof, facts of its aim, and its check.
-
-        "conflicts": number of conflicts. "relaxations": number of programs solved. "proof_check": result of the check,
-        only after the proof has ended. results, complete: not used. See `Driver.facts`.
-        """
+        """Return entries of the summary: cost of the proof, facts of its aim, and its check."""
+        # "conflicts": number of conflicts. "relaxations": number of programs solved. "proof_check": result of the
+        # check, only after the proof has ended.
         proof = self._proof
         found: dict[str, Any] = {
             "conflicts": len(proof.state.conflicts),
@@ -270,8 +261,7 @@ class FieldExact(Driver):
     def withdraw(self, reason: str) -> None:
         """Note a contradiction, forget all conflicts and start the proof again.
 
-        Evaluations are kept. After a second contradiction the proof is given up. reason: one line; see
-        `Driver.withdraw`.
+        Evaluations are kept. After a second contradiction the proof is given up.
         """
         self._contradictions.append(reason)
         self._proof.restart()
@@ -307,11 +297,9 @@ class FieldExact(Driver):
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings to evaluate, (k, m), True = dry.
-
-        The first labellings come from a search. Later calls continue the proof until it needs evaluations. The result
-        is empty if the proof ended, was given up, or has no time left.
-        """
+        """Return the next labellings to evaluate, (k, m), True = dry."""
+        # The first labellings come from a search. Later calls continue the proof until it needs evaluations. The result
+        # is empty if the proof ended, was given up, or has no time left.
         if not self._asked:
             self._asked = True
             self._proof.bound_all()
@@ -360,7 +348,7 @@ def _listed(space: SearchSpace) -> PossibleBlocks | None:
 def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
     """Raise InputError if cells may be left out, or if no formula expresses a count.
 
-    The limited counts and the count of the aim must have a formula. blocks: possible blocks, None where not listed.
+    The limited counts and the count of the aim must have a formula.
     """
     if space.void is not None:
         raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")

@@ -72,8 +72,7 @@ class FieldIncumbents:
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
         """Store the bounds on the governing factor of evaluated labellings.
 
-        labellings: (k, m), canonical, True = dry. low, high: k bounds each, −inf and inf where there is none. Bounds of
-        an earlier call are replaced.
+        labellings: (k, m), canonical, True = dry.
         """
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
@@ -114,14 +113,8 @@ class FieldIncumbents:
         return found
 
     def promising(self, target: int | Range | None, over: float, number: int, alike: float) -> list[Bits]:
-        """Choose evaluated labellings of a target to refine, greatest lower bounds first.
-
-        Only those with a lower bound above 0 are taken.
-
-        target: as `ProofAim.target` returns it. over: governing factor that the upper bound of each must exceed.
-        number: largest number of labellings. alike: relative difference of lower bounds below which only the first of
-        two is taken.
-        """
+        """Choose evaluated labellings of a target to refine, greatest lower bounds first."""
+        # Only those with a lower bound above 0 are taken.
         rows = [(-low, key, count) for key, (low, high, count) in self._known.items() if low > 0.0 and high > over]
         rows.sort()
         inside = holds(target, np.array([count for *_, count in rows]))
@@ -206,12 +199,9 @@ class LevelConflict:
 def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tuple[int, ...]) -> LevelConflict:
     """Refute a factor for a labelling, and minimise the labelling to a conflict.
 
-    The first level that refutes it gives a conflict; finer levels then try to shorten it.
-
-    setup: the proof. labels: (m,) True = dry. threshold: governing factor to refute. levels: levels of `setup.levels`
-    to try until one refutes the labelling, from coarse to fine. Result: the last conflict that has fewer faces than the
-    one before.
+    labels: (m,) True = dry. Result: the last conflict that has fewer faces than the one before.
     """
+    # The first level that refutes it gives a conflict; finer levels then try to shorten it.
     solves, last = 0, len(setup.levels) - 1
     first, level, found = -1, -1, None
     for place in range(last + 1):
@@ -228,10 +218,8 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
-    """Return the relaxation on the meshes of a level, which this thread keeps for a while.
-
-    Its order of problems is reset, so that results do not depend on earlier tasks.
-    """
+    """Return the relaxation on the meshes of a level, which this thread keeps for a while."""
+    # Its order of problems is reset, so that results do not depend on earlier tasks.
     name, known = (setup.name, level), _kept.relaxations
     if name not in known:
         known[name] = FieldRelaxation(setup.problems(level))
@@ -248,10 +236,8 @@ def refuting_step(
 ) -> FieldStep:
     """Bound a labelling on one mesh, and minimise it if its velocity field refutes a factor.
 
-    labels: (m,) True = dry. mesh: the mesh, scene units. required: required factor of the load case. enough: governing
-    factor: where the upper bound is below it, no lower bound is computed. free: (m,) faces that may take either label.
-    over: governing factor to refute. Result: as of `refined_step`, with a conflict in `more`: that of a refuted
-    labelling, else the bound of the labelling alone, or None.
+    labels: (m,) True = dry. free: (m,) faces that may take either label. Result: as of `refined_step`, with a conflict
+    in `more`: that of a refuted labelling, else the bound of the labelling alone, or None.
     """
     start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough * required)
@@ -263,10 +249,8 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
-
-    None without a field or a finite bound. required: factor of the load case.
-    """
+    """Return the bound of a velocity field on its labelling, as a conflict of all free faces."""
+    # None without a field or a finite bound.
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)
@@ -339,11 +323,9 @@ class FieldRefuter:
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Compute the bound that the mechanism of a conflict proves, without a solver.
-
-        It is the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
-        or where it proves none.
-        """
+        """Compute the bound that the mechanism of a conflict proves, without a solver."""
+        # It is the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
+        # or where it proves none.
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
@@ -358,10 +340,7 @@ class FieldRefuter:
         return CommonMeshes(self._setup.settings[case], self._setup.required[case], self._labels, self.free)
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
-        """Refute labellings on some finer meshes too from now on, beside the coarsest.
-
-        meshes: one for each load case, whose `CommonMeshes.shared` are taken.
-        """
+        """Refute labellings on some finer meshes too from now on, beside the coarsest."""
         places = dict.fromkeys(zip(*(one.shared for one in meshes), strict=True))
         levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in places)
         self._setup = replace(self._setup, levels=levels)
@@ -374,8 +353,7 @@ class FieldRefuter:
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
         """Refute a factor for labellings, and minimise each refuted one to a conflict.
 
-        threshold: governing factor to refute. tasks: processes that solve. Result: one for each labelling, None where
-        no mesh refutes it.
+        Result: one for each labelling, None where no mesh refutes it.
         """
         levels = self._levels()
         found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
@@ -487,10 +465,7 @@ class FieldProof:
         return found
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Store bounds on the governing factor of evaluated labellings (k, m), True = dry.
-
-        low, high: k each, −inf and inf for none. Once `work` has begun, all of them join the pool.
-        """
+        """Store bounds on the governing factor of evaluated labellings (k, m), True = dry."""
         self.incumbents.learn(labellings, low, high)
         if self._begun:
             self._join(list(labellings))
@@ -511,10 +486,8 @@ class FieldProof:
         return self.aim.goal(self.incumbents.best())
 
     def work(self) -> None:
-        """Take one step of the proof: begin, refine, draw labellings, or lower the bound.
-
-        The caller repeats it, and evaluates `waiting` labellings, until `settled` or `stopped`.
-        """
+        """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
+        # The caller repeats it, and evaluates `waiting` labellings, until `settled` or `stopped`.
         best = self.incumbents.best() if self._begun else {}
         if not self._begun:
             self._begin()

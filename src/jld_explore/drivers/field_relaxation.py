@@ -86,13 +86,12 @@ class FieldRelaxation:
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
         """Refute a governing factor for all labellings that agree on the decided faces.
 
-        A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
-        succeeds is asked first the next time.
-
         labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        threshold: governing factor to refute. Result: mechanism of the first problem that proves it; None where no
-        proof is found. Raises DeadlinePassed: after an enforced deadline.
+        Result: mechanism of the first problem that proves it; None where no proof is found. Raises DeadlinePassed:
+        after an enforced deadline.
         """
+        # A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
+        # succeeds is asked first the next time.
         for place, number in enumerate(self._order):
             checkpoint()
             found = self._asked[number].field(labels, undecided)
@@ -137,9 +136,9 @@ class FieldRelaxation:
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Compute again, without a solver, the bounds that mechanisms of one problem prove.
 
-        case: position of the problem. velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m)
-        labels, True = dry, and faces that may have either. Returns (k,): governing factors that no labelling exceeds
-        that agrees where decided; inf where a mechanism proves none. Raises ValueError if the problem does not exist.
+        velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m) labels, True = dry, and faces that
+        may have either. Returns (k,): governing factors that no labelling exceeds that agrees where decided; inf where
+        a mechanism proves none. Raises ValueError if the problem does not exist.
         """
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
@@ -151,8 +150,8 @@ class FieldRelaxation:
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
         """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
 
-        number: position of the problem. velocity: (t, 3, 2), scaled. None where it proves nothing; see
-        `transfer.weighed`. Results are stored, since several conflicts rest on one mechanism.
+        velocity: (t, 3, 2), scaled. None where it proves nothing; see `transfer.weighed`. Results are stored, since
+        several conflicts rest on one mechanism.
         """
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:
@@ -164,10 +163,8 @@ class FieldRelaxation:
         self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
-        """Return the upper bounds of problem `number`.
-
-        Those of problems added to weigh are kept only for a while, and then set up anew.
-        """
+        """Return the upper bounds of problem `number`."""
+        # Those of problems added to weigh are kept only for a while, and then set up anew.
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -248,10 +245,8 @@ class CommonMeshes:
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it for another step.
-
-        None: no mesh is left, or no field with a finite bound was found; the sequence then ends.
-        """
+        """Bound all labellings on the next mesh, and refine it for another step."""
+        # None: no mesh is left, or no field with a finite bound was found; the sequence then ends.
         mesh, self._next = self._next, None
         if mesh is None:
             return None

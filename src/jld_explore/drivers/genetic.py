@@ -31,15 +31,13 @@ _PAIRS: Final = 1 << 22  # largest number of pairs compared in one step; limits 
 def fronts_of(values: Floats, enough: int) -> list[Ints]:
     """Sort objective values into non-dominated fronts until enough rows are ranked.
 
-    A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
-    dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
-
-    values: (k, c) objective values, to be minimised. enough: number of rows after which no further front is formed.
-    Result: positions of the rows of each front in ascending order, best front first.
-
-    Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to
-    two objectives take O(k log k), more take O(k² c).
+    values: (k, c) objective values, to be minimised. Result: positions of the rows of each front in ascending order,
+    best front first.
     """
+    # A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
+    # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front. Deb et
+    # al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to two
+    # objectives take O(k log k), more take O(k² c).
     if values.shape[1] <= 2:
         rank = _ranks_of_pairs(values)
         order = np.argsort(rank, kind="stable")
@@ -92,14 +90,11 @@ def _dominators(values: Floats, rivals: Ints) -> Ints:
 def crowding_of(values: Floats, front: Floats) -> Floats:
     """Return the crowding distance of each labelling on its front.
 
-    Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of equal
-    values between others.
-
     values: (k, c) objective values. front: (k,) front number of each labelling. Returns (k,): crowding distances: mean
     over the objectives of the distance between both neighbours, in widths of the front.
-
-    Deb et al. 2002, section III.B, for all fronts at once.
     """
+    # Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of
+    # equal values between others. Deb et al. 2002, section III.B, for all fronts at once.
     found = np.zeros(len(values))
     for column in values.T if len(values) else ():
         order = np.lexsort((column, front))
@@ -201,11 +196,9 @@ class Genetic(Searcher):
         return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:
-        """Return the next generation: new canonical labellings (k, m), registered as proposed.
-
-        They are random while the population has fewer than two labellings. A population without progress is given up
-        first, and another one started.
-        """
+        """Return the next generation: new canonical labellings (k, m), registered as proposed."""
+        # They are random while the population has fewer than two labellings. A population without progress is given up
+        # first, and another one started.
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
             self._forget(np.arange(len(self._pool)))
@@ -317,10 +310,8 @@ class Genetic(Searcher):
         self.register.forget(self._pool.names[places].tolist())
 
     def _winners(self, pairs: Ints) -> Ints:
-        """Return the winner (k,) of each pair (k, 2) of positions in the population.
-
-        The status decides first, then λ or the rank (at random), then the crowding distance.
-        """
+        """Return the winner (k,) of each pair (k, 2) of positions in the population."""
+        # The status decides first, then λ or the rank (at random), then the crowding distance.
         first, second = pairs[:, 0], pairs[:, 1]
         # choosing more parents by λ alone finds the best labelling earlier, choosing fewer widens the front
         alone = self._generator.random(len(pairs)) < LOAD_FACTOR_SHARE

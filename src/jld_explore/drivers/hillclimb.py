@@ -88,10 +88,8 @@ class HillClimb(Searcher):
         return {} if self.begin_at is None else {"start": self.begin_at}
 
     def propose(self) -> Bits:
-        """Return new changes of the labelling of every run, (k, m), registered as proposed.
-
-        Runs that restart give one random labelling. The first call has the given start, if any, and changes of it.
-        """
+        """Return new changes of the labelling of every run, (k, m), registered as proposed."""
+        # Runs that restart give one random labelling. The first call has the given start, if any, and changes of it.
         if self._first is not None:
             return self._beginning(self._first)
         batches = []

@@ -72,9 +72,8 @@ def sampler_names() -> list[str]:
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
     """Make an Optuna sampler by name.
 
-    name: name with or without "Sampler", in any case, with or without hyphens. Result: proper name, one of
-    `sampler_names`; the sampler. Raises InputError if the name is unknown, or the package of the sampler is not
-    installed.
+    Result: proper name, one of `sampler_names`; the sampler. Raises InputError if the name is unknown, or the package
+    of the sampler is not installed.
     """
 
     def plain(text: str) -> str:
@@ -158,11 +157,9 @@ class Optuna(Searcher):
         return {"sampler": self.sampler, "size": self.size, "optuna": version("optuna")}
 
     def propose(self) -> Bits:
-        """Ask the sampler for trials, and return their new labellings (k, m).
-
-        Trials of known classes are finished at once; random labellings fill their places. Labellings are registered as
-        proposed.
-        """
+        """Ask the sampler for trials, and return their new labellings (k, m)."""
+        # Trials of known classes are finished at once; random labellings fill their places. Labellings are registered
+        # as proposed.
         from optuna.trial import TrialState
 
         rows: list[Bits] = []
@@ -185,10 +182,8 @@ class Optuna(Searcher):
         return np.concatenate(rows)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Finish all trials of each evaluated labelling (k, m), and write them to the storage.
-
-        A labelling that no trial proposed is added to the study as a finished trial.
-        """
+        """Finish all trials of each evaluated labelling (k, m), and write them to the storage."""
+        # A labelling that no trial proposed is added to the study as a finished trial.
         if not len(labellings):
             return
         values = objectives(self.space, labellings, evaluations)[:, : self.objective_count].tolist()
@@ -204,7 +199,7 @@ class Optuna(Searcher):
     def _finish(self, trial: Trial, key: bytes, labels: Bits) -> None:
         """Finish a trial with the known evaluation of its class, and queue it for the storage.
 
-        key: of the class. labels: (m,) of the labelling.
+        labels: (m,) of the labelling.
         """
         from optuna.trial import TrialState
 
@@ -254,8 +249,7 @@ class StorageCopy:
     def open(self, title: str, file: Path) -> None:
         """Open the storage and start copying.
 
-        title: name of the study in the storage. file: journal file, used where no URL was given. Raises InputError if
-        the storage cannot be used.
+        Raises InputError if the storage cannot be used.
         """
         from sqlalchemy.exc import SQLAlchemyError
 
@@ -290,10 +284,8 @@ class StorageCopy:
             self._waiting.append(trial)
 
     def write(self) -> None:
-        """Write the queued trials to the storage, and empty the queue; ignored before `open`.
-
-        As many first trials are skipped as the storage held when it was opened.
-        """
+        """Write the queued trials to the storage, and empty the queue; ignored before `open`."""
+        # As many first trials are skipped as the storage held when it was opened.
         if self._study is None:
             return
         for trial in self._waiting:
@@ -323,11 +315,9 @@ def _storage(url: str) -> Any:
 
 
 def _journal(file: Path) -> Any:
-    """Open the journal in the folder of a study.
-
-    The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
-    One of `_JOURNAL_ERRORS` is raised for a damaged journal.
-    """
+    """Open the journal in the folder of a study."""
+    # The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
+    # One of `_JOURNAL_ERRORS` is raised for a damaged journal.
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 

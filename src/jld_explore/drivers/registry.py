@@ -48,7 +48,7 @@ def driver_kinds() -> dict[str, type[Driver]]:
 def owners(option: str) -> Iterator[type[Driver]]:
     """List the drivers that have an option.
 
-    option: name of the option. Result: driver classes with a field of that name in `Options`.
+    Result: driver classes with a field of that name in `Options`.
     """
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 

@@ -141,11 +141,7 @@ class Searcher(Driver):
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m), True = dry: the rest of the last batch, or a new one.
-
-        limit: largest number; None for the whole batch. Once `propose` returns few, the remaining classes are
-        enumerated. k = 0: none is left, or the limit is 0.
-        """
+        """Return the next labellings (k, m), True = dry: the rest of the last batch, or a new one."""
         if limit is not None and limit <= 0:
             return self._none
         if not len(self._unreturned):

@@ -57,9 +57,8 @@ class Surrogate:
     def learn(self, labellings: Bits, values: Floats) -> None:
         """Remember labellings with their objective values, for later predictions.
 
-        Where the `SLOTS` slots are full, the worst of the older labellings are replaced.
-
-        labellings: (k, m) True = dry. values: (k,) objective values, larger is better; any monotonic scale.
+        Where the `SLOTS` slots are full, the worst of the older labellings are replaced. labellings: (k, m) True = dry.
+        values: (k,) objective values, larger is better; any monotonic scale.
         """
         for low in range(0, len(labellings), _SHARE):
             self._take_in(labellings[low : low + _SHARE], values[low : low + _SHARE])
@@ -97,9 +96,7 @@ class Surrogate:
     def share_below(self, values: Floats) -> Floats:
         """Return the share of remembered labellings below given objective values.
 
-        Ties count half. All shares are 0 where nothing is remembered.
-
-        values: (k,) objective values. Returns (k,).
+        Ties count half. All shares are 0 where nothing is remembered. values: (k,) objective values. Returns (k,).
         """
         known = np.sort(self._values[: len(self)])
         below = np.searchsorted(known, values, "left") + np.searchsorted(known, values, "right")

@@ -67,10 +67,8 @@ class CasesEvaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings under all load cases; see `LabellingEvaluator.evaluate_all`.
-
-        A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
-        """
+        """Evaluate labellings under all load cases; see `LabellingEvaluator.evaluate_all`."""
+        # A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         if not self.settings.batched:
             return self._one_by_one(labellings, pruning_thresholds, deadline)
         found: list[list[Evaluation]] = []
@@ -99,10 +97,8 @@ class CasesEvaluator(SharedEvaluator):
 
     @cached_property
     def _order(self) -> list[int]:
-        """Return the positions of the load cases, most critical first.
-
-        The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
-        """
+        """Return the positions of the load cases, most critical first."""
+        # The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
         load_factors = []
         for case, factor in zip(self.assembly.by_case, self._required, strict=True):
             analysis = LimitAnalysis(case)
@@ -350,11 +346,9 @@ class VoidCellsEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, grouped by the cells they leave out.
-
-        See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
-        cells (True = stays).
-        """
+        """Evaluate labellings, grouped by the cells they leave out."""
+        # See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
+        # cells (True = stays).
         found: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
         for row, labels in enumerate(labellings):

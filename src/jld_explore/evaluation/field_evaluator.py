@@ -31,10 +31,8 @@ def field_evaluation(
     """Return the evaluation of a labelling from its bounds by fields.
 
     low, high: (c,) bounds on λ under each load case, scene units; infinite where there is none. required: (c,) required
-    factor of each case. best: governing factor that another layout is proven to carry; one with a lower upper bound
-    counts as pruned. seconds: time spent on the labelling, s. nominal: lower bound on the governing factor at nominal
-    material values, NaN where it is not known; None without such values. Result: λ is the lower bound. The status is
-    collapse if both bounds are known, and unstable if an upper bound is below 0.
+    factor of each case. Result: λ is the lower bound. The status is collapse if both bounds are known, and unstable if
+    an upper bound is below 0.
     """
     governing = int(np.argmin(low / required))
     least, most = float(low[governing] / required[governing]), float((high / required).min())
@@ -82,10 +80,8 @@ class FieldEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, several at a time; see `LabellingEvaluator.evaluate_all`.
-
-        Pruning thresholds are ignored: bounds by fields have no cheap part.
-        """
+        """Evaluate labellings, several at a time; see `LabellingEvaluator.evaluate_all`."""
+        # Pruning thresholds are ignored: bounds by fields have no cheap part.
         found: list[Evaluation] = []
         while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
             start = time.perf_counter()
@@ -162,17 +158,12 @@ def time_rate(seconds: float, triangles: float) -> float:
     """Return the rate of time of bounds by fields, from a mesh whose time is known.
 
     The time of a mesh is this rate times the power `TIME_POWER` of its number of triangles.
-
-    seconds: processor time of the mesh, s. triangles: number of triangles of the mesh.
     """
     return float(seconds / triangles**TIME_POWER)
 
 
 def mesh_seconds(rate: float, triangles: float) -> float:
-    """Return the expected processor time of bounds by fields on a mesh.
-
-    rate: rate from `time_rate`, s. triangles: number of triangles of the mesh.
-    """
+    """Return the expected processor time of bounds by fields on a mesh."""
     return float(rate * triangles**TIME_POWER)
 
 

@@ -49,10 +49,7 @@ class FieldStep:
 
 
 def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
-    """Make the `FieldStep` of fields that have been solved: their bounds and the next mesh.
-
-    start: start of their computation as `time.perf_counter` counts, s. more: see `FieldStep.more`.
-    """
+    """Make the `FieldStep` of fields that have been solved: their bounds and the next mesh."""
     stresses, mechanism = fields.for_all
     finer = fields.finer()
     stops = len(finer) > _MOST_TRIANGLES or len(finer) == len(fields.mesh)
@@ -63,7 +60,7 @@ def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
 def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float) -> FieldStep:
     """Solve for both fields of a labelling (m,) on a mesh, for one load case.
 
-    No stress field is computed if λ / required is proven to be below `enough`. required: required factor of the case.
+    No stress field is computed if λ / required is proven to be below `enough`.
     """
     start = time.perf_counter()
     return step_of(Fields.on(setting, mesh, labels, enough * required), start)
@@ -195,16 +192,13 @@ class FieldPool:
     def _next(self, row: int) -> tuple[int, Mesh]:
         """Return the load case and the mesh on which a labelling is refined next.
 
-        It is the case with the least lower bound. row: index of the labelling.
+        It is the case with the least lower bound.
         """
         case = int(np.argmin(self._low[row] / self.required))
         return case, self._meshes.get((row, case), self.settings[case].coarse)
 
     def expected_seconds(self, row: int) -> float:
-        """Return the expected time of the next mesh of a labelling, s; 0 if no time is known.
-
-        row: index of the labelling.
-        """
+        """Return the expected time of the next mesh of a labelling, s; 0 if no time is known."""
         return mesh_seconds(self.rate, len(self._next(row)[1]))
 
     def refine(
@@ -259,8 +253,7 @@ class FieldPool:
     ) -> None:
         """Update the bounds under one load case: of one labelling, and of all by its fields.
 
-        row: index of the labelling. bounds: (lower, upper) bound on λ of this labelling, scene units. stresses,
-        mechanism: fields that bound all labellings, None if there are none.
+        bounds: (lower, upper) bound on λ of this labelling, scene units.
         """
         low, high = self._low[:, case], self._high[:, case]
         if stresses is not None:

@@ -37,11 +37,7 @@ class _OpenContexts:
 
 @contextmanager
 def switch_interval(seconds: float) -> Iterator[None]:
-    """Set the interval after which threads release the interpreter, while a context is open.
-
-    seconds: longest interval. Contexts may overlap; the shortest interval counts, and the last context to close
-    restores the first value.
-    """
+    """Set the interval after which threads release the interpreter, while a context is open."""
     with _CHANGING:
         if not _OpenContexts.intervals:
             _OpenContexts.before = sys.getswitchinterval()
@@ -57,11 +53,8 @@ def switch_interval(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def ignored_warning(message: str, category: type[Warning] = Warning, module: str = "") -> Iterator[None]:
-    """Ignore a warning in all threads while a context is open.
-
-    `warnings.catch_warnings` would also drop filters that others add meanwhile, in any thread.
-    message, module: regular expressions. Contexts may overlap; the last one to close removes the filter.
-    """
+    """Ignore a warning in all threads while a context is open."""
+    # `warnings.catch_warnings` would also drop filters that others add meanwhile, in any thread.
     with _CHANGING:
         warnings.filterwarnings("ignore", message, category, module)
         entry = warnings.filters[0]
@@ -87,9 +80,8 @@ _WORKERS: Final = 60.0  # seconds in which a first worker must join, and a new o
 def on_cluster(url: str | None) -> Iterator[None]:
     """Use the workers of a dask scheduler for all `Workers` made within this context.
 
-    url: address of the scheduler, for example tcp://host:8786. None changes nothing. Yields: the context has no value.
-    Raises InputError if the extra `cluster` is not installed, no scheduler answers, it has no workers, or their version
-    differs.
+    Yields: the context has no value. Raises InputError if the extra `cluster` is not installed, no scheduler answers,
+    it has no workers, or their version differs.
     """
     if url is None:
         yield
@@ -143,11 +135,9 @@ class _Deferred:
 
 @contextmanager
 def deferred_signals() -> Iterator[None]:
-    """Defer errors passed to `raise_deferred` until the outermost such context ends.
-
-    A signal handler can then interrupt a process only between steps that must not be left half done. At the end the
-    last deferred error is raised, if any.
-    """
+    """Defer errors passed to `raise_deferred` until the outermost such context ends."""
+    # A signal handler can then interrupt a process only between steps that must not be left half done. At the end the
+    # last deferred error is raised, if any.
     _Deferred.depth += 1
     try:
         yield
@@ -207,10 +197,8 @@ class Processes:
         self._settings = ExitStack()
 
     def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
-        """Submit a task and return its future; the first call starts the processes.
-
-        The function must be importable in other processes. If a process has died, the future raises.
-        """
+        """Submit a task and return its future; the first call starts the processes."""
+        # The function must be importable in other processes. If a process has died, the future raises.
         if self._executor is None:
             self._settings.enter_context(warning_of_stops_ignored())
         with deferred_signals():
@@ -268,8 +256,8 @@ class TaskStream:
     def __iter__(self) -> Iterator[Any]:
         """Yield results as they finish; stop and set `late` if the deadline ends the wait.
 
-        Raises TimeoutError if no result arrives within `hang_seconds` and the deadline has not passed.
-        The wait for one result lasts at most until `GRACE` seconds after the deadline.
+        Raises TimeoutError if no result arrives within `hang_seconds` and the deadline has not passed. The wait for one
+        result lasts at most until `GRACE` seconds after the deadline.
         """
         while self._in_progress:
             longest_wait = self._processes.hang_seconds
@@ -289,10 +277,7 @@ class TaskStream:
 
 
 def stop_processes(executor: Any) -> None:
-    """Terminate the processes of an executor at once, including those with unfinished tasks.
-
-    executor: executor of loky; one without processes is only shut down.
-    """
+    """Terminate the processes of an executor at once, including those with unfinished tasks."""
     # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
     for process in list((getattr(executor, "_processes", None) or {}).values()):
         process.terminate()
@@ -302,16 +287,13 @@ def stop_processes(executor: Any) -> None:
 def is_lost(error: BaseException) -> bool:
     """Return True if a task failed because its worker died, left or hung.
 
-    error: exception of the task. Result: True if another worker may succeed, False for an error of the task itself.
+    Result: True if another worker may succeed, False for an error of the task itself.
     """
     return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 
 
 def worker_init(parent: int) -> None:
-    """Initialise a worker process: ignore Ctrl-C, and exit when the parent process has ended.
-
-    parent: process id of the parent.
-    """
+    """Initialise a worker process: ignore Ctrl-C, and exit when the parent process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 

@@ -144,17 +144,15 @@ class LabellingEvaluator(Protocol):
         """Evaluate labellings until the deadline passes.
 
         labellings: (k, m) True = dry. pruning_thresholds: (k,) a λ per labelling, scene units, as in `evaluate`.
-        Default: evaluate every labelling to the end. deadline: time after which no further labelling is begun. Result:
-        evaluations of the first labellings, all k unless the deadline passes.
+        Default: evaluate every labelling to the end. Result: evaluations of the first labellings, all k unless the
+        deadline passes.
         """
 
     @abstractmethod
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Evaluate one labelling.
 
-        labels: (m,) True = dry. pruning_threshold: λ, scene units. Where a cheap upper bound does not exceed it, the
-        expensive part of the evaluation is omitted. Evaluators without a cheap bound ignore it. Result: result in scene
-        units.
+        labels: (m,) True = dry. Result: result in scene units.
         """
 
 
@@ -222,10 +220,8 @@ class Evaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, in batches where the batch solver applies.
-
-        See `LabellingEvaluator.evaluate_all`.
-        """
+        """Evaluate labellings, in batches where the batch solver applies."""
+        # See `LabellingEvaluator.evaluate_all`.
         if deadline is not None and deadline.passed():
             return []
         if deadline is not None and self._batch_share > 0.0:
@@ -304,10 +300,8 @@ class Evaluator(SharedEvaluator):
         )
 
     def _floor_evaluation(self, proof: Proof, scale: float, start: float) -> Evaluation:
-        """Convert a proof of a lower bound on λ over all solutions without dilation.
-
-        `low` is the proven bound and `high` the lowest λ found.
-        """
+        """Convert a proof of a lower bound on λ over all solutions without dilation."""
+        # `low` is the proven bound and `high` the lowest λ found.
         bound, found = proof.extra["lowest_proven"], proof.extra["lowest_found"]
         return Evaluation(
             status=Status.UNCERTIFIED if bound is None else Status.COLLAPSE,

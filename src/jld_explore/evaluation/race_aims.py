@@ -125,10 +125,7 @@ class RequirementAim:
 
 
 def _near(best: Floats, most: Floats, gap: float) -> Bools:
-    """Return True where both bounds are finite and differ by at most a relative gap.
-
-    best, most: lower and upper bounds, arrays of equal or broadcastable shapes.
-    """
+    """Return True where both bounds are finite and differ by at most a relative gap."""
     known = np.isfinite(best) & np.isfinite(most)
     low, high = np.where(known, best, 0.0), np.where(known, most, 0.0)
     return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))

@@ -30,8 +30,7 @@ ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTA
 def comparison_value(evaluation: Evaluation) -> float:
     """Return the number by which a driver compares an evaluation.
 
-    evaluation: result of one labelling. Result: λ of a collapse, the upper bound of a pruned labelling, else 0; scene
-    units.
+    Result: λ of a collapse, the upper bound of a pruned labelling, else 0; scene units.
     """
     if evaluation.settled == BOUND:
         return evaluation.high
@@ -41,7 +40,6 @@ def comparison_value(evaluation: Evaluation) -> float:
 def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True if a labelling provably reaches the required load factor.
 
-    space: search space with the requirement `search.require`, which may be None. evaluation: result of one labelling.
     Result: True without a requirement and for locked labellings, which carry any load.
     """
     required = space.search.require
@@ -53,7 +51,6 @@ def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
 def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
     """Return True unless a labelling provably misses the required load factor.
 
-    space: search space with the requirement `search.require`, which may be None. evaluation: result of one labelling.
     Result: True without a requirement. Otherwise False for unstable labellings and for those whose upper bound on λ is
     below the required one.
     """
@@ -70,12 +67,11 @@ def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
 def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
     """Compute the objective that a driver maximises.
 
-    Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
-    requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
-
-    space: search space with requirement and front. labellings: (k, m) True = dry. evaluations: results of the k
-    labellings. Returns (k,): objectives, scene units of λ; 0 for an evaluation without a number.
+    labellings: (k, m) True = dry. evaluations: results of the k labellings. Returns (k,): objectives, scene units of λ;
+    0 for an evaluation without a number.
     """
+    # Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
+    # requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
     value = np.array([comparison_value(found) for found in evaluations], dtype=np.float64)
     required = space.search.require
     if required is None:
@@ -90,7 +86,6 @@ def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence
 def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[int, float]:
     """Return the key that sorts evaluations, best first.
 
-    evaluation: result of one labelling. objective: objective from `objective_values` that replaces `comparison_value`.
     Result: rank of the status (see `status_ranks`), then minus the objective for rank 0, and 0.0 for other ranks.
     """
     rank = _status_rank(evaluation)
@@ -114,8 +109,7 @@ def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
     """Compute the counts of the scene's front, signed so that less is better.
 
-    space: search space with the axes of the front. labellings: (k, m) True = dry. Returns (k, c): values of the c
-    counts; counts to be maximised are negated.
+    labellings: (k, m) True = dry. Returns (k, c): values of the c counts; counts to be maximised are negated.
     """
     graph, shapes = space.graph, space.limits.block_shapes
     found = [
@@ -171,9 +165,9 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
     """Compute the objectives that a driver minimises: −λ and the counts of the front.
 
-    space: search space with requirement and front. labellings: (k, m) True = dry. evaluations: results of the k
-    labellings. Returns (k, 1 + c): objectives, with signs such that less is better; for λ see `objective_values`. Rows
-    without collapse have 0 instead of λ; use `status_ranks` to tell them apart.
+    labellings: (k, m) True = dry. evaluations: results of the k labellings. Returns (k, 1 + c): objectives, with signs
+    such that less is better; for λ see `objective_values`. Rows without collapse have 0 instead of λ; use
+    `status_ranks` to tell them apart.
     """
     return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])
 
@@ -210,7 +204,7 @@ def rows_of(
 ) -> Rows:
     """Return the rows (k,) of evaluations, for a record or a table.
 
-    kind: type from `record_type`. labellings: (k, m) labels, True = dry. multiplicities: k orbit sizes.
+    labellings: (k, m) labels, True = dry.
     """
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
@@ -249,9 +243,9 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
 def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:
     """Return the rows of stored columns, and the index of the first row that is damaged.
 
-    The index is that of the first wrong checksum, None if all are right. content: one tuple of `COLUMNS` per row.
     Raises KeyError, TypeError, ValueError or OverflowError for values that no row can hold.
     """
+    # The index is that of the first wrong checksum, None if all are right.
     rows = np.zeros(len(content), dtype=kind)
     columns = dict(zip(COLUMNS, zip(*content, strict=True), strict=True))
     packed = np.frombuffer(b"".join(columns["labelling"]), np.uint8)

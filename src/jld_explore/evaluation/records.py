@@ -120,8 +120,8 @@ _DISK: Final = {
 def errors_named(path: Path) -> Iterator[None]:
     """Convert SQLite errors inside the context to errors that name the file.
 
-    path: the SQLite file. Raises InputError if another process has the file open, or if the file is damaged. Raises
-    OSError if the disk fails or is full.
+    Raises InputError if another process has the file open, or if the file is damaged. Raises OSError if the disk fails
+    or is full.
     """
     try:
         yield
@@ -149,10 +149,7 @@ def recorded_driver(path: Path) -> str | None:
 
 
 def damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged record file.
-
-    how: description of the damage.
-    """
+    """Return the InputError, not raised, for a damaged record file."""
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 
@@ -186,8 +183,7 @@ def parsed(value: object) -> Any:
 def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
     """Raise InputError for the first entry in which a record differs from the current study.
 
-    The bound, withdrawn bounds and the problem of the conflicts may differ. path: name of the record in the message.
-    old, new: header of the record and of the study.
+    The bound, withdrawn bounds and the problem of the conflicts may differ.
     """
     for key in sorted((old.keys() | new.keys()) - _CHANGING):
         if old.get(key) != new.get(key):
@@ -547,10 +543,7 @@ class Records:
         return errors_named(self.path)
 
     def _damaged(self, how: str) -> InputError:
-        """Return the InputError, not raised, for a damaged file.
-
-        how: description of the damage.
-        """
+        """Return the InputError, not raised, for a damaged file."""
         return damaged(self.path, how)
 
 
@@ -615,10 +608,8 @@ class RecordedEvaluator:
         return PendingEvaluations(labellings, found, missing, run, first_required)
 
     def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
-        """Wait for submitted labellings, record their evaluations, and return all k in order.
-
-        The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
-        """
+        """Wait for submitted labellings, record their evaluations, and return all k in order."""
+        # The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
         found, labellings, missing = pending.found, pending.labellings, pending.missing
         known = np.array([evaluation is not None for evaluation in found], dtype=bool)
         self._report([evaluation for evaluation in found if evaluation is not None], labellings[known])
@@ -687,7 +678,7 @@ class RefinedRecords:
     def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
         """Write refined evaluations in one step; they replace all that were kept before.
 
-        labellings: (k, m) True = dry. multiplicities: orbit sizes under the symmetries.
+        labellings: (k, m) True = dry.
         """
         rows = rows_of(self._records.type, labellings, multiplicities, evaluations)
         with whole_file(self._path) as fresh, fresh.open("wb") as file:

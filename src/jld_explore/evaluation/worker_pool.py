@@ -164,8 +164,7 @@ class WorkerPool:
     def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
         """Submit a task to one worker.
 
-        worker: a worker of this pool. function: function of the task, defined at module level. *arguments: arguments of
-        the function. Result: result of the task. None if the worker has died; the worker is then removed.
+        Result: result of the task. None if the worker has died; the worker is then removed.
         """
         try:
             return worker.submit(function, *arguments)
@@ -176,9 +175,8 @@ class WorkerPool:
     def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
         """Return the result of a task, waiting for it.
 
-        worker: worker that the task was submitted to. future: the task. Result: result of the task. `LOST` if its
-        worker died or left; the worker is then removed. Raises Exception: an error of the task itself, which another
-        worker would repeat.
+        Result: result of the task. `LOST` if its worker died or left; the worker is then removed. Raises Exception: an
+        error of the task itself, which another worker would repeat.
         """
         try:
             return future.result()
@@ -238,8 +236,8 @@ class TaskPool:
     def run(self, work: Callable[..., _Result], tasks: Sequence[tuple[Any, ...]]) -> list[_Result]:
         """Run a function with the arguments of each task.
 
-        work: function of a module, which other processes can import. tasks: arguments of each call. Result: results in
-        the order of the tasks. Tasks that a process left undone when it died are run in this process.
+        Result: results in the order of the tasks. Tasks that a process left undone when it died are run in this
+        process.
         """
         if self.jobs == 1 or len(tasks) < 2:
             return [work(*task) for task in tasks]
@@ -296,10 +294,7 @@ class WorkerSpec:
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
-        """Make the specification that workers need to evaluate labellings of an assembly.
-
-        make: function of the assembly and the settings that returns an evaluator; it is pickled with both.
-        """
+        """Make the specification that workers need to evaluate labellings of an assembly."""
         content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
@@ -308,10 +303,10 @@ class WorkerSpec:
     def evaluator(self) -> LabellingEvaluator:
         """Return the evaluator of this thread, made at the first call and kept.
 
-        Another specification replaces it. If another thread of the process has one that can be shared, a twin is made.
-
         Raises InputError if the worker has another version of jld.
         """
+        # Another specification replaces it. If another thread of the process has one that can be shared, a twin is
+        # made.
         if getattr(_of_thread, "digest", None) != self.digest:
             other = _of_process.get(self.digest)
             if other is None:
@@ -351,11 +346,8 @@ def evaluate_batch(
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process with the evaluator of this thread.
 
-    spec: specification of the evaluator. labellings: (k, m) True = dry. deadline: time after which no further labelling
-    is begun. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). required: evaluate all labellings
-    regardless of the deadline. The deadline then limits only the search without dilation, whose result so far is used.
-    If nothing is known by the deadline, the batch is evaluated without a limit. Result: number: number of the batch;
-    evaluations: evaluations of all k labellings, or of those finished by the deadline.
+    labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
+    number: number of the batch; evaluations: evaluations of all k labellings, or of those finished by the deadline.
     """
     if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
@@ -398,10 +390,7 @@ _SWITCH_SECONDS: Final = 5e-4
 
 
 def batch_size(faces: int, requested: int) -> int:
-    """Compute the number of labellings that a worker evaluates in one task.
-
-    faces: number of faces of the scene. requested: number of labellings requested together.
-    """
+    """Compute the number of labellings that a worker evaluates in one task."""
     return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
 
@@ -464,13 +453,10 @@ class Workers:
     ) -> Run:
         """Begin to evaluate labellings, after the runs begun before.
 
-        With one job, and on a cluster, the evaluation starts when results are requested.
-
-        labellings: (k, m) True = dry. deadline: time after which no further labelling is begun. thresholds: (k,)
-        pruning thresholds (see `LabellingEvaluator.evaluate`). first_required: evaluate the first labelling regardless
-        of the deadline, in this process. Local processes start after it, as their start would take processors from it.
-        Result: iterator over the results.
+        labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
+        iterator over the results.
         """
+        # With one job, and on a cluster, the evaluation starts when results are requested.
         thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
         run = Run(self, labellings, deadline, thresholds, first_required)
         if self._threads is not None:
@@ -493,11 +479,9 @@ class Workers:
                 run.stop()  # The run starts again when its results are requested.
 
     def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
-        """Return one function per task that waits for its result: batch number and evaluations.
-
-        With several threads the tasks start at once, otherwise when the function is called.
-        Each task is a tuple of arguments of `evaluate_batch`.
-        """
+        """Return one function per task that waits for its result: batch number and evaluations."""
+        # With several threads the tasks start at once, otherwise when the function is called. Each task is a tuple of
+        # arguments of `evaluate_batch`.
         if self._threads is None:
             return [partial(evaluate_batch, *task) for task in tasks]
         if self._begun_at is None:
@@ -583,10 +567,8 @@ class Run:
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
-
-        Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
-        """
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
+        # Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
         # Evaluate the labelling needed in any case in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
@@ -630,10 +612,8 @@ class Run:
             yield joblib.delayed(evaluate_batch)(*self._arguments(number))
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Yield (slice, evaluations) as tasks finish.
-
-        Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
-        """
+        """Yield (slice, evaluations) as tasks finish."""
+        # Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
         workers = self._workers
         if workers.in_process:
             if self._results_of_threads is None:

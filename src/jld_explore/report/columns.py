@@ -101,10 +101,8 @@ def value_in_words(results: pd.DataFrame, value: float) -> str:
 
 
 def columns(assembly: Assembly) -> dict[str, Columns]:
-    """Return the content of columns.json: unit and meaning of each column of each table.
-
-    The keys are file name, then column name, then "unit" and "meaning". Load factors have the unit "".
-    """
+    """Return the content of columns.json: unit and meaning of each column of each table."""
+    # The keys are file name, then column name, then "unit" and "meaning". Load factors have the unit "".
     length = assembly.units[0]
     ends = {f"{axis}{end}": (length, f"{axis} of end {end} of the face") for end in (0, 1) for axis in "xyz"}
     if assembly.dimension == 2:
@@ -135,10 +133,8 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
 
 
 def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
-    """Return unit and meaning of the columns of blocks.csv that depend on the dimension.
-
-    The keys are the names of the columns.
-    """
+    """Return unit and meaning of the columns of blocks.csv that depend on the dimension."""
+    # The keys are the names of the columns.
     length, planar = assembly.units[0], assembly.dimension == 2
     axes = "xy" if planar else "xyz"
     kind, unit = ("length", length) if planar else ("area", f"{length}²")
@@ -192,14 +188,12 @@ def front_rows(
 ) -> list[dict[str, Any]]:
     """Return the best λ known for every count, with its evidence, for summary.json.
 
-    Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
-    and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
-    proven the best of its count, and not on the front: one with a better count may carry as much.
-
-    front: rows of the results that no other row dominates. summary: summary of the study, with the driver's own front
-    if it has one. axes: names of the counts with their better directions, "max" or "min". complete: True if every class
-    of the space has been evaluated. aimed: True if the driver searched for the whole front.
+    complete: True if every class of the space has been evaluated. aimed: True if the driver searched for the whole
+    front.
     """
+    # Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
+    # and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
+    # proven the best of its count, and not on the front: one with a better count may carry as much.
     given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
     rows, told = [], list(given.values())
     sign = 1.0 if axes[0][1] == "max" else -1.0
@@ -248,10 +242,7 @@ def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
 
 
 def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
-    """Return a front with its column `evidence`, from the entry `front` of a summary.
-
-    counts: names of the counts that identify a point. Points that the summary does not contain become "visited".
-    """
+    """Return a front with its column `evidence`, from the entry `front` of a summary."""
     told = summary.get("front") or []
     known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
     return front.assign(**{COLUMN: [known.get(str(value), VISITED) for value in values_on(front, counts)]})
@@ -272,10 +263,7 @@ DIGITS: Final = 6
 
 
 def rounded(values: Any, digits: int = PLACES) -> Any:
-    """Round numbers to significant digits and return them in the form of JSON.
-
-    values: a number or an array of any shape. The result is a number or nested lists; NaN and infinities become None.
-    """
+    """Round numbers to significant digits and return them in the form of JSON."""
     array = np.asarray(values, dtype=float)
     if array.ndim == 0:
         return float(f"{array:.{digits}g}") if np.isfinite(array) else None

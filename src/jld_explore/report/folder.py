@@ -101,9 +101,8 @@ def check_folder(folder: Path, resume: bool) -> None:
 def check_certificate_file(path: Path, folder: Path) -> None:
     """Check that a certificate can be written where it is asked for.
 
-    path: file that the certificate will be written to; it and its folder need not exist. folder: results folder of the
-    search. Raises InputError if the file cannot be written, or is one that the search itself writes. The check leaves
-    no file on disk.
+    Raises InputError if the file cannot be written, or is one that the search itself writes. The check leaves no file
+    on disk.
     """
     option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
@@ -118,11 +117,7 @@ def check_certificate_file(path: Path, folder: Path) -> None:
 
 
 def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
-    """Write all tables of a finished study.
-
-    study: study that has ended. reason: reason why it ended. deadline: time after which no more shapes of blocks are
-    counted, so that the tables are written in time.
-    """
+    """Write all tables of a finished study."""
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
@@ -294,11 +289,7 @@ def _drawing_seconds(name: str, done: Exploration) -> float:
 
 
 def _drawings(name: str, done: Exploration, fields: float) -> dict[str, Callable[[], Figure]]:
-    """Return the functions that draw one of `PICTURES`, by file name; empty without data.
-
-    fields: time for bounds by fields that are drawn, for each load case, s. Nothing is imported or
-    solved before a function is called.
-    """
+    """Return the functions that draw one of `PICTURES`, by file name; empty without data."""
     if name == "best":
         # With load cases "best" shows the governing case, and every case has a picture of its own.
         if isinstance(done.scene.cracks, FieldCracks):
@@ -338,10 +329,7 @@ class _Best:
 
 
 def _field_picture(done: Exploration, seconds: float) -> Figure:
-    """Draw stress trajectories and cracks of the best layout under its governing load case.
-
-    seconds: time for bounds by fields, for each load case, s.
-    """
+    """Draw stress trajectories and cracks of the best layout under its governing load case."""
     from jld_core.views.field_figures import figure_of_fields
 
     return figure_of_fields(*done.field_result(seconds=seconds).governing_case)

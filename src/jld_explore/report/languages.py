@@ -219,10 +219,7 @@ _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
 
 
 def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
-    """Return texts in one language, by key.
-
-    language: one of LANGUAGES. words: texts in each of them, by key; by default those of the printed report.
-    """
+    """Return texts in one language, by key."""
     place = LANGUAGES.index(language)
     return {key: texts[place] for key, texts in words.items()}
 
@@ -245,10 +242,7 @@ def digits(value: float) -> str:
 
 
 def stronger_cut(high: float, language: str = "en") -> str:
-    """Say that a layout is stronger than the structure without cuts, and why this may be.
-
-    high: upper bound on λ by faces without cuts. language: one of LANGUAGES.
-    """
+    """Say that a layout is stronger than the structure without cuts, and why this may be."""
     return words_in(language)["stronger_cut"].format(high=f"{high:.4g}")
 
 
@@ -259,11 +253,8 @@ def decimal_commas(text: str) -> str:
 
 
 def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
-    """Write numbers and legends of a page in the format of its language.
-
-    5.062 would be five thousand in German and Italian. page: changed in place; English ones stay. names: texts that
-    stay, as names of stones.
-    """
+    """Write numbers and legends of a page in the format of its language."""
+    # 5.062 would be five thousand in German and Italian.
     from matplotlib.text import Text
 
     if language == LANGUAGES[0]:

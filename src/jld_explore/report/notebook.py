@@ -34,10 +34,7 @@ class ExplorationView:
         return front_picture(thing)
 
     def html(self, thing: Exploration, drawing: str | bytes | None) -> str:
-        """Return the facts, the drawing and the first rows of both tables as HTML.
-
-        drawing: SVG text or PNG, None where it is too large.
-        """
+        """Return the facts, the drawing and the first rows of both tables as HTML."""
         tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
         parts = [
             f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()

@@ -74,12 +74,7 @@ def page_data(
 ) -> PageData:
     """Assemble the data of a page.
 
-    kind: "report" or "studio". scene: scene; None where only its assembly is known. assembly: structure with m faces.
-    candidates: (m,) faces whose label may be chosen. facts: facts shown by name. warnings: warnings shown. how:
-    sentence on how to get forces that the page does not hold, with {rank} in it. table: table from `table_of`.
-    solutions: data from `solution_of` by the number of the row. convergence: curves with name, solves, seconds and
-    best. pictures: pictures with title and png, base64. studio: additional data of the studio. Result: data that can be
-    written as JSON.
+    candidates: (m,) faces whose label may be chosen. Result: data that can be written as JSON.
     """
     return {
         "format": FORMAT,
@@ -160,10 +155,8 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
 
 
 def _bare_edges(assembly: Assembly) -> list[Edge]:
-    """Return the pieces of the outlines of free elements that no interface covers.
-
-    Each piece has the element and its two ends.
-    """
+    """Return the pieces of the outlines of free elements that no interface covers."""
+    # Each piece has the element and its two ends.
     touching: list[list[list[list[float]]]] = [[] for _ in assembly.elements.ids]
     for k, polygon in enumerate(assembly.interfaces.polygon):
         ends = np.asarray(polygon).tolist()
@@ -208,7 +201,7 @@ def cases_of(assembly: Assembly) -> list[str]:
 def loads_of(assembly: Assembly) -> list[Load]:
     """List the live loads for drawing: on points, on all bodies together, and couples.
 
-    assembly: structure with its load cases. Result: loads with case, kind, element, position and vector, scene units.
+    Result: loads with case, kind, element, position and vector, scene units.
     """
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[Load] = []
@@ -232,8 +225,7 @@ def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: 
 def solution_of(result: LimitAnalysisResult) -> Solution:
     """Convert a limit analysis result to the data of a drawing, by load case.
 
-    result: result of one layout. Result: λ (with load cases the governing factor), bracket and status, and for each
-    case forces and mechanism.
+    Result: λ (with load cases the governing factor), bracket and status, and for each case forces and mechanism.
     """
     cases = result.cases or {"": result}
     names = list(cases)
@@ -251,11 +243,7 @@ def solution_of(result: LimitAnalysisResult) -> Solution:
 
 
 def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
-    """Extend the solution of a structure with omitted cells to the whole structure.
-
-    assembly: the whole structure. text: labelling with a letter per face of it, "v" beside an omitted cell. Values of
-    omitted elements, and of faces beside them, become zeros.
-    """
+    """Extend the solution of a structure with omitted cells to the whole structure."""
     gone = omitted(assembly, text)
     faces = np.flatnonzero(~beside_nothing(text)).tolist()
     elements = np.flatnonzero(~gone).tolist()
@@ -343,18 +331,14 @@ PLANAR: Final = {"figures.js": "figures_planar.js"}
 
 
 def asset(name: str, wing: str = "report") -> str:
-    """Return the text of a front-end file.
-
-    name: name of the file under `assets/`. wing: sub-package that holds it, "report" or "studio".
-    """
+    """Return the text of a front-end file."""
     return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
 
 def asset_names(wing: str = "report") -> list[str]:
     """List the front-end files that a browser loads.
 
-    wing: sub-package that holds them, "report" or "studio". Result: modules and styles, and modules of vendors as
-    "vendor/...", sorted.
+    Result: modules and styles, and modules of vendors as "vendor/...", sorted.
     """
     own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
     vendor = _assets(wing).joinpath("vendor")
@@ -370,9 +354,9 @@ def _assets(wing: str) -> Traversable:
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
     """Join a JavaScript module of the page and all its imports into one script.
 
-    Imported modules come first, each in a scope of its own. entry: file name of the module. instead: replacements of
-    modules by name. Raises ValueError for circular imports, and for text that would end the script element.
+    Raises ValueError for circular imports, and for text that would end the script element.
     """
+    # Imported modules come first, each in a scope of its own.
     instead = instead or {}
     done: dict[str, str] = {}
 
@@ -416,11 +400,7 @@ def _place(name: str, instead: Mapping[str, str]) -> str:
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """Return the self-contained HTML of a report page.
-
-    data: data of the page, as `page_data` assembles them. The content security policy of the page admits only its own
-    script and style, by their hashes.
-    """
+    """Return the self-contained HTML of a report page."""
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
     policy = (
@@ -452,8 +432,7 @@ def packed(data: Mapping[str, Any]) -> str:
 def filled(template: str, parts: Mapping[str, str]) -> str:
     """Replace each {{name}} in a template by its part; parts are not expanded again.
 
-    template: text with {{name}} tokens. parts: replacement of each token. Result: text with all tokens replaced. Raises
-    KeyError if a token has no part.
+    Result: text with all tokens replaced. Raises KeyError if a token has no part.
     """
     return _TOKEN.sub(lambda found: parts[found[1]], template)
 
@@ -495,11 +474,7 @@ def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) ->
 def table_of(
     results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
 ) -> Table:
-    """Return the table of layouts for a page: columns, labellings and evidence.
-
-    results: the rows to show. front: rows on the front, with a column `evidence`. axes: counts of the front, each with
-    its better direction, "max" or "min". left_out: number of rows of the study that are not shown.
-    """
+    """Return the table of layouts for a page: columns, labellings and evidence."""
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     count, sense = axes[0]
@@ -577,10 +552,7 @@ def _counts() -> dict[str, Count]:
 
 
 def curve_of(name: str, history: pd.DataFrame) -> Curve:
-    """Return a convergence curve for a page from the table of convergence.csv.
-
-    name: legend text. Rows without a finite best λ are left out.
-    """
+    """Return a convergence curve for a page from the table of convergence.csv."""
     found = history[np.isfinite(history["best"].astype(float))]
     return {
         "name": name,
@@ -591,11 +563,8 @@ def curve_of(name: str, history: pd.DataFrame) -> Curve:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """Describe the proven results of a search: bracket of the best, bound, gap.
-
-    The result is texts by name. The versions of libraries are added if the summary has them. results: table of results,
-    best row first.
-    """
+    """Describe the proven results of a search: bracket of the best, bound, gap."""
+    # The result is texts by name. The versions of libraries are added if the summary has them.
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)
     if summary.get("best") is not None and len(best):

@@ -61,11 +61,7 @@ HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --
 
 
 def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
-    """Make the self-contained HTML page of a finished search.
-
-    done: finished search. patience: time limit for solving layouts, s (see `study_data`). dear: largest solve time of a
-    layout, s (see `study_data`).
-    """
+    """Make the self-contained HTML page of a finished search."""
     return page(study_data(done, patience, dear=dear))
 
 
@@ -77,8 +73,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
     """Assemble the data of the page of one layout (see `page_data`).
 
-    scene: scene; None where only its assembly is known. found: result of the layout. Result: data that can be written
-    as JSON.
+    Result: data that can be written as JSON.
     """
     assembly, solution = found.assembly, solution_of(found)
     return page_data(
@@ -107,11 +102,7 @@ def study_data(
 ) -> PageData:
     """Assemble the data of the page of a search (see `page_data`).
 
-    done: finished search. patience: time limit for solving layouts to be drawn, s; the best come first. kind: "report"
-    or "studio". studio: additional data of the studio. dear: solve time, s, above which no layout is solved, not even
-    the first; estimated by the time of its evaluation. most: number of strongest rows of the table; the front is added.
-    solved: number of best rows whose forces and mechanism are solved, besides those of the front. Result: data that can
-    be written as JSON.
+    Result: data that can be written as JSON.
     """
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
@@ -152,10 +143,7 @@ def _pictures(done: Exploration) -> list[Picture]:
 
 
 def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
-    """Return the picture of λ along the paths of moving loads, none without any.
-
-    assembly: with the load cases of the solution.
-    """
+    """Return the picture of λ along the paths of moving loads, none without any."""
     if all(case.place is None for case in assembly.cases):
         return []
     from jld_core.views.path import PathValue, figure_of_path  # importing matplotlib takes longer than many pages
@@ -172,11 +160,9 @@ def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float, solved: int) -> dict[int, Solution]:
-    """Solve rows in order of importance until time runs out; return solutions by position.
-
-    The most important row is solved even after `patience` seconds. Solving ends at the first row that is expected to
-    take longer than `dear` seconds, and `dear` seconds after the begin.
-    """
+    """Solve rows in order of importance until time runs out; return solutions by position."""
+    # The most important row is solved even after `patience` seconds. Solving ends at the first row that is expected to
+    # take longer than `dear` seconds, and `dear` seconds after the begin.
     start, latest = time.perf_counter(), Deadline(dear)
     found: dict[int, Solution] = {}
     solver = CaseAnalysis(done.assembly, done.model)

@@ -66,12 +66,9 @@ def plot_pareto(
 ) -> Figure:
     """Plot λ against a count: all layouts that collapse, the front, and layouts along it.
 
-    Numbers in circles link layouts and points.
-
-    results, front: tables with the columns of results.csv; `front` is a part of `results`. count: name of a registered
-    count. sense: "max" or "min", the better direction of the count. layouts: largest number of layouts drawn. Result:
-    figure. Raises ValueError if count or sense is unknown, or labellings do not fit the assembly.
+    Result: figure. Raises ValueError if count or sense is unknown, or labellings do not fit the assembly.
     """
+    # Numbers in circles link layouts and points.
     if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
     counted = count_named(count)
@@ -123,10 +120,7 @@ def plot_best(result: LimitAnalysisResult) -> Figure:
 
 
 def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
-    """Return a figure of λ by an integer count: box plots, with all layouts as dots.
-
-    results: columns of results.csv. Numbers along the top give the number of classes of each box.
-    """
+    """Return a figure of λ by an integer count: box plots, with all layouts as dots."""
     shown = collapsed(results)
     figure = figure_of(8.0, 4.6)
     ax = axes_of(figure, (0.75, 0.85, 7.0, 3.25))
@@ -162,9 +156,9 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
 def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50) -> Figure:
     """Return a figure of how often each face is dry in the `top` best layouts.
 
-    Width and colour of a face show the share; faces to supports stay thin. results: columns of results.csv; each class
-    counts once. Raises ValueError for labellings that do not fit the assembly.
+    Raises ValueError for labellings that do not fit the assembly.
     """
+    # Width and colour of a face show the share; faces to supports stay thin.
     best = collapsed(results).nlargest(top, "load_factor")  # ties keep their order
     lower, upper = extent(assembly, projection_of(assembly))
     span = upper - lower
@@ -195,11 +189,7 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
 
 
 def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
-    """Return a figure of the best λ so far against solves and against time, a line per search.
-
-    histories: tables by legend text, with the columns `solves` (so far), `seconds` (since the start) and `best` (λ so
-    far, blank while there is none).
-    """
+    """Return a figure of the best λ so far against solves and against time, a line per search."""
     figure = figure_of(9.6, 4.2)
     names = {"solves": "programs solved", "seconds": "time [s]"}
     axes = [axes_of(figure, (0.75 + 4.45 * k, 0.95, 4.1, 2.95)) for k in range(2)]
@@ -251,11 +241,8 @@ def collapsed(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
-    """Select points (k, 2) that lie well apart on paper, and return their indices, ascending.
-
-    The ends come first, then always the point farthest from those selected, until circles would touch. every: all
-    points on the axes. inches: size of the axes. most: largest number of points.
-    """
+    """Select points (k, 2) that lie well apart on paper, and return their indices, ascending."""
+    # The ends come first, then always the point farthest from those selected, until circles would touch.
     if not len(points):
         return []
     scale = np.array(inches) / np.maximum(np.ptp(every, axis=0), 1e-300)
@@ -401,11 +388,9 @@ def plot_three(
 ) -> Figure:
     """Plot the best λ for every pair of two counts, and layouts along the front.
 
-    The front is emphasised. Numbers in circles link layouts and points.
-
-    results, front: tables with the columns of results.csv; `front` is a part of `results`. axes: the two counts with
-    their better directions, "max" or "min". layouts: largest number of layouts drawn. Result: figure.
+    Result: figure.
     """
+    # The front is emphasised. Numbers in circles link layouts and points.
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
     shown = collapsed(results)
@@ -453,8 +438,7 @@ def plot_three(
 def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
     """Draw each pair of integer counts as a square with its best λ; fill and frame the front.
 
-    shown: columns of both counts and λ. points: (k, 3) counts and λ on the front. sure: (k,) True if proven. scale:
-    colours of λ.
+    points: (k, 3) counts and λ on the front. sure: (k,) True if proven.
     """
     first, second, value = shown.columns
     on_front = {(x, y): (v, known) for (x, y, v), known in zip(points, sure, strict=True)}
@@ -493,10 +477,8 @@ def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: 
 
 
 def _dots(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Draw every layout as a dot and the front coloured by λ, for counts with many values.
-
-    Arguments as in `_squares`.
-    """
+    """Draw every layout as a dot and the front coloured by λ, for counts with many values."""
+    # Arguments as in `_squares`.
     first, second, _ = shown.columns
     ax.plot(shown[first], shown[second], "o", color=DOTS, alpha=0.4, markersize=3.0, markeredgewidth=0.0, zorder=1.0)
     for part, width, words in ((sure, 1.8, "proven"), (~sure, 0.9, "best found")):

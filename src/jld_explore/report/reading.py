@@ -302,8 +302,9 @@ def read_folder(folder: str | Path) -> Exploration:
 def history_of(folder: Path) -> pd.DataFrame | None:
     """Return the columns solves, seconds and best of convergence.csv in a results folder.
 
-    The result is None if the folder has no such file. Raises InputError if it is damaged.
+    Raises InputError if it is damaged.
     """
+    # The result is None if the folder has no such file.
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     path = folder / tables.CONVERGENCE
@@ -316,10 +317,7 @@ def history_of(folder: Path) -> pd.DataFrame | None:
 
 
 def _summary(path: Path, faces: int) -> dict[str, Any]:
-    """Read and validate summary.json; raise InputError if it is damaged or of another scene.
-
-    faces: number of faces, the length of labellings.
-    """
+    """Read and validate summary.json; raise InputError if it is damaged or of another scene."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
@@ -340,10 +338,7 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
-    """Read and validate the table of results; raise InputError if it is damaged.
-
-    counts: names of the counts that it has to contain. A table of another scene is refused as well.
-    """
+    """Read and validate the table of results; raise InputError if it is damaged."""
     import pandas as pd
 
     try:
@@ -382,8 +377,5 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
 
 
 def _damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged file.
-
-    how: description of the damage.
-    """
+    """Return the InputError, not raised, for a damaged file."""
     return InputError(str(path), f"it is damaged ({how.splitlines()[0]})", LEFT)

@@ -47,11 +47,9 @@ def without_parquet(rows: int) -> list[str]:
 
 
 def write_results(folder: Path, results: pd.DataFrame, *, csv: bool | None = None) -> None:
-    """Write the table of results into a folder; a file that is not written any more is removed.
-
-    Parquet: where pyarrow is installed. CSV: always without it; else if csv is True or there are at most `CSV_ROWS`
-    rows, and with None also where the folder has a CSV file already.
-    """
+    """Write the table of results into a folder; a file that is not written any more is removed."""
+    # Parquet: where pyarrow is installed. CSV: always without it; else if csv is True or there are at most `CSV_ROWS`
+    # rows, and with None also where the folder has a CSV file already.
     path, parquet = folder / CSV_FILE, parquet_is_installed()
     if csv or not parquet or len(results) <= CSV_ROWS or (csv is None and path.exists()):
         write_text(path, csv_of(results))

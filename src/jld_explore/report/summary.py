@@ -166,9 +166,8 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
 def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
     """Return the entries of summary.json on the required load factor: `require` and `proven`.
 
-    table: results with the column of `column`. complete: True if every class has been evaluated. finished: True if the
-    driver's proof is complete. A layout that collapses may reach the factor although its lower bound does not. The dict
-    is empty if no load factor is required.
+    complete: True if every class has been evaluated. finished: True if the driver's proof is complete. A layout that
+    collapses may reach the factor although its lower bound does not. The dict is empty if no load factor is required.
     """
     if search.require is None:
         return {}

@@ -41,11 +41,10 @@ _DIGITS: Final = 12  # decimal digits to which counts are compared, relative to 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
     """Return a mask of the rows that are not dominated in λ and the counts.
 
-    A row is dominated if another is at least as good in all objectives and better in one.
-
     load_factors: (k,) λ, more is better; rows with NaN are never on the front. counts: (k,) values of c counts.
     *senses: "max" or "min" for each count. Returns (k,).
     """
+    # A row is dominated if another is at least as good in all objectives and better in one.
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
     worth = np.asarray(counts, dtype=float).reshape(len(load_factors), len(senses)) * signs
     # Equal sums of lengths or masses may differ by rounding.
@@ -93,11 +92,9 @@ _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, whi
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
-    """Return the table faces.csv: one row per face of the assembly.
-
-    Its columns are index, ids of both elements, end points (scene units), and whether a search may choose the label. In
-    space the end points are opposite corners of the bounding box of the face.
-    """
+    """Return the table faces.csv: one row per face of the assembly."""
+    # Its columns are index, ids of both elements, end points (scene units), and whether a search may choose the label.
+    # In space the end points are opposite corners of the bounding box of the face.
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     faces, ids = faces_of(assembly).interfaces, assembly.elements.ids
@@ -133,16 +130,12 @@ def results_table(
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under their
-    dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach it come
-    first, sorted by the count of the front.
-
-    records: evaluations. driver: name of the driver. own_objective: True if `load_factor` is the value of a function of
-    the user; λ is then the last entry of `cases`. deadline: time after which no outline of a block is computed. Counts
-    that need outlines are then missing in the last rows, unless the front is one of such a count. standing: decides
-    which layouts stand under their dead load alone. Default: none is known to stand or to fall. Result: table with the
-    columns of results.csv, λ in scene units; a count that was not computed is NA.
+    own_objective: True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
+    Result: table with the columns of results.csv, λ in scene units; a count that was not computed is NA.
     """
+    # Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under
+    # their dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach
+    # it come first, sorted by the count of the front.
     import pandas as pd
 
     rows = records.rows
@@ -203,10 +196,7 @@ def results_table(
 def _stands(
     rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline | None, *, by_fields: bool
 ) -> Floats:
-    """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided.
-
-    faces: number of labels. by_fields: bounds by fields, of which upper ones show falls alone.
-    """
+    """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided."""
     status = statuses(rows)
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
@@ -243,11 +233,7 @@ def _insert_late(
 
 
 def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[str]:
-    """Return packed labellings (k, bytes) as texts, "d" for dry and "i" for inner.
-
-    interfaces: number m of interfaces. faces: number of leading ones that have a letter. The column is made from the
-    bytes of all texts. As Python objects, a million of them took 0.4 GB.
-    """
+    """Return packed labellings (k, bytes) as texts, "d" for dry and "i" for inner."""
     import pandas as pd
 
     letters = np.empty((len(packed), faces), dtype=np.uint8)
@@ -267,7 +253,7 @@ def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[
 def nominal_of_best(results: pd.DataFrame) -> float | None:
     """Return λ at nominal values of the layout that is strongest at low values.
 
-    None if no layout has a load factor. results: ranked table with the column `load_factor_nominal`.
+    None if no layout has a load factor.
     """
     ranked = that_stand(results)
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
@@ -306,11 +292,7 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
 
 
 def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
-    """Return the table pareto.csv: rows of the results on the front of λ and given counts.
-
-    axes: counts with their better directions, "max" or "min". Of rows that are equally strong, see `_ties`, only
-    those with the best count are on the front. Of several rows with the same counts the first is kept.
-    """
+    """Return the table pareto.csv: rows of the results on the front of λ and given counts."""
     ranked = results.index.isin(that_stand(results).index)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
     _, level = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
@@ -322,22 +304,16 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.Da
 
 
 def is_ahead(results: pd.DataFrame, bound: float | None, gap: float, floor: float = 0.0) -> bool:
-    """Return True if no other layout may be stronger than the first, by more than a gap.
-
-    results: ranked table. bound: on λ of all layouts, None if there is none. floor: λ below which differences are
-    negligible.
-    """
+    """Return True if no other layout may be stronger than the first, by more than a gap."""
     top = results[(results["rank"] == 1).fillna(False)]
     high = min(float(top["bracket_hi"].max()), math.inf if bound is None else bound)
     return len(top) <= 1 or not relative_width(float(top["bracket_lo"].max()), high, floor) > gap
 
 
 def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
-    """Return the table convergence.csv: the best λ so far at each improvement and at the end.
-
-    Its columns are solves (number so far), seconds (solver time so far, summed over workers) and best. Rows follow the
-    order in which evaluations finished.
-    """
+    """Return the table convergence.csv: the best λ so far at each improvement and at the end."""
+    # Its columns are solves (number so far), seconds (solver time so far, summed over workers) and best. Rows follow
+    # the order in which evaluations finished.
     import pandas as pd
 
     rows = records.rows
@@ -354,10 +330,10 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
     """Return the content of summary.json that the results and the study determine.
 
-    It names the best labelling, its proof, and how it was found. complete: True if every class has been evaluated; the
-    best is then optimal up to the widths of the brackets. A driver may also know a bound on λ of all layouts, or have
-    completed a proof of its own.
+    complete: True if every class has been evaluated; the best is then optimal up to the widths of the brackets. A
+    driver may also know a bound on λ of all layouts, or have completed a proof of its own.
     """
+    # It names the best labelling, its proof, and how it was found.
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
     ranked = that_stand(results)

@@ -42,8 +42,7 @@ STOPPED: Final = {
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     """Describe an assembly and its search space for `jld check`.
 
-    space: search space of the scene. Result: lines of text: dimension, counts, loads, program size, candidates and
-    symmetries.
+    Result: lines of text: dimension, counts, loads, program size, candidates and symmetries.
     """
     spots = int(np.count_nonzero(space.candidates))
     return aligned(
@@ -70,10 +69,8 @@ def columns(done: Exploration) -> list[str]:
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
-    """Return the findings of a study as texts by name, for terminal and notebook.
-
-    They include classes by status, the stop reason, and the best λ with its proof.
-    """
+    """Return the findings of a study as texts by name, for terminal and notebook."""
+    # They include classes by status, the stop reason, and the best λ with its proof.
     facts = done.summary.facts
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
@@ -167,10 +164,7 @@ def _anywhere(done: Exploration) -> dict[str, str]:
 
 
 def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
-    """Describe the findings of a check by fields, and the command that continues it.
-
-    check: entry `fields` of the summary, None without a check.
-    """
+    """Describe the findings of a check by fields, and the command that continues it."""
     if check is None:
         return {}
     if check["skipped"]:
@@ -190,11 +184,9 @@ MEANINGS: Final = {
 
 
 def apart(done: Exploration) -> dict[str, str]:
-    """Describe the layouts without a rank, as texts by status.
-
-    A text has their number, the meaning of the status, and the command that shows the first. Statuses that no layout
-    has are left out.
-    """
+    """Describe the layouts without a rank, as texts by status."""
+    # A text has their number, the meaning of the status, and the command that shows the first. Statuses that no layout
+    # has are left out.
     status = done.results["status"]
     found = {}
     for name, meaning in MEANINGS.items():

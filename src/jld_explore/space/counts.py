@@ -200,11 +200,9 @@ def _mass(layouts: Layouts) -> Floats:
 
 
 def _sawn_length(layouts: Layouts) -> Floats:
-    """Return (k,) total length, in space area, of the faces of all blocks.
-
-    Faces at supports are included. It is the boundary of all elements without the inner faces, each of which two
-    elements share, or one and a support.
-    """
+    """Return (k,) total length, in space area, of the faces of all blocks."""
+    # Faces at supports are included. It is the boundary of all elements without the inner faces, each of which two
+    # elements share, or one and a support.
     assembly, faces = layouts.assembly, layouts.assembly.interfaces
     elements, stays = assembly.elements, layouts.stays
     around = np.array(
@@ -441,9 +439,7 @@ def counts(
 ) -> Values:
     """Compute the values of every registered count.
 
-    labellings: (k, m) True = dry. graph: element graph of the assembly; built if missing. shapes: block outlines of the
-    assembly; built if missing. without: counts to leave out. Result: values by the name of the count, in the order of
-    the columns, scene units.
+    labellings: (k, m) True = dry. Result: values by the name of the count, in the order of the columns, scene units.
     """
     return _values([count for count in registered() if count not in without], assembly, labellings, graph, shapes)
 
@@ -458,9 +454,8 @@ def values_until(
 ) -> Ints | Floats:
     """Compute the values of one count for as many labellings, in order, as there is time for.
 
-    count: definition of the count. labellings: (k, m) True = dry. graph: element graph of the assembly. shapes: block
-    outlines of the assembly. deadline: time at which the computation stops; it is checked between outlines. Returns
-    (k,): values, scene units; NaN from the first one on that is late. The first is always computed.
+    labellings: (k, m) True = dry. deadline: time at which the computation stops; it is checked between outlines.
+    Returns (k,): values, scene units; NaN from the first one on that is late. The first is always computed.
     """
     if not deadline.limited:
         return _values([count], assembly, labellings, graph, shapes)[count.name]

@@ -164,10 +164,7 @@ class Connectivity:
 
 
 def connectivity(assembly: Assembly) -> Connectivity:
-    """Build the element graph of an assembly, with arcs between supports that touch.
-
-    assembly: structure with n elements and m faces.
-    """
+    """Build the element graph of an assembly, with arcs between supports that touch."""
     faces, count = assembly.interfaces, len(assembly.elements)
     touching = np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     own = np.arange(count)
@@ -248,7 +245,7 @@ def _spread(graph: Connectivity, rows: Bits) -> Ints:
 def slits(graph: Connectivity, labellings: Bits) -> Bools:
     """Return the dry faces whose two sides are in one block.
 
-    graph: element graph. labellings: (m,) True = dry. Returns (m,).
+    labellings: (m,) True = dry. Returns (m,).
     """
     blocks = blocks_of(graph, labellings)
     return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))

@@ -135,7 +135,7 @@ class Sized:
     def joined(self, name: Ints, count: int) -> Sized:
         """Return the sizes of sets of entries.
 
-        name: (n,) set of each entry. count: number of sets.
+        name: (n,) set of each entry.
         """
         corner = np.full((count, self.corner.shape[1]), -inf)
         np.maximum.at(corner, name, self.corner)
@@ -180,9 +180,8 @@ def _longest(corner: Floats) -> Floats:
 def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = MEASURES) -> dict[str, Floats]:
     """Compute the sizes of all blocks of labellings by several measures.
 
-    assembly: structure with n elements. blocks: (k, n) block of each element, from `blocks_of`. measures: measures to
-    compute. Result: sizes by the key of the measure, at the column of each block's name, scene units. Columns that name
-    no block with a free element are zero.
+    blocks: (k, n) block of each element, from `blocks_of`. Result: sizes by the key of the measure, at the column of
+    each block's name, scene units. Columns that name no block with a free element are zero.
     """
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
@@ -317,10 +316,8 @@ class Limits:
     def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Return True where blocks exceed an upper limit.
 
-        Unless `mendable`, no added element can make such a block admissible.
-
-        size: function that returns the sizes of the blocks by a measure. slack: additional relative tolerance. Result:
-        mask in the shape of the sizes; False for exempt blocks.
+        Unless `mendable`, no added element can make such a block admissible. Result: mask in the shape of the sizes;
+        False for exempt blocks.
         """
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
         return self._violated(found, size)
@@ -331,10 +328,7 @@ class Limits:
         return self._violated(found, size)
 
     def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
-        """Return True where any limit is violated and the block is not exempt.
-
-        broken: masks of one shape, one per limit; without any the result is False. size: sizes of the blocks.
-        """
+        """Return True where any limit is violated and the block is not exempt."""
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)
@@ -343,8 +337,8 @@ class Limits:
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
         """Return True for labellings that satisfy all limits.
 
-        labellings: (k, m) True = dry. graph: element graph of the assembly. blocks: (k, n) blocks of the labellings, if
-        known. Returns (k,): True if all limits are satisfied.
+        labellings: (k, m) True = dry. blocks: (k, n) blocks of the labellings, if known. Returns (k,): True if all
+        limits are satisfied.
         """
         good = np.ones(len(labellings), dtype=bool)
         if self.assembly.sink >= 0 and len(labellings):
@@ -383,8 +377,9 @@ class Limits:
     def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
         """Return (k,) True where the remaining cells stand on supports and few enough are omitted.
 
-        Only cells that may be left out are omitted, never all. blocks: (k, n).
+        blocks: (k, n).
         """
+        # Only cells that may be left out are omitted, never all.
         sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
         gone = blocks == blocks[:, [sink]]
         free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
@@ -405,10 +400,9 @@ class Limits:
     def by_cells(self, sized: Sized) -> dict[str, Range]:
         """Return a range for every measure on blocks of sets of elements.
 
-        A limit on an additive measure becomes a limit on cells if all cells have the same size.
-
-        sized: sizes of the sets. Result: ranges by the key of the measure; the range on cells is in whole numbers.
+        Result: ranges by the key of the measure; the range on cells is in whole numbers.
         """
+        # A limit on an additive measure becomes a limit on cells if all cells have the same size.
         found = {measure.key: self.bounds(measure) for measure in MEASURES}
         cells = found[CELLS.key]
         low, high = max(cells.least, 0.0), cells.most

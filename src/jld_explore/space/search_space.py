@@ -104,10 +104,7 @@ def _numbers_of_blocks(limits: Limits, least: Ints, most: Ints) -> _Numbers:
 def _refuse_sizes(
     limits: Limits, measure: Measure, bounds: Range, small: tuple[Ints, Floats], large: tuple[Ints, Floats]
 ) -> None:
-    """Raise InputError if a smallest block is too large, or a largest one too small.
-
-    small, large: first elements and sizes of the smallest and of the largest possible blocks.
-    """
+    """Raise InputError if a smallest block is too large, or a largest one too small."""
     where, ids = f"search.{measure.key}", limits.assembly.elements.ids
     (holds, smallest), (whole, largest) = small, large
     if (heavy := bounds.above(smallest)).any():
@@ -126,7 +123,7 @@ def _refuse_sizes(
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:
     """Raise InputError if no layout can keep a limit on a count of faces or blocks.
 
-    candidates, fixed: (m,) as in `SearchSpace`. numbers: smallest and largest number of blocks under the other limits.
+    candidates, fixed: (m,) as in `SearchSpace`.
     """
     assembly = limits.assembly
     for count, bounds in limits.on_counts:
@@ -152,11 +149,10 @@ def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Num
 def _refuse_shapes_and_sawing(
     limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity, numbers: _Numbers
 ) -> None:
-    """Raise InputError if limits on shapes or on sawing leave no value.
-
-    Blocks that can be joined to no other stand alone in every labelling: their shapes must exist. Sawn faces are at
-    least those of triangles or tetrahedra. Sawn length is least where all candidates are inner, and most where none is.
-    """
+    """Raise InputError if limits on shapes or on sawing leave no value."""
+    # Blocks that can be joined to no other stand alone in every labelling: their shapes must exist. Sawn faces are at
+    # least those of triangles or tetrahedra. Sawn length is least where all candidates are inner, and most where none
+    # is.
     asked = [(count, bounds) for count, bounds in limits.on_counts if not count.terms]
     if not asked:
         return
@@ -332,10 +328,9 @@ class SearchSpace:
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     """Return True for the labellings that are in the search space.
 
-    A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
-
     labellings: (k, m) True = dry. Returns (k,): True for labellings in the space.
     """
+    # A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
     blocks = None

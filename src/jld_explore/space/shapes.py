@@ -100,10 +100,7 @@ class BlockShapes:
         return self._known[self._placed(members)]
 
     def _placed(self, members: Ints) -> int:
-        """Return the position of the outline of one block, computed if it is not yet known.
-
-        members: its free elements, ascending.
-        """
+        """Return the position of the outline of one block, computed if it is not yet known."""
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
             if key not in self._place:
@@ -125,10 +122,8 @@ class BlockShapes:
             return np.asarray(self._numbers()[places])
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
-        """Return (k,) number of different block shapes of each row (k, n).
-
-        The block that contains the element `sink` is not counted if `sink` is at least 0.
-        """
+        """Return (k,) number of different block shapes of each row (k, n)."""
+        # The block that contains the element `sink` is not counted if `sink` is at least 0.
         with self._lock:
             holds, places = self._look(blocks)
             number = self._numbers()
@@ -140,10 +135,7 @@ class BlockShapes:
         return np.asarray((new & (kind >= 0)).sum(axis=1), dtype=np.int64)
 
     def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
-        """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n).
-
-        name: of the attribute of `Outline`. sink: as for `different`. once: add one of several blocks of one shape.
-        """
+        """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n)."""
         with self._lock:
             holds, places = self._look(blocks)
             number = self._numbers()
@@ -178,10 +170,8 @@ class BlockShapes:
         return np.array(self._kinds.roots(self._number), dtype=np.int64)
 
     def _seed(self) -> None:
-        """Give numbers to the smallest blocks first: which of them connect shapes must not depend on the layouts seen.
-
-        They are single elements and, where some are alike without being copies, connected ones of growing number.
-        """
+        """Give numbers to the smallest blocks first: which of them connect shapes depends on no layout seen."""
+        # They are single elements and, where some are alike without being copies, connected ones of growing number.
         free = [k for k in self.assembly.elements.free.tolist() if k != self.assembly.sink]
         if len(free) > _SEEDS:
             return

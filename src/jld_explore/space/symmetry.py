@@ -73,9 +73,9 @@ class Unknown(Exception):
 def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
     """Return the signature of a scene, None where resultants and mean strengths are all that is read.
 
-    Blocks that crack by fields read where loads act, and a reliability analysis the distribution of each value. Raises
-    Unknown for facts that are not in the signature.
+    Raises Unknown for facts that are not in the signature.
     """
+    # Blocks that crack by fields read where loads act, and a reliability analysis the distribution of each value.
     varying = [path for path, _ in uncertain_values(scene)]
     if not varying and not isinstance(scene.cracks, FieldCracks):
         return None
@@ -259,8 +259,7 @@ def symmetry_group(
 ) -> SymmetryGroup:
     """Find the group that `search.symmetry` requests.
 
-    unknown: reason why mirror images may differ whatever the scene says; then there is no symmetry. Raises InputError
-    for "mirror-x" if the scene does not have this symmetry.
+    Raises InputError for "mirror-x" if the scene does not have this symmetry.
     """
     d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
     identity = (np.eye(d), np.arange(n), np.arange(m))
@@ -290,10 +289,8 @@ def symmetry_group(
 
 
 def _possible_matrices(assembly: Assembly) -> list[Floats]:
-    """Return orthogonal matrices (d, d) that may map the assembly onto itself.
-
-    They follow from the possible images of the rarest elements. The identity is left out.
-    """
+    """Return orthogonal matrices (d, d) that may map the assembly onto itself."""
+    # They follow from the possible images of the rarest elements. The identity is left out.
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
     points, kind = elements.centroid - elements.centroid.mean(axis=0), _kinds(assembly)
@@ -399,10 +396,8 @@ class _Spot:
 
 
 def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signature | None) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and interfaces (m,) under a matrix (d, d) about `centre`, or a reason.
-
-    The reason is a text that names the first property that is not mapped onto itself.
-    """
+    """Return the images of elements (n,) and interfaces (m,) under a matrix (d, d) about `centre`, or a reason."""
+    # The reason is a text that names the first property that is not mapped onto itself.
     whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
     reach = tolerances.SYMMETRY * assembly.size
@@ -446,10 +441,8 @@ def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signat
 
 
 def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
-    """Return True if the axes of bending of spatial faces are mapped onto such axes with equal sizes.
-
-    The axes of a face without a preferred direction may be an arbitrary choice, which its yield set reads.
-    """
+    """Return True if the axes of bending of spatial faces are mapped onto such axes with equal sizes."""
+    # The axes of a face without a preferred direction may be an arbitrary choice, which its yield set reads.
     e1, e2 = faces.e1 @ matrix.T, faces.e2 @ matrix.T
     near = 10.0 * tolerances.SYMMETRY * np.maximum(faces.l1, faces.l2)
     same = np.ones(len(to), dtype=bool)
@@ -505,9 +498,9 @@ def _image_of_members(
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
     """Return (n,) point of the wanted kind within `reach` of each moved point, or None.
 
-    None means that the map is not one to one. moved, points: (n, d). kind_to: wanted kind of each moved point. kind:
-    that of each point.
+    moved, points: (n, d).
     """
+    # None means that the map is not one to one.
     if not len(points):
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.

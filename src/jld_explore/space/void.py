@@ -62,7 +62,7 @@ class Void:
 def is_labelling(text: object, faces: int) -> bool:
     """Return True if an object is the text of a labelling.
 
-    text: object to test. faces: number m of faces. Result: True for a string of m letters d, i and v.
+    Result: True for a string of m letters d, i and v.
     """
     return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
 
@@ -88,8 +88,8 @@ def dry_of(text: str) -> Bits:
 def omitted(assembly: Assembly, text: str) -> Bools:
     """Return the elements that a labelling leaves out.
 
-    assembly: structure without the sink. text: m letters of a labelling. Returns (n,): True for free elements all of
-    whose faces have the letter v; all False for a text without v.
+    text: m letters of a labelling. Returns (n,): True for free elements all of whose faces have the letter v; all False
+    for a text without v.
     """
     void = beside_nothing(text)
     faces = assembly.interfaces
@@ -101,9 +101,8 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     """Return the structure without the cells that a labelling leaves out, and its labels.
 
-    assembly: structure without the sink. text: m letters of a labelling. Result: assembly: remaining structure, the
-    given one if the text has no v; labels: labels of its interfaces, True = dry. Raises ValueError if the text holds a
-    letter other than d, i and v.
+    Result: assembly: remaining structure, the given one if the text has no v; labels: labels of its interfaces, True =
+    dry. Raises ValueError if the text holds a letter other than d, i and v.
     """
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:

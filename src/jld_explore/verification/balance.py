@@ -112,10 +112,9 @@ class Balances:
         self._live, self._live_digits = whole(assembly.live)
 
     def _anchors(self) -> Iterator[tuple[int, int, Floats, Floats]]:
-        """Yield the points at which members act on elements, with the forces there.
-
-        A point is given by interface, element, position (d,), and forces (d, d) for unit N, V1 and V2 of the interface.
-        """
+        """Yield the points at which members act on elements, with the forces there."""
+        # A point is given by interface, element, position (d,), and forces (d, d) for unit N, V1 and V2 of the
+        # interface.
         members, faces, d = self.assembly.members, self.assembly.interfaces, self.assembly.dimension
         for k in np.flatnonzero(members.face >= 0).tolist():
             face = int(members.face[k])
@@ -131,9 +130,7 @@ class Balances:
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
         """Evaluate the work balance of a mechanism.
 
-        moves: velocities of elements, as integers over 2**digits. digits: binary digits of the velocities after the
-        point. labels: labels of decided faces, True = dry; other faces may have either label. Result: balance valid for
-        all labellings with these labels.
+        Result: balance valid for all labellings with these labels.
         """
         scale = self._coefficient_digits + digits
         work = self._power(self._live, self._live_digits, moves, digits)
@@ -176,10 +173,8 @@ class Balances:
         return Fraction(total, 1 << (shared + digits))
 
     def _planar_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
-        """Return the dissipation of a planar face, (3.4) to (3.7), rounded up; None if infinite.
-
-        The unit is 1/24 of 2**−(jumps + 3 digits).
-        """
+        """Return the dissipation of a planar face, (3.4) to (3.7), rounded up; None if infinite."""
+        # The unit is 1/24 of 2**−(jumps + 3 digits).
         area, length, _, _, tension, shear, crush_dry, crush_inner, cohesion, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         opening, slip, turn = jump[0] << digits, abs(jump[1]), length * abs(jump[2])
@@ -206,10 +201,8 @@ class Balances:
         return sheared + max(ends, corner)
 
     def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
-        """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite.
-
-        The unit is 1/24 of 2**−(jumps + 4 digits).
-        """
+        """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
+        # The unit is 1/24 of 2**−(jumps + 4 digits).
         area, l1, l2, arm, tension, shear, _, compression, cohesion, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
@@ -240,11 +233,7 @@ def whole(values: Floats) -> tuple[list[list[int]], int]:
 
 
 def _rows(frame: Sequence[Sequence[int]], arm: Sequence[int], far: int, near: int) -> list[list[int]]:
-    """Return the jump of a face per unit velocity of an element, (1.1) and (3.1), as integers.
-
-    frame: axes of the face, as integers over 2**near. arm: centroid of the face minus that of the element, as integers
-    over 2**far. The result has integers over 2**(far + near).
-    """
+    """Return the jump of a face per unit velocity of an element, (1.1) and (3.1), as integers."""
     if len(arm) == 2:
         along = [[x << far, y << far, arm[0] * y - arm[1] * x] for x, y in frame]
         return [*along, [0, 0, 1 << far + near]]

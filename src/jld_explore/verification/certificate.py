@@ -87,10 +87,7 @@ Reason = Mechanism | Rule | Lemma
 
 
 def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
-    """Write JSON objects one per line, with their digest (SHA-256) in a last line, atomically.
-
-    path: file; its folder is created if missing.
-    """
+    """Write JSON objects one per line, with their digest (SHA-256) in a last line, atomically."""
     text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
     digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -99,11 +96,7 @@ def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
 
 
 def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
-    """Write a certificate atomically.
-
-    path: file to write; its folder is created if missing. claim: statement that the certificate proves. reasons:
-    reasons in the order in which they are checked.
-    """
+    """Write a certificate atomically."""
     head = {_KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(reason) for reason in reasons)]
     write_lines(path, lines)
@@ -122,9 +115,8 @@ def _line(reason: Reason) -> dict[str, Any]:
 def read(path: Path) -> tuple[Claim, list[Reason]]:
     """Read a certificate without checking its reasons.
 
-    path: file of a certificate. Result: claim: statement of the certificate; its scene is not validated; reasons: the
-    reasons in the order of their lines. Raises InputError if the file cannot be read, is no certificate, is not whole,
-    or has an invalid claim.
+    Result: claim: statement of the certificate; its scene is not validated; reasons: the reasons in the order of their
+    lines. Raises InputError if the file cannot be read, is no certificate, is not whole, or has an invalid claim.
     """
     try:
         text = path.read_bytes()
@@ -237,14 +229,9 @@ def numbers_of(values: list[Any]) -> tuple[int, ...]:
 
 
 def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[int]], int]:
-    """Return clauses for "at least `least` literals are true", and the largest variable used.
-
-    Variable (i, j) states that j of the first i literals are true. It implies (i − 1, j), or (i − 1, j − 1) together
-    with literal i. One direction of the implication suffices, since the constraint is only a lower bound.
-
-    literals: nonzero integers, negative for a negation. least: 1 or more, else ValueError is raised. top: largest
-    variable used before. Source: Sinz 2005, CP, LNCS 3709, 827–831.
-    """
+    """Return clauses for "at least `least` literals are true", and the largest variable used."""
+    # Variable (i, j) states that j of the first i literals are true. It implies (i − 1, j), or (i − 1, j − 1) together
+    # with literal i. One direction of the implication suffices, since the constraint is only a lower bound.
     if least > len(literals):
         return [[]], top
     before: list[int | None] = [None] * (least + 1)  # (0, j) is false for every j > 0

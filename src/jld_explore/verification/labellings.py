@@ -142,10 +142,8 @@ class Labellings:
         return [face + 1, *(-(f + 1) for f in through)] if b in self._joined(a, through) else None
 
     def too_large(self, joined: Sequence[int]) -> Clause | None:
-        """Return the clause that not all given faces are inner, or None if it does not follow.
-
-        The inner faces must join a block that exceeds a limit.
-        """
+        """Return the clause that not all given faces are inner, or None if it does not follow."""
+        # The inner faces must join a block that exceeds a limit.
         if not joined or not self._are_faces(joined):
             return None
         start = self._ends[joined[0]][0]
@@ -158,11 +156,7 @@ class Labellings:
         return None
 
     def too_small(self, within: Sequence[int]) -> Clause | None:
-        """Return the clause that not all faces around given elements are dry, or None.
-
-        within: the elements; the free ones among them must be below a limit. The result is None if the clause does not
-        follow.
-        """
+        """Return the clause that not all faces around given elements are dry, or None."""
         members = set(within)
         known = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)
         # Supports that touch belong to one block without a face between them.
@@ -191,10 +185,8 @@ class Labellings:
         return reached
 
     def _sizes(self, members: Iterable[int]) -> list[tuple[float, Sequence[float | None], float]]:
-        """Return size, limits and relative rounding of a set of elements for each measure.
-
-        Only free elements contribute to the size.
-        """
+        """Return size, limits and relative rounding of a set of elements for each measure."""
+        # Only free elements contribute to the size.
         elements, search = self.assembly.elements, self.search
         free = sorted(e for e in members if not self._support[e])
         weights = [math.sqrt(math.fsum(w * w for w in elements.weight[e].tolist())) for e in free]

@@ -23,13 +23,8 @@ from jld_explore.verification.labellings import Labellings
 
 
 def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
-    """Return True if a lemma follows by reverse unit propagation from given clauses in order.
-
-    With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
-
-    lemma: literals of the clause to prove. by: numbers of the clauses used, in order. clauses: literals of all known
-    clauses by number. False also for a number that is unknown.
-    """
+    """Return True if a lemma follows by reverse unit propagation from given clauses in order."""
+    # With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
     false = set(lemma)
     if any(-literal in false for literal in lemma):
         return True
@@ -143,10 +138,8 @@ class Checker:
             raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
 
     def clause(self, reason: Reason) -> list[int] | None:
-        """Return the clause that a reason proves, or None if the reason does not hold.
-
-        The clause is not stored. Its literals are those of `Labellings`.
-        """
+        """Return the clause that a reason proves, or None if the reason does not hold."""
+        # The clause is not stored. Its literals are those of `Labellings`.
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
         if isinstance(reason, Lemma):

@@ -36,11 +36,7 @@ _LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment ma
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
-    """Check the winner of a design in five ways, and return the results in order.
-
-    until: deadline of all checks. say: receives one message for each. A check without time says so. The bounds by
-    fields of the winner are refined in `work.trials`.
-    """
+    """Check the winner of a design in five ways, and return the results in order."""
     found = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
     say(f"check        {found[0].words}")
     # the experiment has a process of its own, beside which bounds by fields are refined
@@ -81,10 +77,8 @@ def _span(bounds: Bounds) -> str:
 
 
 def _by_fields(work: Design, until: Deadline) -> Check:
-    """Refine the bounds on λ by fields of the winner until a deadline.
-
-    The winner in `work.trials` is replaced. Where fields do not apply, the check gives the reason.
-    """
+    """Refine the bounds on λ by fields of the winner until a deadline."""
+    # The winner in `work.trials` is replaced. Where fields do not apply, the check gives the reason.
     winner = _winner(work)
     assembly = built(winner)
     problem = why_no_fields(assembly)
@@ -99,10 +93,8 @@ def _by_fields(work: Design, until: Deadline) -> Check:
 
 
 def _at_low_friction(work: Design, until: Deadline) -> Check:
-    """Bound λ of the winner at the low value of friction, by fields or else by faces.
-
-    Without a stated friction of dry joints the check says so.
-    """
+    """Bound λ of the winner at the low value of friction, by fields or else by faces."""
+    # Without a stated friction of dry joints the check says so.
     winner = _winner(work)
     dry = winner.scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
     value = dry.get("friction_coefficient")
@@ -136,11 +128,9 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
 
 
 def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
-    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own.
-
-    Returns the process, a description, and the command with which a user repeats it; or a check that says that no time
-    is left.
-    """
+    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own."""
+    # Returns the process, a description, and the command with which a user repeats it; or a check that says that no
+    # time is left.
     winner = _winner(work)
     assembly = built(winner)
     result, names = solve_rigid(assembly), [case.name for case in assembly.cases]
@@ -157,10 +147,7 @@ def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[s
 
 
 def _end_experiment(process: subprocess.Popen[str], told: str, again: str, until: Deadline) -> Check:
-    """Wait for a virtual experiment, and return its result; a failure is reported in the check.
-
-    told: its description. again: command that repeats it. until: deadline, at which the process is ended.
-    """
+    """Wait for a virtual experiment, and return its result; a failure is reported in the check."""
     try:
         out, errors = process.communicate(timeout=until.remaining())
     except subprocess.TimeoutExpired:
@@ -177,10 +164,8 @@ def _end_experiment(process: subprocess.Popen[str], told: str, again: str, until
 
 
 def _laid(work: Design, until: Deadline) -> Check:
-    """Find an order in which the blocks of the winner can be laid, and the props it needs.
-
-    The check names the blocks that lock one another if there is no order.
-    """
+    """Find an order in which the blocks of the winner can be laid, and the props it needs."""
+    # The check names the blocks that lock one another if there is no order.
     winner = _winner(work)
     assembly: Assembly = built(winner)
     start = LAID[work.options.laid or "translation"][1]

@@ -42,10 +42,10 @@ def why_no_fields(assembly: Assembly) -> str:
 def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
     """Return a planar scene whose faces crush at a share of the uniaxial strength of its blocks.
 
-    By faces a hinge is a point, which carries any force. Where blocks crack anywhere it needs a width, and a layout
-    that is chosen without it may lose half of its load factor. A lower compressive strength of the scene stays. Raises
-    InputError as `uniaxial_strength` does.
+    Raises InputError as `uniaxial_strength` does.
     """
+    # By faces a hinge is a point, which carries any force. Where blocks crack anywhere it needs a width, and a layout
+    # that is chosen without it may lose half of its load factor. A lower compressive strength of the scene stays.
     strength = share * uniaxial_strength(scene)
     document = scene.model_dump(mode="json", exclude_defaults=True)
     for name in ("dry", "inner"):
@@ -57,10 +57,7 @@ def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
 
 
 def with_materials_of(scene: Scene, stated: Scene) -> Scene:
-    """Return a scene with the materials of another one.
-
-    stated: scene whose materials are taken.
-    """
+    """Return a scene with the materials of another one."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"] = stated.model_dump(mode="json", exclude_defaults=True)["materials"]
     return parse_scene(document, scene.name)
@@ -77,12 +74,10 @@ _TRIANGLES: Final = 600  # number of triangles from which on a mesh is fine enou
 def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> TriangleStresses:
     """Compute the stresses of an uncut body under its governing load case at collapse.
 
-    Stresses are those of the lower bound by fields, of a body with a tenth of its tensile strength: its compression is
-    the thrust that joints have to carry. If none is found, the strength is as stated.
-
-    assembly: planar, with loads; labels as stated. until: deadline, after which no further mesh is begun. Raises
-    InputError if fields do not apply, or no stresses in equilibrium with the loads are found.
+    Raises InputError if fields do not apply, or no stresses in equilibrium with the loads are found.
     """
+    # Stresses are those of the lower bound by fields, of a body with a tenth of its tensile strength: its compression
+    # is the thrust that joints have to carry. If none is found, the strength is as stated.
     strengths = assembly.strengths(_ROUTE)
     for share in _TENSION:
         weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
@@ -97,10 +92,7 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
 
 
 def _refined(assembly: Assembly, until: Deadline | None) -> FieldBounds:
-    """Return the bounds by fields of a structure under one load case, with their stresses.
-
-    until: deadline, after which no further mesh is begun.
-    """
+    """Return the bounds by fields of a structure under one load case, with their stresses."""
     refinement = FieldRefinement(assembly, assembly.labels, lower_first=True)
     found = refinement.step()
     while not refinement.ended and refinement.triangles <= _TRIANGLES and not (until is not None and until.passed()):

@@ -61,10 +61,8 @@ class LoadedLine:
         return min(edge.low for edge in self.edges), max(edge.high for edge in self.edges)
 
     def spread(self, low: float, high: float) -> list[tuple[Edge, float, float]]:
-        """Return the outermost edges between two places, each with its interval.
-
-        Slivers, and stretches without an edge, are left out.
-        """
+        """Return the outermost edges between two places, each with its interval."""
+        # Slivers, and stretches without an edge, are left out.
         stops = sorted({low, high, *(end for edge in self.edges for end in (edge.low, edge.high) if low < end < high)})
         parts: list[tuple[Edge, float, float]] = []
         for a, b in itertools.pairwise(stops):
@@ -101,9 +99,9 @@ def points_of(along: str) -> tuple[Floats, Floats] | None:
 def loaded_line(assembly: Assembly, along: str, down: Floats) -> LoadedLine:
     """Return the edges of a planar structure along which a load acts.
 
-    Edges on supports carry none. along: one of `SIDES`, `EXTRADOS`, or two points X,Y,X,Y on the outline. down: (2,)
-    unit vector of weight. Raises ParameterError if there is no such edge.
+    down: (2,) unit vector of weight. Raises ParameterError if there is no such edge.
     """
+    # Edges on supports carry none.
     points = points_of(along)
     if points is not None:
         return _between(assembly, *points)
@@ -121,10 +119,8 @@ def loaded_line(assembly: Assembly, along: str, down: Floats) -> LoadedLine:
 
 
 def _free_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
-    """Return element and ends (2,) of the edges of free elements that do not lie on a support.
-
-    Elements are counter-clockwise, so that material lies to the left of an edge.
-    """
+    """Return element and ends (2,) of the edges of free elements that do not lie on a support."""
+    # Elements are counter-clockwise, so that material lies to the left of an edge.
     elements = assembly.elements
     size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
     supports = shapely.union_all([shapely.Polygon(elements.shape[k]) for k in np.flatnonzero(elements.support)])

@@ -30,11 +30,12 @@ def has_own_loads(options: DesignOptions) -> bool:
 def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
     """Replace the live loads of a scene by those of the options.
 
-    The scene is returned as it is if the options state no load. The force at each place is a load case, as is the push
-    to either side. A force is spread on the pieces below it by their lengths, so that every tessellation carries the
-    same load. side: (d,) horizontal unit vector along which places lie and the push acts; None for `side_of` the scene.
-    Raises InputError if nothing faces upwards, or a place or width does not fit.
+    side: (d,) horizontal unit vector along which places lie and the push acts; None for `side_of` the scene. Raises
+    InputError if nothing faces upwards, or a place or width does not fit.
     """
+    # The scene is returned as it is if the options state no load. The force at each place is a load case, as is the
+    # push to either side. A force is spread on the pieces below it by their lengths, so that every tessellation carries
+    # the same load.
     if not has_own_loads(options):
         return scene
     assembly = build_assembly(scene)
@@ -54,12 +55,10 @@ def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None)
 
 
 def side_of(assembly: Assembly) -> Floats:
-    """Return the horizontal unit vector (d,) along which a structure spans.
-
-    In the plane it is at right angles to gravity. In space it is a horizontal axis of the scene. If the largest free
-    element is a prism that does not stand upright, it is the axis most nearly across the prism. Otherwise it is the
-    longer side of the plan.
-    """
+    """Return the horizontal unit vector (d,) along which a structure spans."""
+    # In the plane it is at right angles to gravity. In space it is a horizontal axis of the scene. If the largest free
+    # element is a prism that does not stand upright, it is the axis most nearly across the prism. Otherwise it is the
+    # longer side of the plan.
     down = _down(assembly)
     if assembly.dimension == 2:
         return np.array([-down[1], down[0]])
@@ -87,10 +86,10 @@ def _forces(
 ) -> list[tuple[float, list[dict[str, Any]]]]:
     """Compute the point loads that carry the force at each place of the load.
 
-    size: total force at a place. side: (d,) horizontal unit vector along which places lie. Returns (horizontal
-    coordinate, load entries) for each place. In the plane places lie along the edges that the options name, and the
-    force is spread on the outermost of them, by their lengths. Raises ParameterError if there is no such edge, the
-    width is not below their length, or none lies at a place.
+    side: (d,) horizontal unit vector along which places lie. Returns (horizontal coordinate, load entries) for each
+    place. In the plane places lie along the edges that the options name, and the force is spread on the outermost of
+    them, by their lengths. Raises ParameterError if there is no such edge, the width is not below their length, or none
+    lies at a place.
     """
     if assembly.dimension == 3:
         if options.along != "top":
@@ -132,9 +131,9 @@ def _forces_in_space(
 ) -> list[tuple[float, list[dict[str, Any]]]]:
     """Compute the point load on the uppermost face at each place of the load, in space.
 
-    size: force at a place. direction: (3,) unit vector along which places lie. Across it the load acts near the middle
-    of the plan or, where nothing lies there, near that of the nearest wall. Returns (coordinate, list of one load
-    entry) for each place. Raises ParameterError if a width is stated, or nothing lies below a place.
+    direction: (3,) unit vector along which places lie. Across it the load acts near the middle of the plan or, where
+    nothing lies there, near that of the nearest wall. Returns (coordinate, list of one load entry) for each place.
+    Raises ParameterError if a width is stated, or nothing lies below a place.
     """
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
@@ -184,8 +183,8 @@ def _forces_in_space(
 def _height(corners: Floats, plan: Floats, flat: list[int], vertical: int, down: Floats) -> float:
     """Return the height of a plane face above one point of the plan; −inf for an upright face.
 
-    corners: (k, 3) of the face. plan: (3,) point, whose vertical coordinate is not used. flat: both horizontal axes.
-    vertical: the other axis. down: (3,) direction of weight.
+    corners: (k, 3) of the face. plan: (3,) point, whose vertical coordinate is not used. down: (3,) direction of
+    weight.
     """
     middle = corners.mean(axis=0)
     normal = np.linalg.svd(corners - middle)[2][2]

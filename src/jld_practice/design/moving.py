@@ -73,11 +73,7 @@ def best_labels(done: Exploration, count: int) -> list[Bits]:
 
 
 def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) -> None:
-    """Move the joints of the best layouts in rounds, and add what is found to the trials.
-
-    until: deadline of all rounds. The first round takes the best layouts of all tessellations. Each further one starts
-    from the best so far: their labels are searched again on the moved cells, and faces crush earlier.
-    """
+    """Move the joints of the best layouts in rounds, and add what is found to the trials."""
     share, strength, number = _FIRST, 1.0, 1
     tasks = _first_tasks(work)
     while tasks and until.remaining() > _LEAST:
@@ -110,11 +106,7 @@ def _first_tasks(work: Design) -> list[Task]:
 
 
 def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
-    """Search labels on the best moved cells; return the layouts of a further round.
-
-    until: deadline of the searches. strength: share of the uniaxial strength at which faces crush. number: of the
-    round. Each base contributes its own labels and those that the search prefers.
-    """
+    """Search labels on the best moved cells; return the layouts of a further round."""
     moved = [one for one in work.allowed if one.kind == "moved"]
     bases = moved[:1]
     bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.most)[: _BASES - 1]
@@ -144,11 +136,7 @@ def _further_tasks(work: Design, until: Deadline, strength: float, number: int) 
 def _run(
     work: Design, tasks: list[Task], until: Deadline, strength: float, number: int, say: Callable[[str], None]
 ) -> None:
-    """Move the joints of layouts in worker processes, and add each to the trials when it is done.
-
-    until: deadline. strength: share of the uniaxial strength at which faces crush. number: of the round. Layouts for
-    which there is no time are left out, the last ones first.
-    """
+    """Move the joints of layouts in worker processes, and add each to the trials when it is done."""
     jobs = work.options.jobs
     waves = max(1, int(until.remaining() / _LEAST))
     tasks = tasks[: jobs * waves]
@@ -166,11 +154,7 @@ def _run(
 
 @one_thread()
 def moved_trial(task: Task, strength: float, seconds: float) -> Trial | str:
-    """Move the joints of one layout, and bound its λ by fields.
-
-    strength: share of the uniaxial strength at which faces crush while joints move. seconds: time limit, s. Returns the
-    reason if the joints cannot move.
-    """
+    """Move the joints of one layout, and bound its λ by fields."""
     try:
         weak = with_crushing(task.scene, strength)
         done = move_joints(weak, build_assembly(weak), task.labels, seconds=_MOVING * seconds)

@@ -95,9 +95,9 @@ class DesignOptions:
     def shares(self) -> list[float]:
         """Return where the load acts, as ascending shares (0 to 1) of the loaded length.
 
-        A number of places gives the middles of as many equal parts. Raises ParameterError for an invalid text, too many
-        places, or a share outside (0, 1).
+        Raises ParameterError for an invalid text, too many places, or a share outside (0, 1).
         """
+        # A number of places gives the middles of as many equal parts.
         text = self.places.strip()
         try:
             if text.isdigit():

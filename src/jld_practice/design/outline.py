@@ -102,12 +102,7 @@ def _is_scene(file: File) -> bool:
 
 
 def _united(scene: Scene, notes: Notes) -> Scene:
-    """Unite the free elements of a planar scene to outlines, and drop keys about its cells.
-
-    notes: receives what was assumed. The scene is returned as it is if it is spatial, has one free element, or states
-    interfaces or materials of faces. It also stays if its free elements state a density, weight, volume or centroid, or
-    if their union has holes.
-    """
+    """Unite the free elements of a planar scene to outlines, and drop keys about its cells."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
     free = [entry for entry in entries if not entry.get("support")]
@@ -148,8 +143,9 @@ def _united(scene: Scene, notes: Notes) -> Scene:
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     """Convert a drawing or a file of solids to a scene, and collect what was assumed.
 
-    Supports are added below it if the file has none. Raises InputError if it cannot be read, or an outline is open.
+    Raises InputError if it cannot be read, or an outline is open.
     """
+    # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
     how, notes = ImportOptions(support=options.support, thickness=options.thickness, unit=options.unit), Notes()
@@ -181,10 +177,7 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
 
 
 def _refuse_size(scene: Scene, options: DesignOptions, notes: Notes) -> None:
-    """Raise ParameterError for an outline of a size that no structure has, if no unit is stated.
-
-    notes: holds the likely unit. Other doubts are assumptions.
-    """
+    """Raise ParameterError for an outline of a size that no structure has, if no unit is stated."""
     elements = build_geometry(scene).elements if scene.units.length == "m" else None
     for doubt in notes.doubtful:
         problem, _, unit = doubt.partition(", --unit ")
@@ -211,10 +204,7 @@ def _defaults(options: DesignOptions) -> list[str]:
 
 
 def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError if the lines of a drawing enclose no area, naming the loosest end.
-
-    how: layers and units of the import.
-    """
+    """Raise InputError if the lines of a drawing enclose no area, naming the loosest end."""
     paths = [path for path in drawing.paths if how.role(path.layer) in (None, "support")]
     if any(path.closed for path in paths) or not paths:
         return
@@ -230,11 +220,8 @@ def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
 
 
 def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError if a closed outline of a drawing crosses itself, naming the place.
-
-    Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps. how: layers of
-    the import.
-    """
+    """Raise InputError if a closed outline of a drawing crosses itself, naming the place."""
+    # Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps.
     for path in drawing.paths:
         if not path.closed or how.role(path.layer) is not None or len(path.points) < 4:
             continue
@@ -248,10 +235,8 @@ def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
 
 
 def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
-    """Add supports below the lowest straight edges of a drawing without a layer of supports.
-
-    The drawing is returned as it is if it has supports. notes: receives what was assumed.
-    """
+    """Add supports below the lowest straight edges of a drawing without a layer of supports."""
+    # The drawing is returned as it is if it has supports.
     named = {how.role(layer) for layer in [*(p.layer for p in drawing.paths), *(m.layer for m in drawing.marks)]}
     if "support" in named or how.support:
         return drawing
@@ -287,9 +272,9 @@ def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
 def _skewbacks(points: Floats, size: float) -> list[Path]:
     """Return supports beside both sides of an outline that is a flat arch; none for any other outline.
 
-    A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards. points:
-    (k, 3) x, y and bulge of a closed path. size: of the drawing.
+    points: (k, 3) x, y and bulge of a closed path.
     """
+    # A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards.
     corners = straight(points[:, :2])
     if len(corners) != 4 or points[:, 2].any():
         return []
@@ -312,10 +297,7 @@ def _skewbacks(points: Floats, size: float) -> list[Path]:
 
 
 def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
-    """Add supports below the lowest faces of solids, if no solid is a support.
-
-    notes: receives what was assumed.
-    """
+    """Add supports below the lowest faces of solids, if no solid is a support."""
     if how.support or any(part.support or how.role(part.group) == "support" for part in solids.parts):
         return solids
     every = np.concatenate([part.vertices for part in solids.parts])
@@ -344,10 +326,8 @@ def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
-    """Return the value of the key "materials" with those of the options and with defaults.
-
-    Default strengths and friction replace missing ones, and a low friction is added. notes: receives the defaults used.
-    """
+    """Return the value of the key "materials" with those of the options and with defaults."""
+    # Default strengths and friction replace missing ones, and a low friction is added.
     found = {**materials}
     if options.density is not None:
         found["density"] = options.density

@@ -41,10 +41,7 @@ thead th {{ border-bottom: 1px solid #888; }} img {{ max-width: 100%; }} .big {{
 
 
 def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
-    """Write all files of a design into its folder; return the contents of summary.json.
-
-    pictures: also draw the winner. Files of the winner are left out if there is none.
-    """
+    """Write all files of a design into its folder; return the contents of summary.json."""
     winner = work.winner
     facts = facts_of(work)
     write_text(work.folder / FILES[1], json.dumps(facts, indent=1))
@@ -60,10 +57,8 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
 
 
 def facts_of(work: Design) -> dict[str, Any]:
-    """Return the results of a design as the JSON object of summary.json.
-
-    `jld design --json` prints the same object. None stands for values that are unknown or not finite.
-    """
+    """Return the results of a design as the JSON object of summary.json."""
+    # `jld design --json` prints the same object. None stands for values that are unknown or not finite.
     winner, usual = work.winner, work.usual
     return {
         "best": None if winner is None else _number(winner.proven),
@@ -111,10 +106,8 @@ def uncut_at_most(work: Design) -> float | None:
 
 
 def gain_of(work: Design) -> float | None:
-    """Return the proven ratio of λ of the best layout to λ of the usual bond; None if unknown.
-
-    It is the lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
-    """
+    """Return the proven ratio of λ of the best layout to λ of the usual bond; None if unknown."""
+    # It is the lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
     winner, usual = work.winner, work.usual
     if winner is None or usual is None:
         return None
@@ -278,10 +271,8 @@ def _tried(work: Design) -> list[dict[str, str]]:
 
 
 def _span(trial: Trial) -> str:
-    """Return the text for the λ of a trial: its bounds by fields if known, else λ by faces.
-
-    With an upper bound alone both are given; below 0 it is "does not stand".
-    """
+    """Return the text for the λ of a trial: its bounds by fields if known, else λ by faces."""
+    # With an upper bound alone both are given; below 0 it is "does not stand".
     low, high = trial.fields
     if math.isfinite(low):
         return f"{low:.4g} to {high:.4g}"

@@ -96,9 +96,8 @@ def design_outline(
 ) -> Design:
     """Design the blocks of an outline, and write page, picture, table and scene of the best layout.
 
-    file: scene, drawing or solid. folder: new or empty. announce: called with messages. started: start of the time
-    limit as `time.perf_counter` counts, s; None for now. Raises InputError for an outline or options that cannot be
-    met, and Interrupted after a signal, when the folder holds what was found until then.
+    Raises InputError for an outline or options that cannot be met, and Interrupted after a signal, when the folder
+    holds what was found until then.
     """
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
@@ -149,11 +148,8 @@ def design_outline(
 
 
 def _cut(work: Design, deadline: Deadline, say: Say) -> None:
-    """Cut the outline in every way; solve the usual layout and a few others of each tessellation as soon as it is cut.
-
-    So a layout is known early, and a search knows which tessellations promise most. say: told of each tessellation once
-    one fits. Errors are those of `tessellations`.
-    """
+    """Cut the outline in every way; solve the usual and a few other layouts of each tessellation once it is cut."""
+    # So a layout is known early, and a search knows which tessellations promise most.
     untold: list[str] = []
     seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
 
@@ -189,10 +185,7 @@ def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: flo
 
 
 def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
-    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one.
-
-    fields: bounds by fields on its λ; None computes them in `seconds`.
-    """
+    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one."""
     assembly = build_assembly(scene)
     found = solve_rigid(assembly)
     if fields is None:
@@ -205,10 +198,8 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
 
 
 def _solve_usual(work: Design) -> None:
-    """Solve the stated layout of the usual bond by faces, and add it to the trials.
-
-    Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
-    """
+    """Solve the stated layout of the usual bond by faces, and add it to the trials."""
+    # Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
     first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
     if first is None or first.scene is None:
         return
@@ -235,11 +226,7 @@ def _bound_usual(work: Design, until: Deadline) -> None:
 
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
-    """Search the labels of every tessellation in equal times; bound their best by fields.
-
-    until: deadline of the design, of which the searches take a share. Tessellations without time or with limits that
-    cannot be met are noted in `work.searched`.
-    """
+    """Search the labels of every tessellation in equal times; bound their best by fields."""
     fitting = [one for one in work.tessellations if one.scene is not None and one.name in work.screened]
     left = until.remaining()
     total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
@@ -282,11 +269,7 @@ def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
 
 
 def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: float) -> None:
-    """Add the first stable layout of a search to the trials, with bounds by fields.
-
-    done: the search, best first. seconds: time for these bounds, s; 0 omits them. If no layout collapses or is locked,
-    only `work.searched` is written.
-    """
+    """Add the first stable layout of a search to the trials, with bounds by fields."""
     facts = done.summary.facts
     number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
     work.searched[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
@@ -312,10 +295,7 @@ def _said(trial: Trial) -> str:
 
 
 def _move_best(work: Design, until: Deadline, say: Say) -> None:
-    """Move joints of the best layouts, and search their labels again, in a share of the time.
-
-    until: deadline of the design. Nothing happens in space, with a limit on shapes or laying, or without enough time.
-    """
+    """Move joints of the best layouts, and search their labels again, in a share of the time."""
     if not _moves(work):
         return
     deadline = until.earlier((_CHECKS + _REFINING) * work.options.seconds)
@@ -330,11 +310,7 @@ def _moves(work: Design) -> bool:
 
 
 def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
-    """Refine the bounds by fields of layouts that may exceed the winner, in worker processes.
-
-    until: deadline of the design; time for the checks is kept free. As many layouts as there are processes are refined
-    at once, in `_WAVES` waves. Only planar layouts are refined.
-    """
+    """Refine the bounds by fields of layouts that may exceed the winner, in worker processes."""
     jobs = work.options.jobs
     deadline = until.earlier(_CHECKS * work.options.seconds)
     for wave in range(_WAVES):
@@ -355,9 +331,6 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
 
 @one_thread()
 def refined_bounds(scene: Scene, seconds: float) -> Bounds:
-    """Return the bounds by fields of the labels that a scene states.
-
-    seconds: time limit, s.
-    """
+    """Return the bounds by fields of the labels that a scene states."""
     assembly = build_assembly(scene)
     return field_bounds(assembly, assembly.labels, seconds)

@@ -62,9 +62,7 @@ def tessellations(
 ) -> list[Tessellation]:
     """Cut an outline in every known way, and return the tessellations.
 
-    made: called with each one as soon as it is cut. The first one of a planar outline is the usual running bond, which
-    is always cut. A tessellation that does not fit, or is not begun before the deadline `until`, has no scene. Raises
-    InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
+    Raises InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
     """
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
@@ -92,8 +90,8 @@ _Make = Callable[[float], Scene]  # function that cuts an outline with cells of 
 def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
     """Cut an outline with ever smaller cells until none exceeds the largest block mass.
 
-    make: cuts with a relative cell size, at first 1. side: (d,) horizontal unit vector for the loads. The tessellation
-    has no scene, but a problem, if cutting fails or the cells stay too heavy.
+    side: (d,) horizontal unit vector for the loads. The tessellation has no scene, but a problem, if cutting fails or
+    the cells stay too heavy.
     """
     size, problem = 1.0, ""
     for _ in range(_TRIES):
@@ -117,10 +115,7 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
 def _planar(
     outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
 ) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a planar outline.
-
-    outline: scene. assembly: of this scene. until: deadline of the stresses of its uncut body.
-    """
+    """List name, description and cutting function of each tessellation of a planar outline."""
     elements, free = assembly.elements, assembly.elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
@@ -168,10 +163,7 @@ def _planar(
 
 
 def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a spatial outline.
-
-    outline: scene. assembly: of this scene.
-    """
+    """List name, description and cutting function of each tessellation of a spatial outline."""
     elements, free = assembly.elements, assembly.elements.free
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
@@ -217,8 +209,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 def _cell_size(assembly: Assembly, measure: float, dimension: int, options: DesignOptions) -> float:
     """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block.
 
-    measure: area or volume of the structure. dimension: 2 or 3. Raises ParameterError if the mass limit requires more
-    than `_MOST` cells, or the structure has no weight.
+    Raises ParameterError if the mass limit requires more than `_MOST` cells, or the structure has no weight.
     """
     each = measure / _CELLS
     mass = float(assembly.elements.mass[assembly.elements.free].sum())
@@ -250,8 +241,7 @@ def _even(length: float, size: float) -> float:
 def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
     """Return the numbers of voussoirs and of rings for cells of about one size.
 
-    arcs: of the outline; hollow ones count if there are any. Without arcs the width of the outline is divided. lower,
-    upper: (2,) corners of the outline. cell: size. The number of voussoirs is odd, so that there is a keystone.
+    lower, upper: (2,) corners of the outline.
     """
     hollow = [arc for arc in arcs if arc.hollow] or arcs
     if not hollow:
@@ -275,8 +265,7 @@ def _bare(scene: Scene) -> Scene:
 def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
     """Complete the scene of a tessellation by the key "move"; remove labels and block names.
 
-    arcs: of the outline, about whose centres vertices may slide. blocks: True keeps labels and block names. Spatial
-    scenes, and scenes that state the key, get no key "move".
+    blocks: True keeps labels and block names. Spatial scenes, and scenes that state the key, get no key "move".
     """
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)

@@ -62,11 +62,9 @@ def searched_scene(scene: Scene) -> Scene:
 def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Screening:
     """Solve generations of the genetic driver for some time, at least one.
 
-    A search by this driver with the same seed begins with the same layouts.
-
-    seconds: time after which no further generation is begun, s. To prepare the solver takes as long besides. deadline:
-    time after which also the first generation ends. Raises InputError if the limits of the scene cannot be met.
+    Raises InputError if the limits of the scene cannot be met.
     """
+    # A search by this driver with the same seed begins with the same layouts.
     assembly = build_assembly(searched_scene(scene))
     driver = Genetic(search_space(scene, assembly), seed)
     evaluator = evaluator_of(assembly, EvaluatorSettings())
@@ -250,10 +248,7 @@ def field_bounds(
 ) -> Bounds:
     """Compute bounds by fields on the governing factor, the least λ / required of all cases.
 
-    labels: (m,) True = dry. seconds: time limit of all load cases together, s. gap: relative width at which refinement
-    ends. lower_first: raise the lower bound before the upper one is lowered.
-
-    Returns (lower, upper) bound, infinite where fields do not apply.
+    labels: (m,) True = dry. Returns (lower, upper) bound, infinite where fields do not apply.
     """
     if why_no_fields(assembly):
         return NONE
@@ -269,10 +264,7 @@ def at_low_friction(scene: Scene, low: float) -> Scene:
 
 
 def one_case(scene: Scene, number: int) -> Scene:
-    """Return a scene whose live and dead loads are those of one load case.
-
-    number: index of the case, from 0. The common dead load stays. A scene without load cases keeps its loads.
-    """
+    """Return a scene whose live and dead loads are those of one load case."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if scene.loads.has_cases:
         case = cases_of_scene(scene, build_assembly(scene).elements)[number].case

@@ -71,11 +71,9 @@ class Combination:
 
 
 def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combination]:
-    """Return the combinations that differ for a structure, all actions unfavourable first.
-
-    An action that is absent, or whose two factors are equal, is not varied. λ is a concave function of dead loads, so
-    that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
-    """
+    """Return the combinations that differ for a structure, all actions unfavourable first."""
+    # An action that is absent, or whose two factors are equal, is not varied. λ is a concave function of dead loads, so
+    # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
     cases = _loads(assembly)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
     stated = any(_stated(assembly, case.dead_loads) for case in cases)
@@ -95,12 +93,7 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
 
 
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
-    """Return a structure whose loads are multiplied by partial factors.
-
-    assembly: structure with design values of materials and prestress. factors: partial factors of the chosen set.
-    combination: choice of favourable or unfavourable factors of self-weight and dead loads. Body loads remain shares of
-    the characteristic weight.
-    """
+    """Return a structure whose loads are multiplied by partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
@@ -178,12 +171,7 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
 
 
 def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int], float]) -> None:
-    """Assess load cases until each is settled, one is refuted, or the time is over.
-
-    seconds: of the wall clock for all; no case is begun after them, and the first one always is. assess: computes
-    bounds of a case to a gap within a time, and returns True where they verify it, False where they refute it. least:
-    upper bound of an assessed case over its required factor, by which the worst come first.
-    """
+    """Assess load cases until each is settled, one is refuted, or the time is over."""
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
     for k in range(count):
@@ -239,7 +227,7 @@ class WorstParts:
 def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> WorstParts:
     """Bound λ of a structure with one load case over all assignments of factors to parts of permanent loads.
 
-    structure: at characteristic loads and design strengths. labels: (m,) True = dry.
+    labels: (m,) True = dry.
     """
     search = _Search(structure, labels, factors, combination)
     few = len(search.names) <= _ALL
@@ -256,11 +244,9 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
 
 
 def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them.
-
-    They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
-    factors (k, 2), favourable and unfavourable. Beside them (n, q) are prestress and loads whose factors are equal.
-    """
+    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them."""
+    # They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
+    # factors (k, 2), favourable and unfavourable. Beside them (n, q) are prestress and loads whose factors are equal.
     elements, stress = structure.elements, structure.members.self_stress
     weight = np.zeros_like(structure.dead)
     weight[elements.free, : structure.dimension] = elements.weight[elements.free]
@@ -546,14 +532,12 @@ def design_check(
 ) -> DesignCheck:
     """Check one layout with partial factors.
 
-    Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must verify.
-
-    scene: scene with characteristic values, planar or spatial. labels: (m,) labels, True = dry; None for those of the
-    scene. factors: partial factors. seconds: time for the bounds of each load case where the scene's blocks crack by
-    fields, else of all of them together. states: also compute reactions and the reserves of joints and blocks. Result:
-    utilisation of every load case under its worst combination, reactions and reserves. Raises InputError if the scene
-    cannot be solved, or its design values contradict one another.
+    labels: (m,) labels, True = dry; None for those of the scene. Result: utilisation of every load case under its worst
+    combination, reactions and reserves. Raises InputError if the scene cannot be solved, or its design values
+    contradict one another.
     """
+    # Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must
+    # verify.
     assembly = build_assembly(scene)
     own = assembly.labels if labels is None else labels
     require_materials(assembly, own, ~own)

@@ -41,10 +41,7 @@ svg{max-width:100%;height:auto}.result{font-size:1.1em}footer{color:#5c5c5c;marg
 
 
 def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[Path]:
-    """Write design_check.pdf and design_check.html into a folder; return both.
-
-    language: "en", "de" or "it". Equal checks give equal bytes. Each file is written completely or not at all.
-    """
+    """Write design_check.pdf and design_check.html into a folder; return both."""
     content = content_of(check, language)
     pdf, page = folder / "design_check.pdf", folder / "design_check.html"
     figure = sheet_of(check, content)
@@ -173,10 +170,7 @@ def _table(figure: Figure, top: float, table: Table, content: Content, size: flo
 def _draw(
     check: DesignCheck, content: Content, figure: Figure, left: float, width: float, low: float, height: float
 ) -> None:
-    """Draw structure, governing mechanism and λ along the path of moving loads.
-
-    left, width, low, height: of the area, relative to the figure.
-    """
+    """Draw structure, governing mechanism and λ along the path of moving loads."""
     worst, solved, words = check.as_drawn, check.solved, content.words
     values = path_of(check)
     kinds = ["structure", *(["mechanism"] if solved is not None and solved.mechanism is not None else [])]

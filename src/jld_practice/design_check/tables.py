@@ -619,10 +619,7 @@ def _shown(value: float) -> str:
 
 
 def _end(value: float | None, largest: float) -> str:
-    """Return an end of a range in four digits, a dash where there is none.
-
-    largest: size of reactions, beside which rounding shows as zero.
-    """
+    """Return an end of a range in four digits, a dash where there is none."""
     return "–" if value is None else f"{0.0 if abs(value) <= GAP * largest else value:.4g}"
 
 

@@ -55,10 +55,8 @@ class Exploration:
 
 
 def explore_failures(function: LimitFunction, first: Form, samples: int, seed: int, jobs: int) -> Exploration:
-    """Find design points with samples of larger variance; first: result of the first-order method from the means.
-
-    The result does not depend on `jobs`, the number of threads.
-    """
+    """Find design points with samples of larger variance; first: result of the first-order method from the means."""
+    # The result does not depend on `jobs`, the number of threads.
     points = [first] if first.found else []
     expected = first.probability if first.found else 1.0 / samples
     spread = _spread_for(_SHARE * expected, samples)
@@ -200,8 +198,7 @@ class Reliability:
 def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStructure:
     """Return the random structure of a scene whose layout is to be analysed.
 
-    assembly, labels: of the layout, as a results folder or a scene has it. Raises InputError for a scene without
-    values with uncertainty, and for models that samples do not have.
+    Raises InputError for a scene without values with uncertainty, and for models that samples do not have.
     """
     if scene.cracks != "faces":
         raise InputError("cracks", "reliability supports cracks by faces only", '"faces"')
@@ -214,11 +211,8 @@ def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStruct
 def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOptions) -> Reliability:
     """Compute the reliability of a layout by the first-order method and by simulation.
 
-    Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end
-    of the interval.
-
-    structure: structure as it depends on its random variables. labels: (m,) layout, True = dry. Raises InputError: a
-    material that the layout needs is missing.
+    Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end of
+    the interval. labels: (m,) layout, True = dry. Raises InputError: a material that the layout needs is missing.
     """
     bounds = SampleBounds(structure, labels)
     function = LimitFunction(bounds, options.required)

@@ -88,8 +88,7 @@ class SampleBounds:
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
         """Compute bounds for samples.
 
-        values: (k, v) of the variables. required: governing factor beyond which the size of λ is of no interest; None
-        to bound it wherever it is.
+        values: (k, v) of the variables.
         """
         if not self.batched:
             return self.proven(values)

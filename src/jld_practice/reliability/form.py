@@ -123,10 +123,8 @@ class LimitFunction:
         return Limit(value - self.required, rates)
 
     def _of_case(self, analysis: LimitAnalysis, proof: Proof, values: Floats, case: int) -> tuple[float, Floats | None]:
-        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4).
-
-        Where λ is negative it is that of the mechanism that proves instability.
-        """
+        """Return λ of a load case and its rates (v,) with the variables, docs/method.md (12.4)."""
+        # Where λ is negative it is that of the mechanism that proves instability.
         template = analysis.template
         if proof.status is Status.LOCKED:
             return math.inf, None
@@ -181,11 +179,7 @@ class _Iteration:
         return found
 
     def nearest(self, around: bool) -> Floats:
-        """Return the point (v,) nearest to the means where linearised limit functions are ≤ 0.
-
-        around: take all gradients met near the present point, at both sides of a kink, where the structure fails by no
-        mechanism alone; else the present one. Where they exclude each other, the present one counts.
-        """
+        """Return the point (v,) nearest to the means where linearised limit functions are ≤ 0."""
         reach = _NEAR * max(1.0, float(np.linalg.norm(self.point)))
         chosen = [(self.point, self.here)]
         if around:
@@ -244,12 +238,11 @@ def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
 def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
     """Find the point of the failure surface nearest to the means, in standard normal space.
 
-    start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c |g| is halved. Where that
-    does not help, at a kink of λ, the gradients met at both of its sides are linearised together.
-
-    docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
-    follows Zhang and Der Kiureghian (1995).
+    start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c |g| is halved. Where that does
+    not help, at a kink of λ, the gradients met at both of its sides are linearised together.
     """
+    # docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
+    # follows Zhang and Der Kiureghian (1995).
     means = np.zeros(len(function.variables))
     work = _Iteration(function, means if start is None else start)
     if not math.isfinite(work.here.distance):

@@ -99,12 +99,7 @@ def simulate(
     points: Sequence[Form] = (),
     unseen: float = 0.0,
 ) -> MonteCarlo:
-    """Estimate the probability that a layout carries less than `required`.
-
-    bounds: of the layout. samples: their number. seed: of the random numbers; the result does not depend on `jobs`, the
-    number of threads. points: design points, nearest first. Samples are stratified along the first; where failures are
-    rare, they are drawn around all. unseen: bound on failures away from them. Source: docs/method.md (12.6) to (12.9).
-    """
+    """Estimate the probability that a layout carries less than `required`."""
     rare = is_rare(points, samples)
     drawing = _Drawing.around(points if rare else points[:1], samples, seed, len(bounds.structure.variables), rare)
 
@@ -261,10 +256,7 @@ class Comparison:
 
 
 def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, jobs: int = 1) -> Comparison:
-    """Compare two layouts of a structure on the same samples, by proven bounds on λ.
-
-    samples, seed, jobs: as in `simulate`.
-    """
+    """Compare two layouts of a structure on the same samples, by proven bounds on λ."""
     drawing = _Drawing.around((), samples, seed, len(one.structure.variables), rare=False)
 
     def count(part: int) -> tuple[int, int]:

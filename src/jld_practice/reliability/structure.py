@@ -132,8 +132,8 @@ class RandomStructure:
     def strengths(self, values: Floats) -> Strengths:
         """Return the strengths of all faces of samples, sample by sample, in scene units.
 
-        values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts
-        as at most that at the apex of its friction.
+        values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts as
+        at most that at the apex of its friction.
         """
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in _FIELDS}
@@ -154,7 +154,7 @@ class RandomStructure:
     def loads(self, values: Floats, case: int) -> tuple[Floats, Floats]:
         """Return the dead and live loads (k, n, q) of samples under a load case, in scene units.
 
-        values: (k, v) of the variables. case: position of the case.
+        values: (k, v) of the variables.
         """
         assembly, away = self.cases[case], values - self.variables.mean
         dead, live = (np.repeat(load[None], len(values), axis=0) for load in (assembly.dead, assembly.live))
@@ -196,8 +196,8 @@ class RandomStructure:
     ) -> Floats:
         """Return derivatives (v,) by the variables, from derivatives by strengths and loads.
 
-        values: (v,) of the variables. case: position of the load case. by_strength: (m,) derivatives by fields of
-        `Strengths`. by_load: (n, q) derivatives by dead and by live loads.
+        values: (v,) of the variables. by_strength: (m,) derivatives by fields of `Strengths`. by_load: (n, q)
+        derivatives by dead and by live loads.
         """
         found, away = np.zeros(len(values)), values - self.variables.mean
         for one in self.followers:
@@ -303,7 +303,7 @@ class _Measurement:
     def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
         """Return the strengths that follow a value: name, faces (m,), True if by its tangent.
 
-        other: assembly with the value changed by `change`. Raises InputError where strengths change in another way.
+        Raises InputError where strengths change in another way.
         """
         found = []
         key = str(next(one for one in reversed(path) if isinstance(one, str)))

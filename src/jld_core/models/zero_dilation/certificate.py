@@ -102,10 +102,7 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Return an array of doubles rounded to multiples of 2^−bits.
-
-    table: doubles of any shape. Sums of such numbers need few digits as binary fractions.
-    """
+    """Return an array of doubles rounded to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))
 
 
@@ -174,11 +171,8 @@ class Certifier:
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound.
-
-        The result is scaled, at most region.high, and −inf if nothing is proven. sufficient_bound: scaled bound at
-        which refinement of the certificate ends.
-        """
+        """Correct multipliers until they prove a lower bound on λ, and return that bound."""
+        # The result is scaled, at most region.high, and −inf if nothing is proven.
         of_products = BinaryFractions.of(round_to_bits(multipliers.products))
         live_work = BinaryFractions.of(round_to_bits(multipliers.live_work[:, None]))
         bound = BinaryFractions.of(round_to_bits(np.array([[multipliers.bound]])))
@@ -221,12 +215,8 @@ class Certifier:
         return proven
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
-        """Return a function that computes changes of the multipliers which reduce a residual R.
-
-        R is the violation of the identity in the module docstring. of_products, price: present multipliers of
-        products, and of the products of rows with b_λ·u; small ones change in proportion to their size. The function
-        maps R to changes of the multipliers M, g and p, as binary fractions.
-        """
+        """Return a function that computes changes of the multipliers which reduce a residual R."""
+        # R is the violation of the identity in the module docstring.
         largest = self.largest
         facts, rates = (
             drop_rounding((self.facts / largest[:, None]) @ self.states),
@@ -265,8 +255,7 @@ class Certifier:
     ) -> Floats:
         """Return the residual R (3m + 2, 3n + m) of the identity in the module docstring.
 
-        It is reduced by multiples of equilibrium and of closed modes. of_products, live_work, bound: multipliers M, g
-        and p. slack: σ.
+        It is reduced by multiples of equilibrium and of closed modes.
         """
         lacking = self._identity_difference(of_products, live_work, bound, slack)
         return reduce_residual(
@@ -274,10 +263,7 @@ class Certifier:
         )
 
     def _loop_charge(self, of_products: BinaryFractions) -> float:
-        """Return the bound on what rounding in the identities of loops may take from the proven λ.
-
-        of_products: multipliers of products.
-        """
+        """Return the bound on what rounding in the identities of loops may take from the proven λ."""
         of_loops = BinaryFractions(
             of_products.values[:, len(of_products.values[0]) - len(self.loop_errors) :], of_products.scale
         ).floats()
@@ -286,11 +272,8 @@ class Certifier:
     def _identity_difference(
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
-        """Return the left minus the right side of the certificate's identity, without rounding.
-
-        The identity stands in the module docstring; its terms with R, Q and Ψ are left out. of_products, live_work,
-        bound: multipliers M, g and p. slack: σ.
-        """
+        """Return the left minus the right side of the certificate's identity, without rounding."""
+        # The identity stands in the module docstring; its terms with R, Q and Ψ are left out.
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
@@ -314,12 +297,11 @@ def reduce_residual(
 ) -> Floats:
     """Reduce the residual of a certificate's identity by forms that vanish in solutions.
 
-    They are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md (4.8).
-    Sums are exact; the result (q + 2, w) is converted to doubles. lacking: (q + 2, w) residual, a bilinear form of Φ =
-    (F, λ, 1) and w velocities. statics: matrix K with K Φ = 0. zero_forms: (e, w) forms of velocities that are zero.
-    unbalanced: (w,) velocities to which no multiple of equilibrium is applied. equilibrium: function from a residual to
-    the multipliers of K that reduce it most; None: least squares.
+    lacking: (q + 2, w) residual, a bilinear form of Φ = (F, λ, 1) and w velocities. zero_forms: (e, w) forms of
+    velocities that are zero. unbalanced: (w,) velocities to which no multiple of equilibrium is applied.
     """
+    # They are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md (4.8).
+    # Sums are exact; the result (q + 2, w) is converted to doubles.
     exact = BinaryFractions.of(statics)
     if equilibrium is None:
         by_statics = np.asarray(np.linalg.pinv(statics.T, rcond=1e-12))
@@ -371,12 +353,10 @@ def least_change_solver(rows: Any, share: Floats) -> Any:
 
 
 def _factor(normal: Any, shift: float) -> Any:
-    """Factor normal + shift · I, and return the function that solves with it.
-
-    A dense Cholesky factor is used where memory allows, else a sparse LU factor. Products that no multiplier touches
-    are rows of zeros, and all others fill in completely. A dense factor of these is three times as fast as a sparse
-    one. normal: sparse and symmetric.
-    """
+    """Factor normal + shift · I, and return the function that solves with it."""
+    # A dense Cholesky factor is used where memory allows, else a sparse LU factor. Products that no multiplier touches
+    # are rows of zeros, and all others fill in completely. A dense factor of these is three times as fast as a sparse
+    # one.
     used = np.flatnonzero(np.diff(normal.indptr))
     if len(used) <= _IN_FULL:
         table = normal[used][:, used].toarray(order="F")
@@ -396,10 +376,8 @@ def _factor(normal: Any, shift: float) -> Any:
 
 
 def _exact_rates(modes: Modes) -> BinaryFractions:
-    """Return the matrix of mode rates z = H (u, t) as fractions, without rounding.
-
-    It is formed from the numbers of the equilibrium matrix, see `modes`.
-    """
+    """Return the matrix of mode rates z = H (u, t) as fractions, without rounding."""
+    # It is formed from the numbers of the equilibrium matrix, see `modes`.
     jumps = BinaryFractions.of(modes.matrix.T.copy())
     values = jumps.values.reshape(modes.faces, 3, -1)
     beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)
@@ -414,12 +392,7 @@ def _exact_rates(modes: Modes) -> BinaryFractions:
 
 
 def pair_proof(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
-    """Convert a pair of forces and velocities into a proof of its load factor.
-
-    associative: associative proof of the same labels. pair: best pair of the search. Without one, the proof keeps the
-    status of the associative analysis. A pair that has not converged gives an uncertified proof. solves: number of
-    programs of the search.
-    """
+    """Convert a pair of forces and velocities into a proof of its load factor."""
     converged = pair is not None and bool(pair.converged)
     proof = Proof(
         status=associative.status,

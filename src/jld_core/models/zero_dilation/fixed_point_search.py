@@ -120,8 +120,7 @@ class FixedPointSearch:
     ) -> tuple[Template, PrescribedFriction]:
         """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
 
-        The template shares matrix and structure with that of the analysis. alpha: α, share of the present N in
-        friction. previous: (m,) N_prev, scaled. areas: effective areas, None if not used.
+        The template shares matrix and structure with that of the analysis. previous: (m,) N_prev, scaled.
         """
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
@@ -140,10 +139,10 @@ class FixedPointSearch:
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
         """Solve the problem with friction frozen at N of given forces, near these forces.
 
-        A proximal term holds the solution near them. If the solver fails, the step is tried again from forces half way
-        back to the last feasible ones, up to six times. Then the failed answer is returned. forces: (q·m,) scaled.
-        alpha: share of the present N in friction.
+        forces: (q·m,) scaled.
         """
+        # A proximal term holds the solution near them. If the solver fails, the step is tried again from forces half
+        # way back to the last feasible ones, up to six times. Then the failed answer is returned.
         centre = forces[: self.count]
         for _ in range(_BACK):
             template, _ = self.freeze_friction(alpha, self.normals(centre), self.areas(centre))
@@ -162,9 +161,7 @@ class FixedPointSearch:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
         The result is the state of true friction nearest to `forces`; check that it is admissible, since repairs may
-        fail. forces: (q·m,) scaled. dual: multipliers whose first entries are the velocities. areas: effective areas,
-        None if not used. held: if given, hold the forces with the larger weight `HOLDING_WEIGHT`, and require this
-        slack.
+        fail. forces: (q·m,) scaled.
         """
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
@@ -175,7 +172,7 @@ class FixedPointSearch:
         """Find the state of least λ among those of least gap Γ for given velocities.
 
         Unlike `minimise_gap`, the state need not be near the forces. forces: (q·m,) scaled, for effective areas and the
-        first guess. dual: multipliers whose first entries are the velocities.
+        first guess.
         """
         template, program = self._gap_program(forces, dual, self.areas(forces), self.margin)
         # Γ contains −λ. A slightly smaller weight of λ prefers the lowest λ among states of equal Γ.
@@ -187,10 +184,9 @@ class FixedPointSearch:
     ) -> tuple[Template, ConicProgram]:
         """Build the program that minimises the gap Γ over forces, for given velocities.
 
-        Friction is that of the true cone. Terms that are constant for given velocities are omitted. forces: (q·m,)
-        scaled, whose N is the first guess. dual: multipliers whose first entries are the velocities. areas: effective
-        areas, None if not used. margin: slack of every yield row.
+        forces: (q·m,) scaled, whose N is the first guess.
         """
+        # Friction is that of the true cone. Terms that are constant for given velocities are omitted.
         template, sets = self.freeze_friction(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
@@ -220,10 +216,9 @@ class FixedPointSearch:
     def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
         """Make a state in equilibrium from a solver's point, within the friction cone if possible.
 
-        Check `State.admissible`: repairs may fail. Each repair tried adds one to `solves`. point: (columns,) scaled
-        variables of the program, the q·m forces first, λ last. template: of the program that was solved. areas:
-        effective rectangles that limit torsion (`EffectiveAreas`); None if whole faces count.
+        point: (columns,) scaled variables of the program, the q·m forces first, λ last.
         """
+        # Check `State.admissible`: repairs may fail. Each repair tried adds one to `solves`.
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
         if state.admissible:
@@ -239,11 +234,8 @@ class FixedPointSearch:
         return state
 
     def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
-        """Complete a state to a pair: compute velocities without dilation, and evaluate Γ.
-
-        The velocities are those of the problem frozen at N of the state. areas: effective areas of the faces, None if
-        not used.
-        """
+        """Complete a state to a pair: compute velocities without dilation, and evaluate Γ."""
+        # The velocities are those of the problem frozen at N of the state.
         labels = self.labels
         template, sets = self.freeze_friction(0.0, state.forces[:, 0], areas)
         prover = self.prover(template)
@@ -300,12 +292,10 @@ class FixedPointSearch:
         return best
 
     def attempts(self, forces: Floats) -> Iterator[PrimalDualPair]:
-        """Alternate proximal steps with a minimisation of Γ, and yield a pair after each round.
-
-        The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective areas,
-        later rounds hold the forces and omit proximal steps: such steps move the forces along the many solutions,
-        and the areas would follow.
-        """
+        """Alternate proximal steps with a minimisation of Γ, and yield a pair after each round."""
+        # The iteration ends with a locked pair, with a solution, or after `options.most` programs. With effective
+        # areas, later rounds hold the forces and omit proximal steps: such steps move the forces along the many
+        # solutions, and the areas would follow.
         options, held = self.options, None
         self.last_feasible, self.program_limit = forces[: self.count], self.solves + self.options.most
         alpha, dual, share, last = options.alpha, np.zeros(0), 1.0, np.zeros(self.count)
@@ -341,11 +331,7 @@ class FixedPointSearch:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
-        """Minimise the gap Γ for fixed velocities until the state is admissible in its own areas.
-
-        state: to begin with. dual: multipliers whose first entries are the velocities. areas: effective areas so far.
-        Returns the state and its areas; at the limit of programs they may not fit yet.
-        """
+        """Minimise the gap Γ for fixed velocities until the state is admissible in its own areas."""
         tries = 0
         while self.solves < self.program_limit - 2:
             checkpoint()
@@ -425,9 +411,10 @@ class AlternatingPrograms:
     def close_gap(self, point: Floats, seed: int) -> Floats | None:
         """Find a solution by reducing the gap Σ y z from a point to zero.
 
-        Mechanism and forces are updated in turn. point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random
-        weights. The result is (F, λ), or None on failure.
+        point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random weights. The result is (F, λ), or None on
+        failure.
         """
+        # Mechanism and forces are updated in turn.
         rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(_ROUNDS):
@@ -452,8 +439,7 @@ class AlternatingPrograms:
     def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
         """Mix a point with a state of low compression on random faces.
 
-        The state minimises Σ w N with random weights w. point: (3m + 1,) scaled forces and λ. share: weight of that
-        state, from 0 to 1. rng: draws w. The result is None if no state exists.
+        The state minimises Σ w N with random weights w. point: (3m + 1,) scaled forces and λ.
         """
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
@@ -463,8 +449,7 @@ class AlternatingPrograms:
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
         """Search for a solution with lower λ (sign 1) or higher λ (sign −1) from a solution.
 
-        point: (3m + 1,) the solution. seed: of random mechanisms and vertices. tries: number of tries in a row without
-        gain after which the search ends. The result is the best point, or None if no mechanism completes the given one.
+        point: (3m + 1,) the solution.
         """
         rng = np.random.default_rng(seed)
         count = len(self.modes.constants)
@@ -493,11 +478,7 @@ class AlternatingPrograms:
         return best
 
     def random_solutions(self, seed: int, draws: int) -> list[Floats]:
-        """Return the solutions (F, λ) of lowest and highest λ for each of many random mechanisms.
-
-        seed: of the random weights. draws: number of mechanisms. Every second one has weights that are multiplied by
-        the slacks of a random state. Mechanisms that no forces complete give no solutions.
-        """
+        """Return the solutions (F, λ) of lowest and highest λ for each of many random mechanisms."""
         rng, found = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
         none, goal = np.zeros(count, dtype=bool), np.append(np.zeros(columns), 1.0)
@@ -521,9 +502,9 @@ class AlternatingPrograms:
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
         """Return the points of a path of solutions with increasing λ, the given one first.
 
-        Each step maximises λ for one random mechanism. point: (3m + 1,) a solution. seed: of the mechanisms. steps:
-        maximum number of mechanisms. idle: maximum number of failures in a row.
+        point: (3m + 1,) a solution.
         """
+        # Each step maximises λ for one random mechanism.
         rng = np.random.default_rng(seed)
         goal = np.append(np.zeros(len(point) - 1), -1.0)
         closed, path, missed = self._start(point, rng), [point], 0
@@ -544,7 +525,7 @@ class AlternatingPrograms:
         """Return the modes (4m,) whose slack at a point is zero within the least useful tolerance.
 
         A tolerance is useful if a mechanism of these modes alone exists. None if none is. point: (3m + 1,) scaled
-        forces and λ. rng: draws the weights of mechanisms.
+        forces and λ.
         """
         slack = self.modes.slacks_of(point[:-1])
         for allowance in _CLOSED:
@@ -566,14 +547,11 @@ def frozen_friction_bound(
 ) -> float:
     """Prove a lower bound on λ by freezing friction at the least normal force of each face.
 
-    A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum grows
-    with N. Each iteration computes the least N of all states with λ above the last bound, and freezes friction there.
-    The proven lower bound on λ of that problem is the next bound.
-
-    analysis: of the assembly. labels: (m,) True = dry. modes: complementarity problem. normals: (m,) columns of N in F.
-    force_bounds: (q + 2,), see `Statics.force_bounds`. problem: lowest solution found, time budget and log, updated.
-    The result is scaled, and 0 if no bound is proven.
+    labels: (m,) True = dry. normals: (m,) columns of N in F. force_bounds: (q + 2,), see `Statics.force_bounds`.
     """
+    # A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum
+    # grows with N. Each iteration computes the least N of all states with λ above the last bound, and freezes friction
+    # there. The proven lower bound on λ of that problem is the next bound.
     base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
     for turn in range(1, _FROZEN_ROUNDS + 1):
         statics = Statics(modes, bound, problem.interval_end(bound), none, force_bounds)

@@ -102,8 +102,7 @@ def minimise_product_program(
 ) -> ProductSolution | None:
     """Minimise a program over products; None if a factorisation fails.
 
-    The best iterate is returned, also where the tolerance is not reached. seconds: processor time after which
-    iterations end. tolerance: of residuals and complementarity; None: the default of the method.
+    The best iterate is returned, also where the tolerance is not reached.
     """
     try:
         return _InteriorPointMethod(program, _DONE if tolerance is None else tolerance).run(seconds)
@@ -141,7 +140,7 @@ class _InteriorPointMethod:
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
         """Return the sum of the rows of the program, weighted by v and q, as a form of (Z, T).
 
-        It is the transpose of `rows`. v: weights of the positive rows. q: weights of the zero rows.
+        It is the transpose of `rows`.
         """
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
@@ -150,10 +149,7 @@ class _InteriorPointMethod:
         return z - v[-1] * self.space.unit, t
 
     def run(self, seconds: float) -> ProductSolution:
-        """Take steps until the tolerance is met or progress ends; return the best iterate.
-
-        seconds: processor time after which the iterations end.
-        """
+        """Take steps until the tolerance is met or progress ends; return the best iterate."""
         end, best, idle = time.process_time() + seconds, None, 0
         for step in range(_STEPS):
             g, e = self.rows(self.x)
@@ -184,11 +180,7 @@ class _InteriorPointMethod:
         return ProductSolution(self.x, table, 1.0 - float(self.v[-1]), error, step, error <= _SURE * self.tolerance)
 
     def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, tolerance: float) -> None:
-        """Take one predictor-corrector step, which changes the iterate.
-
-        rp, re, rd: residuals of positive rows, of zero rows, and of stationarity. mu: mean complementarity. tolerance:
-        relative residual of the linear equations.
-        """
+        """Take one predictor-corrector step, which changes the iterate."""
         d = 1.0 / (self.s / self.v + _POSITIVE)
         weights = np.zeros(self.shape)
         weights[self.k, self.l] = d[:-1]
@@ -196,10 +188,7 @@ class _InteriorPointMethod:
         solve = self.normal.factor(weights, float(d[-1]), _SHIFT, plain=True)
 
         def direction(rc: Floats, times: int = _REFINED) -> tuple[Point, Floats, Floats, Floats]:
-            """Return the changes of point, slacks, and both kinds of multipliers in one direction.
-
-            rc: residuals of complementarity to remove. times: largest number of refinements of the linear solution.
-            """
+            """Return the changes of point, slacks, and both kinds of multipliers in one direction."""
             z, t = self.apply_transpose(d * (rp + rc / self.v), re / _EQUAL)
             dx = solve((z - rd[0], t - rd[1]), tolerance, times)
             g, e = self.rows(dx)
@@ -231,10 +220,7 @@ class _InteriorPointMethod:
 
 
 def _step_length(at: Floats, step: Floats) -> float:
-    """Return the largest fraction of a step, at most 1 / _BACK, that keeps a vector ≥ 0.
-
-    at: present entries. step: their changes.
-    """
+    """Return the largest fraction of a step, at most 1 / _BACK, that keeps a vector ≥ 0."""
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))
 

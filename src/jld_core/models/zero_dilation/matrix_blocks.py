@@ -42,12 +42,8 @@ _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
-    """Solve the RLT relaxation of one region by matrix blocks; None without convergence.
-
-    It is the program of `solve_rlt`, and faster for many faces. bounded: complementarity problem with bounds on forces.
-    region: part of the solutions. options: products, slack, time limit, distance and tolerance. `violated` of the
-    result is None.
-    """
+    """Solve the RLT relaxation of one region by matrix blocks; None without convergence."""
+    # It is the program of `solve_rlt`, and faster for many faces.
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
@@ -100,11 +96,8 @@ class BlockCertifier(Certifier):
         self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound.
-
-        The result is scaled, at most region.high, and −inf if nothing is proven. sufficient_bound: scaled bound at
-        which refinement of the certificate ends.
-        """
+        """Correct multipliers until they prove a lower bound on λ, and return that bound."""
+        # The result is scaled, at most region.high, and −inf if nothing is proven.
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
         self.unbalanced[-len(lone) :] = lone
@@ -115,11 +108,8 @@ class BlockCertifier(Certifier):
         return found
 
     def _correction(self, of_products: Floats, price: Floats) -> Any:
-        """Return a function that computes changes of the multipliers from a residual R.
-
-        The changes reduce R, the part of the identity in `certificate` that is not yet zero. of_products, price:
-        multipliers of products, and of rows times b_λ·u.
-        """
+        """Return a function that computes changes of the multipliers from a residual R."""
+        # The changes reduce R, the part of the identity in `certificate` that is not yet zero.
         largest = self.largest
         share = np.where(self.free, 1.0, np.minimum(of_products * largest[:, None] / self.least_free, 1.0))
         share = np.where((share < _GONE / self.least_free) | ~self.local_space.allowed_products, 0.0, share)

@@ -37,11 +37,11 @@ Loop = tuple[int, ...]
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
     """Return coefficients (2e, 4m) of sums of mode rates around loops, ≥ 0 in solutions.
 
-    There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face by
-    the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the identity
-    of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows. rates: (4m, w) mode rates
-    as forms of w velocities.
+    rates: (4m, w) mode rates as forms of w velocities.
     """
+    # There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face
+    # by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the
+    # identity of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows.
     jumps = _jumps(rates)
     rows = []
     for loop in face_loops(assembly):
@@ -96,10 +96,8 @@ def _between(assembly: Assembly) -> list[tuple[int, int]]:
 
 
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
-    """Yield every loop of two to four faces around blocks in contact, as tuples of faces.
-
-    Loops of four blocks that a face shortens are left out. All supports count as one block.
-    """
+    """Yield every loop of two to four faces around blocks in contact, as tuples of faces."""
+    # Loops of four blocks that a face shortens are left out. All supports count as one block.
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
     for face, (a, b) in enumerate(_between(assembly)):
@@ -116,7 +114,7 @@ def face_loops(assembly: Assembly) -> Iterator[Loop]:
 def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
     """Yield the blocks of each loop of three blocks, and of each loop of four without a chord.
 
-    A chord is a contact of opposite blocks. near: for each block the blocks in contact with it.
+    A chord is a contact of opposite blocks.
     """
     for a in sorted(near):
         later = sorted(b for b in near[a] if b > a)
@@ -230,8 +228,7 @@ class Modes(LinearModes):
 def modes_of(template: Template, labels: Bits) -> Modes | None:
     """Build the complementarity problem of a planar labelling.
 
-    template: of the assembly. labels: (m,) True = dry. The result is None for spatial assemblies, and for labels under
-    which a face may crush.
+    labels: (m,) True = dry. The result is None for spatial assemblies, and for labels under which a face may crush.
     """
     facets = template.yield_set.associative.facets(labels)
     if facets is None:
@@ -316,10 +313,8 @@ class Statics:
 
     @cached_property
     def force_bounds(self) -> Floats:
-        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven.
-
-        There are none if self-stress is unbounded.
-        """
+        """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven."""
+        # There are none if self-stress is unbounded.
         if self._force_bounds is not None:
             return self._force_bounds
         modes = self.modes
@@ -383,13 +378,7 @@ class Statics:
 
 
 def bound_velocities(statics: Statics) -> Floats | None:
-    """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,).
-
-    statics: states of the region, whose least friction is used. The result is None if no bound is proven. The cost is
-    Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and these bound
-    velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide together
-    carry some friction in every state.
-    """
+    """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,)."""
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
     jumps = modes.matrix.T.reshape(m, 3, width)
@@ -462,9 +451,10 @@ class Region:
     def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
         """Split the region at the mode that most violates y z = 0; None if no mode violates it.
 
-        The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held; if
-        it is a slide, the other slide of its face is closed. rates, slacks: (4m,) mean z and mean y of a relaxation.
+        rates, slacks: (4m,) mean z and mean y of a relaxation.
         """
+        # The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held;
+        # if it is a slide, the other slide of its face is closed.
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
         if not apart.max() > 0.0:
             return None
@@ -492,18 +482,15 @@ class BoundedModes:
 
     @classmethod
     def up_to(cls, modes: Modes, high: float) -> BoundedModes:
-        """Compute the bounds for all solutions with 0 ≤ λ ≤ high.
-
-        modes: the complementarity problem. high: scaled λ. Bounds that are not proven are inf, or None for velocities.
-        """
+        """Compute the bounds for all solutions with 0 ≤ λ ≤ high."""
         statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
         return cls(modes, statics.force_bounds, bound_velocities(statics))
 
     def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
         """Return the region of solutions with low ≤ λ ≤ high and given closed and held modes.
 
-        Modes that are proven not to move in it are closed as well. low, high: scaled λ. closed, held: (4m,) modes with
-        z = 0, and with y = 0.
+        Modes that are proven not to move in it are closed as well. closed, held: (4m,) modes with z = 0, and with y =
+        0.
         """
         statics = Statics(self.modes, low, high, held, self.force_bounds)
         return Region(low, high, closed | statics.closed_modes(), held)

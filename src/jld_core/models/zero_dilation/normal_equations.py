@@ -58,13 +58,10 @@ class NormalEquations:
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
         """Factor the matrix for given weights, and return the function that solves with it.
 
-        weights: (r, forms) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: added to the
-        diagonal. plain: refine by simple corrections, which leave directions of tiny curvature unchanged. By default
-        refinement uses conjugate gradients with the factor as preconditioner.
-
-        The function takes a right-hand side (Z, T), the relative residual to reach, and the largest number of
-        corrections. It returns the point of least residual. LinAlgError is raised if the matrix cannot be factored.
+        weights: (r, forms) weights d_kl ≥ 0 of the products.
         """
+        # The function takes a right-hand side (Z, T), the relative residual to reach, and the largest number of
+        # corrections. It returns the point of least residual. LinAlgError is raised if the matrix cannot be factored.
         once = self._once(weights, live, shift)
         space = self.space
 
@@ -106,10 +103,7 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Factor the shifted matrix, and return a function that solves without refinement.
-
-        weights, live, shift: as in `factor`.
-        """
+        """Factor the shifted matrix, and return a function that solves without refinement."""
         space, shift = self.space, max(shift, self._shift)
         slides = space.ones * (4 * space.lone)
         first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
@@ -187,7 +181,7 @@ class _EliminationTree:
         """Compute the elimination order, and the fronts of matrix blocks.
 
         forms: (modes, w) coefficients of each mode in the w columns. groups: (w,) number of the group in which a column
-        is eliminated, from 0. of: (w,) basis of each column. sizes: number of states of each basis.
+        is eliminated, from 0. of: (w,) basis of each column.
         """
         touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
@@ -285,10 +279,7 @@ class _EliminationTree:
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
-        """Solve for a right-hand side (k, w) by forward and backward substitution.
-
-        held: factors of the fronts, from `factor`.
-        """
+        """Solve for a right-hand side (k, w) by forward and backward substitution."""
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]
@@ -327,11 +318,8 @@ class _FrontPositions:
 
 
 def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add an update matrix to a front, in the lower half of both (extend-add).
-
-    Runs of rows that are contiguous in both are added at once. places: position in the front of each column of the
-    update. at, its: first unknown of each column, in the front and in the update.
-    """
+    """Add an update matrix to a front, in the lower half of both (extend-add)."""
+    # Runs of rows that are contiguous in both are added at once.
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):
         if runs and runs[-1][1] + runs[-1][2] == place:

@@ -194,9 +194,9 @@ class LocalProductSpace:
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
         """Return, for each set of elements, a basis (3m + 2, k) of its states in equilibrium.
 
-        A state holds (F, λ, 1); forces that the set does not use are zero. statics: (3n, 3m + 2) equations of
-        equilibrium.
+        statics: (3n, 3m + 2) equations of equilibrium.
         """
+        # A state holds (F, λ, 1); forces that the set does not use are zero.
         out = []
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
@@ -223,7 +223,7 @@ class LocalProductSpace:
     def _inverse(self, number: int, statics: Floats) -> Floats:
         """Return the pseudo-inverse of the transposed equilibrium of one set of elements.
 
-        number: of the set. statics: (3n, 3m + 2) equations of equilibrium. Results are cached.
+        statics: (3n, 3m + 2) equations of equilibrium. Results are cached.
         """
         if number not in self._inverses:
             rows, places = self.forces(number)
@@ -274,8 +274,8 @@ class Velocities:
 def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
     """Build the product space and the free velocities of a region.
 
-    local_space: sets of elements for each velocity. facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m + 2)
-    equilibrium. Both act on scaled (F, λ, 1). lone: (m,) mask of faces from `lone_faces`.
+    facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m + 2) equilibrium. Both act on scaled (F, λ, 1). lone:
+    (m,) mask of faces from `lone_faces`.
     """
     modes, basis = local_space.modes, local_space.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
@@ -358,10 +358,7 @@ class PrimalDualPair:
         return abs(self.motion.bound - self.state.load) <= width * size
 
     def is_solution(self, width: float) -> bool:
-        """Return True if the pair is an admissible, converged solution with a narrow bracket.
-
-        width: largest relative width of the bracket.
-        """
+        """Return True if the pair is an admissible, converged solution with a narrow bracket."""
         return not self.locked and self.state.admissible and self.converged and self.bracket_within(width)
 
     @property

@@ -83,11 +83,9 @@ class LowerBoundSearch:
         self._bounded = BoundedModes.up_to(modes, problem.interval_end(0.0))
 
     def search(self) -> LowerBound:
-        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches.
-
-        The search ends where the bound meets the lowest solution found, or at the time limit. Without a proof the bound
-        is 0.
-        """
+        """Compute the lower bound: by frozen friction, then RLT relaxations, then branches."""
+        # The search ends where the bound meets the lowest solution found, or at the time limit. Without a proof the
+        # bound is 0.
         modes, problem, none = self.modes, self.problem, np.zeros(len(self.modes.rows), dtype=bool)
         force_bounds, velocity_bounds = self._bounded.force_bounds, self._bounded.velocity_bounds
         if velocity_bounds is None:
@@ -114,8 +112,7 @@ class LowerBoundSearch:
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
         """Solve relaxations of one region, each from the last bound; branch where they stall.
 
-        bounds: known of the region. closed, held: (4m,) modes with z = 0, and with y = 0. pairs: mask of product rows.
-        depth: of branching, 0 at the root.
+        closed, held: (4m,) modes with z = 0, and with y = 0.
         """
         name, slack, problem = "products" if depth == 0 else f"branch {depth}", _SLACK, self.problem
         while not problem.closes_gap(bounds.believed) and problem.seconds_left > 0.0:
@@ -162,10 +159,7 @@ class LowerBoundSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
-        """Return the lower bound on scaled λ that a certificate proves for a region; −inf if none.
-
-        region: part of the solutions. relaxed: solution of its relaxation. slack: σ, relative.
-        """
+        """Return the lower bound on scaled λ that a certificate proves for a region; −inf if none."""
         # With more than the least slack another step follows, so the first valid certificate is sufficient.
         sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf
         check = Certifier(self._bounded, region, self.problem.scaled_slack(slack))
@@ -198,21 +192,16 @@ def load_range(
 ) -> Proof:
     """Find the lowest and the highest certified solution, and a lower bound on all solutions.
 
-    The search ends early at the deadline of the command; solutions found until then are reported.
-
-    labels: (m,) True = dry. proximal: parameters of the fixed-point search. associative: associative proof for these
-    labels. options: time of the lower bound, and when the search ends. Result: proof of the lowest solution found.
-    `extra` also holds `lowest_found` and `highest_found` (λ, None if no solution was certified), `solutions_found`,
-    `highest` (evidence for the highest solution: λ, violation, dilation, gap, forces, mechanism), and the entries of
-    the bound: - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic;
-    None if no bound above zero is proven. - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative
-    tolerance to which it depends on a solver. - `proven`: `lowest_bound` equals `lowest_proven`. `closed`:
-    `lowest_bound` meets `lowest_found` within 1e-6. - `floor_route`, `floor_programs`, `floor_seconds`: steps, number
-    of programs, and processor time in seconds.
-
-    The bound requires a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner
-    faces.
+    labels: (m,) True = dry. Result: proof of the lowest solution found. `extra` also holds `lowest_found` and
+    `highest_found` (λ, None if no solution was certified), `solutions_found`, `highest` (evidence for the highest
+    solution: λ, violation, dilation, gap, forces, mechanism), and the entries of the bound: - `lowest_proven`: no
+    solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None if no bound above zero is
+    proven. - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
+    solver. - `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within
+    1e-6. - `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
     """
+    # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
+    # a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner faces.
     if associative.status is Status.UNSTABLE:
         return _proof_without_solution(pair_proof(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
@@ -253,10 +242,10 @@ def _lower_bound(
 ) -> LowerBound | None:
     """Compute a lower bound on λ of all solutions by the function `bound`.
 
-    If a solution at λ = 0 is known, the bound is 0 without a search. The result is None without any solution, without
-    time, with effective areas, and where dry faces have cohesion or inner faces friction. labels: (m,) True = dry.
-    search: solutions found so far. seconds: of processor time.
+    labels: (m,) True = dry.
     """
+    # If a solution at λ = 0 is known, the bound is 0 without a search. The result is None without any solution, without
+    # time, with effective areas, and where dry faces have cohesion or inner faces friction.
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
@@ -270,7 +259,7 @@ def _lower_bound(
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
     """Compute the lower bound of a planar scene; None for spatial scenes and with crushing.
 
-    labels: (m,) True = dry. search: solutions found so far. seconds: of processor time.
+    labels: (m,) True = dry.
     """
     found, modes = search.found, search.modes
     if modes is None:
@@ -288,8 +277,7 @@ def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearc
 def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
     """Return the entries of `Proof.extra` that state the lower bound on λ, in scene units.
 
-    lower_bound: None without one. load: λ in scene units per scaled λ; λ is rounded down. See `load_range` for the
-    keys.
+    lower_bound: None without one.
     """
     if lower_bound is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
@@ -345,24 +333,17 @@ def prove_zero_dilation(
 ) -> Proof:
     """Prove the load factor of one labelling under friction without dilation.
 
-    analysis: analysis of associative friction, planar or spatial, of whole faces or of point contacts. labels: (m,)
-    True = dry. options: parameters of the fixed-point search. associative: associative proof for these labels; computed
-    if not given. stands: also decide whether the structure stands at λ = 0. pruning_threshold: λ in scene units at or
-    below which the labelling is irrelevant. If the associative upper bound does not exceed this value, the result keeps
-    the associative λ (`Proof.outbid`), which no λ without dilation exceeds. range: if given, search for the lowest and
-    the highest solution from many starts, and spend this processor time in seconds on a lower bound, see `load_range`.
-    Result: λ and the forces `found` are those of an exactly admissible state, and the motion does not dilate. The
-    bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN of that state. Its
-    width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper bound on all solutions
-    is `extra["associative_load_factor"]`. `extra` also holds `friction_violation` (max(|V| − μN)⁺ / max N),
-    `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces / largest slip), `bracket_of` and
-    `zero_dilation_iterations`. The status is `uncertified` if the search did not converge, or if the bracket is wider
-    than the gap of the analysis. Raises InputError if a material is missing, for the start "vertex" on a program with
-    cones, or for effective areas where they do not apply.
-
-    If the associative problem is locked, the search starts from the state of least forces. Source: Gilbert, Casapulla,
-    Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
+    labels: (m,) True = dry. Result: λ and the forces `found` are those of an exactly admissible state, and the motion
+    does not dilate. The bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN
+    of that state. Its width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper
+    bound on all solutions is `extra["associative_load_factor"]`. `extra` also holds `friction_violation` (max(|V| −
+    μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces / largest slip),
+    `bracket_of` and `zero_dilation_iterations`. The status is `uncertified` if the search did not converge, or if the
+    bracket is wider than the gap of the analysis. Raises InputError if a material is missing, for the start "vertex" on
+    a program with cones, or for effective areas where they do not apply.
     """
+    # If the associative problem is locked, the search starts from the state of least forces. Source: Gilbert,
+    # Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     start = time.perf_counter()
     options = options or ProximalOptions()
     if options.effective_area:

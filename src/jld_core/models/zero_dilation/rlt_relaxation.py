@@ -94,11 +94,9 @@ class RltOptions:
 
 
 def null_space(rows: Floats) -> Floats:
-    """Return a sparse basis (n, k) of the null space of a matrix `rows` (r, n).
-
-    Gaussian elimination prefers pivots in columns with few entries. Each basis vector has one entry 1 that all others
-    lack.
-    """
+    """Return a sparse basis (n, k) of the null space of a matrix `rows` (r, n)."""
+    # Gaussian elimination prefers pivots in columns with few entries. Each basis vector has one entry 1 that all others
+    # lack.
     table, n = rows.copy(), rows.shape[1]
     used, pivots = np.zeros(n, dtype=bool), []
     for i in range(len(table)):
@@ -126,10 +124,10 @@ def null_space(rows: Floats) -> Floats:
 def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     """Return the Kronecker products of rows i of one matrix with rows j of another.
 
-    They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
-    first, second: matrices with one form per row. i, j: (k,) rows of `first` and of `second`, in pairs. The result is
-    sparse, (k, columns of first × columns of second).
+    i, j: (k,) rows of `first` and of `second`, in pairs. The result is sparse, (k, columns of first × columns of
+    second).
     """
+    # They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
     count = a * b
@@ -157,8 +155,7 @@ def region_forms(modes: LinearModes, region: Region) -> Floats:
     """Return the linear forms (k + 3, q + 2) of (F, λ, 1) that are ≥ 0 in a region.
 
     They are the k slacks of yield rows, λ − low, high − λ and 1. Their products with forms of velocities are the rows
-    of the RLT relaxation, docs/method.md (4.7). modes: complementarity problem with q resultants F. region: has the
-    ends `low` and `high` of λ.
+    of the RLT relaxation, docs/method.md (4.7).
     """
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
@@ -166,13 +163,7 @@ def region_forms(modes: LinearModes, region: Region) -> Floats:
 
 
 def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
-    """Solve the RLT relaxation of one region as one linear program; None if the solver fails.
-
-    bounded: complementarity problem with bounds on forces and velocities. region: part of the solutions. options:
-    products, slack and time limit. Every row and the objective (λ − low) b_λ·u are scaled to order one, so that narrow
-    regions keep their accuracy. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic. A
-    certificate has to check it, see `Certifier`.
-    """
+    """Solve the RLT relaxation of one region as one linear program; None if the solver fails."""
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
     basis = null_space(modes.rates[region.closed])
@@ -228,11 +219,10 @@ def solve_products(
 ) -> LinearAnswer | None:
     """Minimise a linear objective of the products X subject to 0 ≤ matrix X ≤ high.
 
-    The last row of `matrix` is the equation b_λ·u = 1. An additional last unknown, ≥ 0, may replace b_λ·u at a cost of
-    1, so that the equation can always be met. One row is appended for the sign of this unknown. objective: in the shape
-    of X. matrix: (rows, size of X) sparse. high: (rows,). seconds: time limit. presolve: see `interior_point`. The
-    result is None if the solver returns no finite, nonzero multipliers.
+    matrix: (rows, size of X) sparse. high: (rows,).
     """
+    # The last row of `matrix` is the equation b_λ·u = 1. An additional last unknown, ≥ 0, may replace b_λ·u at a cost
+    # of 1, so that the equation can always be met. One row is appended for the sign of this unknown.
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
     low = np.append(elastic[:, 0], 0.0)
@@ -248,9 +238,8 @@ def solve_products(
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the forms of a region and its equilibrium, scaled to entries of order one.
 
-    modes: complementarity problem with k yield rows. unit: matrix that maps scaled (F, λ, 1) to unscaled ones, see
-    `scaling_matrix`. The results are `region_forms` with each row divided by its largest entry, these divisors (k +
-    3,), and the equilibrium rows.
+    unit: matrix that maps scaled (F, λ, 1) to unscaled ones, see `scaling_matrix`. The results are `region_forms` with
+    each row divided by its largest entry, these divisors (k + 3,), and the equilibrium rows.
     """
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)
@@ -318,8 +307,7 @@ def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
 def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
     """Return the indices (k, l) of yield slacks and modes whose product y_k z_l is zero.
 
-    They are k = l, and every held k with every moving l, docs/method.md (4.7). held: modes with y = 0. moving: modes
-    that may have z > 0.
+    They are k = l, and every held k with every moving l, docs/method.md (4.7).
     """
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
@@ -327,11 +315,7 @@ def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
 
 
 def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) -> tuple[Ints, Ints]:
-    """Return index pairs (i, j), (k,) each, of all rows of one matrix with rows of another.
-
-    first: number of rows i, which begin at index `start`. second: number of rows j from 0. chosen: indices j instead;
-    None: all.
-    """
+    """Return index pairs (i, j), (k,) each, of all rows of one matrix with rows of another."""
     other = np.arange(second) if chosen is None else chosen
     return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)
 
@@ -405,11 +389,7 @@ class LowerBoundProblem:
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Convert a relative slack σ to scaled λ per unit of the cost of a mechanism.
-
-        slack: σ relative to max(|λ|, 1), where λ is that of the lowest solution found. For the cost see docs/method.md
-        (4.8).
-        """
+        """Convert a relative slack σ to scaled λ per unit of the cost of a mechanism."""
         return slack * max(abs(self.load), 1.0)
 
     def interval_end(self, low: float) -> float:
@@ -428,10 +408,7 @@ class LowerBoundProblem:
         return bound >= self.load_below(tolerances.GAP)
 
     def gains_enough(self, low: float, bound: float, share: float = _STALL) -> bool:
-        """Return True if a step that raises the bound from `low` to `bound` gains enough.
-
-        share: fraction of the distance from `low` to the lowest solution found that the step must exceed.
-        """
+        """Return True if a step that raises the bound from `low` to `bound` gains enough."""
         return bound - low > share * (self.load - low)
 
     def less_solver_tolerance(self, bound: float) -> float:
@@ -452,8 +429,7 @@ class LowerBoundProblem:
     def allows_products(self, faces: int, most: int, force_bounds: Floats) -> bool:
         """Return True if the RLT relaxation may be formed; otherwise log the reason.
 
-        faces: number of faces. most: limit of this number, unless the time budget reaches `PATIENT`. force_bounds: (q +
-        2,) bounds on forces, which must be finite.
+        force_bounds: (q + 2,) bounds on forces, which must be finite.
         """
         if faces > most and self._seconds < PATIENT:
             self.record(f"no products: {faces} faces")
@@ -464,11 +440,7 @@ class LowerBoundProblem:
         return False
 
     def result(self, proven: float, believed: float) -> LowerBound:
-        """Build the result of the search from the proven bound and the believed one.
-
-        proven: by certificates. believed: may rely on the solver. Both are scaled. The proven bound is taken if it is
-        as high as the believed one, up to the gap tolerance.
-        """
+        """Build the result of the search from the proven bound and the believed one."""
         sure = proven >= believed - tolerances.GAP * self.load_unit
         bound = proven if sure else believed
         return LowerBound(

@@ -82,19 +82,15 @@ class BlockSweep:
     def near_hinge_bound(self, low: float) -> float:
         """Prove a lower bound on λ by a program with the products of near hinges only.
 
-        The program is solved to full accuracy. low: scaled λ up to which no solution exists. The result is scaled, and
-        −inf if nothing is proven.
+        The program is solved to full accuracy.
         """
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
 
     def partial_bound(self, low: float, stage: int = 0) -> float:
-        """Prove a bound that excludes only the first part of the interval of λ from `low`.
-
-        The program takes half the steps of one that reaches up to the lowest solution found. It has enough slack that
-        its multipliers prove the bound without correction. low: scaled λ up to which no solution exists. stage: index
-        of the products in `stages`. The result is scaled, and `low` if nothing more is proven.
-        """
+        """Prove a bound that excludes only the first part of the interval of λ from `low`."""
+        # The program takes half the steps of one that reaches up to the lowest solution found. It has enough slack that
+        # its multipliers prove the bound without correction.
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.problem.load - low))
         pairs = self.stages[stage][1]
@@ -107,9 +103,7 @@ class BlockSweep:
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """Prove a bound by repeated steps from `low`, with branches where steps stall.
 
-        low: scaled λ up to which no solution exists. closed, held: (4m,) modes with z = 0, and with y = 0. stage: index
-        of the products in `stages`. depth: of branching, 0 at the root. The result is scaled, and `low` if nothing more
-        is proven.
+        closed, held: (4m,) modes with z = 0, and with y = 0.
         """
         slack, problem, rough = 0.0, self.problem, False
         while not problem.closes_gap(low) and problem.seconds_left > 0.0:
@@ -148,19 +142,14 @@ class BlockSweep:
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
         """Return the region of solutions from `low` to `high`; see `BoundedModes.region`.
 
-        low, high: scaled λ; without `high` the region ends a little above the lowest solution found. closed, held:
-        (4m,) modes with z = 0, and with y = 0.
+        closed, held: (4m,) modes with z = 0, and with y = 0.
         """
         return self.bounded.region(low, self.problem.interval_end(low) if high is None else high, closed, held)
 
     def _step(
         self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
     ) -> tuple[RltSolution | None, float]:
-        """Solve one program of a region; return its solution and the bound that it proves.
-
-        name: for the log. pairs: products of the program. slack: σ, relative. tolerance: of the solver, None: its
-        default. The solution is None, and the bound −inf, on failure.
-        """
+        """Solve one program of a region; return its solution and the bound that it proves."""
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
         left = max(problem.seconds_left, 1.0)
@@ -179,11 +168,7 @@ class BlockSweep:
         return answer is not None and self.problem.gains_enough(region.low, answer.multipliers.bound)
 
     def _branch(self, low: float, region: Region, answer: RltSolution, stage: int, depth: int) -> float:
-        """Split a region at one mode, sweep both parts, and return the lower of their bounds.
-
-        low: bound of the region so far, returned if no mode violates y z = 0. answer: solution whose mode violates it
-        most. stage, depth: as in `sweep`.
-        """
+        """Split a region at one mode, sweep both parts, and return the lower of their bounds."""
         halves = region.split(answer.rates, answer.slacks)
         if halves is None:
             return low
@@ -213,11 +198,7 @@ _DRAWN: Final = 1e-3
 
 
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
-    """Yield the scaled forces (q·m,) from which searches start, the most useful first.
-
-    search: supplies labels and solvers, and counts programs. associative: associative proof of the labelling. thorough:
-    also yield starts that need more programs.
-    """
+    """Yield the scaled forces (q·m,) from which searches start, the most useful first."""
     first = initial_forces(search, associative, "associative")
     yield first
     gravity = initial_forces(search, associative, "gravity")
@@ -228,12 +209,10 @@ def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) 
 
 
 def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> Floats:
-    """Return the scaled forces (q·m,) of a named start: "associative", "vertex" or "gravity".
-
-    "associative": forces of the associative solution. "vertex": a vertex of the associative problem. "gravity": the
-    state of least forces at λ = 0. If the vertex program fails, or gravity has no state, the associative forces are
-    used, and zero forces if there are none. search: supplies labels and solvers, and counts programs.
-    """
+    """Return the scaled forces (q·m,) of a named start: "associative", "vertex" or "gravity"."""
+    # "associative": forces of the associative solution. "vertex": a vertex of the associative problem. "gravity": the
+    # state of least forces at λ = 0. If the vertex program fails, or gravity has no state, the associative forces are
+    # used, and zero forces if there are none.
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
         search.solves += 1
@@ -251,10 +230,10 @@ def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> 
 def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
     """Follow a load path from gravity in steps of λ; return the forces (q·m,) at its end.
 
-    Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on the
-    load path. The path ends where no further state is found. search: supplies labels and programs. gravity: (q·m,)
-    scaled forces at λ = 0. most: scaled λ above which no state exists, NaN if unknown.
+    gravity: (q·m,) scaled forces at λ = 0.
     """
+    # Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on
+    # the load path. The path ends where no further state is found.
     forces, load = gravity, 0.0
     step = (most if most > 0.0 else 1.0) / _STEPS
     least = step / 16.0
@@ -272,18 +251,15 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
     """Find the state of equilibrium at one scaled λ that is nearest to given forces.
 
-    forces: (q·m,) scaled. load: the scaled λ. search: supplies labelling and program.
+    forces: (q·m,) scaled.
     """
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """Build the program of all admissible states at one scaled λ, given by `load`.
-
-    λ moves from the unknowns of equilibrium to its right-hand side; its free column is minimised alone. search:
-    supplies labelling and program, and counts it.
-    """
+    """Build the program of all admissible states at one scaled λ, given by `load`."""
+    # λ moves from the unknowns of equilibrium to its right-hand side; its free column is minimised alone.
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
     s = program.structure
@@ -299,9 +275,9 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
     """Iterate with friction that decreases as N grows; return the final forces (q·m,).
 
-    This removes thrust that the mechanism does not need. forces: (q·m,) scaled start. Iterations end early where a
-    program fails.
+    forces: (q·m,) scaled start. Iterations end early where a program fails.
     """
+    # This removes thrust that the mechanism does not need.
     previous = search.normals(forces)
     for _ in range(_FALLS):
         template, _ = search.freeze_friction(_SLOPE, previous, search.areas(forces))
@@ -315,13 +291,10 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Search for a solution from a state of low compression on random faces.
-
-    Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
-    From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed in
-    turn. The result is the pair reached, which need not be a solution; None where a program fails. rng: draws faces and
-    mechanisms.
-    """
+    """Search for a solution from a state of low compression on random faces."""
+    # Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
+    # From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed
+    # in turn. The result is the pair reached, which need not be a solution; None where a program fails.
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
     program.objective[: search.count : freedoms] = rng.exponential(size=len(search.labels))
@@ -398,10 +371,8 @@ class Found:
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a new best, lowest or highest solution.
-
-        The result is True if the pair is a certified solution.
-        """
+        """Store a pair if it is a new best, lowest or highest solution."""
+        # The result is True if the pair is a certified solution.
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.is_solution(self.width):
@@ -441,11 +412,7 @@ class MultiStartSearch:
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
-        """Search for solutions from all starts, and return the solutions found.
-
-        thorough: use all starts and directions, else only the first ones. sufficient_load: scaled λ; the search stops
-        once a solution at or below this value is certified.
-        """
+        """Search for solutions from all starts, and return the solutions found."""
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
             if self.found.lowest_load <= sufficient_load:
@@ -469,10 +436,8 @@ class MultiStartSearch:
                 self.improve(closed)
 
     def search_random_mechanisms(self) -> None:
-        """Search for solutions whose mechanism is drawn at random, in planar scenes only.
-
-        Proximal steps miss solutions whose compressed faces differ from those of every start.
-        """
+        """Search for solutions whose mechanism is drawn at random, in planar scenes only."""
+        # Proximal steps miss solutions whose compressed faces differ from those of every start.
         alternation, found = self.alternation, self.found
         for turn in range(_TURNS if alternation is not None else 0):
             assert alternation is not None
@@ -487,12 +452,9 @@ class MultiStartSearch:
                 break
 
     def search_mixtures(self, sufficient_load: float = -math.inf) -> None:
-        """Descend from mixtures of the lowest solution with states of low compression.
-
-        It runs only if earlier descents ended at different λ, and stops after several mixtures in a row without gain.
-        If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
-        sufficient_load: as in `search`.
-        """
+        """Descend from mixtures of the lowest solution with states of low compression."""
+        # It runs only if earlier descents ended at different λ, and stops after several mixtures in a row without gain.
+        # If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
             return
@@ -510,7 +472,7 @@ class MultiStartSearch:
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
         """Mix a point with a random state of low compression; None if there is none, or in space.
 
-        point: (q·m + 1,) scaled forces and λ. share: weight of that state, from 0 to 1. rng: draws the state.
+        point: (q·m + 1,) scaled forces and λ.
         """
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
@@ -528,12 +490,10 @@ class MultiStartSearch:
         return min(ends, key=lambda end: float(end[-1]), default=None)
 
     def search_low_compression(self, sufficient_load: float = -math.inf) -> None:
-        """Search from states of low compression on random faces, while λ decreases.
-
-        The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
-        solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
-        compression (docs/notes/tried.md). sufficient_load: as in `search`.
-        """
+        """Search from states of low compression on random faces, while λ decreases."""
+        # The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
+        # solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
+        # compression (docs/notes/tried.md).
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):
             low = self.found.lowest_load
@@ -546,10 +506,7 @@ class MultiStartSearch:
                 break
 
     def search_from(self, forces: Floats, thorough: bool = True) -> None:
-        """Search by proximal steps from scaled forces (q·m,), then improve the solution.
-
-        thorough: also search upwards, and use two seeds instead of one.
-        """
+        """Search by proximal steps from scaled forces (q·m,), then improve the solution."""
         for pair in self.fixed_point.attempts(forces):
             point = np.append(pair.state.forces.ravel(), pair.state.load)
             if self.found.offer(pair) or pair.locked:
@@ -563,7 +520,7 @@ class MultiStartSearch:
     def improve(self, point: Floats, seeds: int = 2, ascend: bool = True) -> None:
         """Search for solutions of lower and higher λ by linear programs from one solution.
 
-        point: (q·m + 1,) the solution. seeds: number of random seeds. ascend: also search for higher solutions.
+        point: (q·m + 1,) the solution.
         """
         if self.alternation is None:
             return

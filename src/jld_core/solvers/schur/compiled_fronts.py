@@ -139,10 +139,8 @@ class CompiledFactor:
 
 
 def _rows_in_parents(fronts: Fronts) -> Ints:
-    """Return the row of each unknown of the update matrices in its parent front.
-
-    The pivot unknowns of the parent come first. Fronts follow each other; roots have zeros.
-    """
+    """Return the row of each unknown of the update matrices in its parent front."""
+    # The pivot unknowns of the parent come first. Fronts follow each other; roots have zeros.
     found = [np.zeros(0, dtype=np.int64)]
     for passed, parent in zip(fronts.passed, fronts.parent.tolist(), strict=True):
         if parent < 0:
@@ -346,8 +344,7 @@ class _Layout:
     ) -> tuple[Family, ...]:
         """Group the faces by their sizes, and locate the program data of each family.
 
-        row, column, data: entries of the program's matrix. yields: True for entries of yield rows. apart: True for
-        border columns. border_index: number of each border column. size: rows per cone.
+        yields: True for entries of yield rows. apart: True for border columns.
         """
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
@@ -400,10 +397,7 @@ def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
 
 
 def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
-    """Place some entries of a program's data in an array, zero elsewhere.
-
-    shape: shape of the array. entries: indices into `data`, and the positions of these values in the flat array.
-    """
+    """Place some entries of a program's data in an array, zero elsewhere."""
     array = np.zeros(shape)
     array.ravel()[entries[1]] = data[entries[0]]
     return array

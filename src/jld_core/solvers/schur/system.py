@@ -67,7 +67,7 @@ class SchurSystem:
     def _lay_out(self, size: int, places: Floats | None) -> None:
         """Analyse the pattern of the Schur complement, and where the entries of faces add up.
 
-        size: number of equations. places: (size, d) coordinates of the equations, None where unknown.
+        places: (size, d) coordinates of the equations, None where unknown.
         """
         keys, cover = [np.arange(size) * (size + 1)], np.zeros(size)
         rng = np.random.default_rng(0)
@@ -89,10 +89,7 @@ class SchurSystem:
         self._fronts = factorisation(Fronts(self._rows, self._columns, node, None if places is None else places[first]))
 
     def _prepare_products(self, size: int) -> None:
-        """Lay out sparse matrices of the columns of all faces, one face after another, whose values `factor` fills in.
-
-        size: number of equations. A sparse product takes a quarter of the time of products face by face.
-        """
+        """Lay out sparse matrices of the columns of all faces, one after another, whose values `factor` fills in."""
         families = self.blocks.families
         self._columns_of_faces = np.concatenate([family.columns.ravel() for family in families] or [_NONE])
         count, done = len(self._columns_of_faces), 0
@@ -153,11 +150,9 @@ class SchurSystem:
         return np.asarray(self._equations_t @ u + self._yields_t @ v)
 
     def factor(self, scaling: NesterovTodd) -> None:
-        """Factor the linear system of the loaded program for one scaling of the cones.
-
-        `solve` then uses this factor until the next call. Raises np.linalg.LinAlgError if the Schur complement stays
-        indefinite under the largest shift of its diagonal.
-        """
+        """Factor the linear system of the loaded program for one scaling of the cones."""
+        # `solve` then uses this factor until the next call. Raises np.linalg.LinAlgError if the Schur complement stays
+        # indefinite under the largest shift of its diagonal.
         self._scaling = scaling
         count = len(self.blocks.border)
         inverses, halves, sides, summands = [_EMPTY], [_EMPTY], [np.zeros((0, count))], [_EMPTY]
@@ -194,10 +189,7 @@ class SchurSystem:
             self._corner = corner + edges.T @ self._reach
 
     def _shifted(self, data: Floats) -> Solves:
-        """Factor the scaled Schur complement with the least diagonal shift tried that succeeds.
-
-        data: values of its entries, whose diagonal is overwritten. Raises np.linalg.LinAlgError if none succeeds.
-        """
+        """Factor the scaled Schur complement with the least diagonal shift tried that succeeds."""
         shift = _SHIFT
         for _ in range(_RETRIES):
             data[self._diagonal] = 1.0 + shift
@@ -277,12 +269,10 @@ def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
 
 
 def _right_inverse_of_r(stack: Floats) -> Floats:
-    """Return R⁻¹ (m, k, k) of the QR factorisations of m matrices (rows, k).
-
-    The matrices have full column rank. Householder reflections treat all faces at once, with faces as the last axis.
-    The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps
-    them.
-    """
+    """Return R⁻¹ (m, k, k) of the QR factorisations of m matrices (rows, k)."""
+    # The matrices have full column rank. Householder reflections treat all faces at once, with faces as the last axis.
+    # The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps
+    # them.
     table = np.array(stack.transpose(1, 2, 0), order="C")
     wide, count = table.shape[1:]
     inverse = np.zeros((wide, wide, count))
@@ -398,11 +388,7 @@ class Newton:
             self.slope = float(q @ x1 + r @ u1 + h @ self.scaling.divide(wv1)) - it.kappa / it.tau
 
     def direction(self, eta: float, ds: Floats, dk: float) -> Direction:
-        """Return one search direction.
-
-        eta: share of the residuals to remove. ds, dk: right-hand sides of the complementarity of s and v, and of τ and
-        κ.
-        """
+        """Return one search direction."""
         it, scaling = self.it, self.scaling
         comp = self.cones.quotient(scaling.point, ds)
         x2, u2, wv2 = self.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
@@ -427,10 +413,8 @@ class Newton:
         return alpha, alpha
 
     def corrected(self) -> Direction:
-        """Return the predictor-corrector direction of Mehrotra.
-
-        In linear programs the corrector is scaled for the longest step, and centred where that step is still short.
-        """
+        """Return the predictor-corrector direction of Mehrotra."""
+        # In linear programs the corrector is scaled for the longest step, and centred where that step is still short.
         it, lam, cones = self.it, self.scaling.point, self.cones
         square = cones.product(lam, lam)
         way = self.direction(1.0, -square, -it.tau * it.kappa)
@@ -447,10 +431,7 @@ class Newton:
         return way if min(self.lengths(way)) > _SHORT else self._centring_direction(square)
 
     def _centring_direction(self, square: Floats) -> Direction:
-        """Return the direction to the central path at nearly the same μ, along which a jammed iterate can move again.
-
-        square: complementarity products of the iterate, scaled.
-        """
+        """Return the direction to the central path at nearly the same μ; a jammed iterate can move along it."""
         target, it = _CENTRING * self.mu, self.it
         return self.direction(1.0 - _CENTRING, target * self.cones.unit() - square, target - it.tau * it.kappa)
 
@@ -467,10 +448,7 @@ class Newton:
     def _weighted(
         self, way: Direction, more: Direction, reached: tuple[float, float]
     ) -> tuple[Direction, tuple[float, float]]:
-        """Add that multiple of a corrector which allows the longest steps; return the direction and its steps.
-
-        way, reached: direction and its steps. more: corrector.
-        """
+        """Add that multiple of a corrector which allows the longest steps; return the direction and its steps."""
         weights = np.linspace(max(_LEAST_WEIGHT, min(reached) ** 2), 1.0, _WEIGHTS).tolist()
         found = [self.lengths(way.plus(weight, weight, more)) for weight in weights]
         # Where steps are equal, the larger weight is taken.
@@ -478,10 +456,7 @@ class Newton:
         return way.plus(weights[first], weights[second], more), (found[first][0], found[second][1])
 
     def _centred(self, way: Direction, reached: tuple[float, float], target: float) -> Direction:
-        """Add a corrector that brings complementarity products nearer to their target, for longer steps.
-
-        way, reached: direction and its steps. target: value of the products, scaled.
-        """
+        """Add a corrector that brings complementarity products nearer to their target, for longer steps."""
         it, lam = self.it, self.scaling.point
         far, wide = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in reached)
         low, high = (factor * target for factor in _CENTRAL)
@@ -526,9 +501,10 @@ class SchurSolver(Solver):
     def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
         """Solve a program, or stop at the first iterate that suffices; see `Solver.solve_until`.
 
-        An iterate is offered once its relative duality gap is at most `EARLY`. The structure is analysed if it is new.
         Raises SolverError as `solve`.
         """
+        # An iterate is offered once its relative duality gap is at most `EARLY`. The structure is analysed if it is
+        # new.
         start = time.perf_counter()
         equations = self._block_equations(program)
         if equations is not None:
@@ -551,11 +527,9 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the transformation of a program to equilibrium of whole blocks.
-
-        None for a program without `bodies`, and where every block is one element. The last transformation is stored and
-        reused if it fits the program.
-        """
+        """Return the transformation of a program to equilibrium of whole blocks."""
+        # None for a program without `bodies`, and where every block is one element. The last transformation is stored
+        # and reused if it fits the program.
         bodies, known = program.bodies, self._equations
         if bodies is None:
             return None
@@ -579,10 +553,8 @@ class _Iteration:
         self.suffices: Suffices | None = None
 
     def to_the_end(self, most: int) -> tuple[RawStatus, Iterate, int]:
-        """Iterate until convergence, a ray or stagnation; return status, iterate and count.
-
-        Without convergence the best iterate is returned. most: largest number of iterations.
-        """
+        """Iterate until convergence, a ray or stagnation; return status, iterate and count."""
+        # Without convergence the best iterate is returned.
         try:
             now = self._start()
         except np.linalg.LinAlgError:
@@ -645,10 +617,8 @@ class _Iteration:
         return Iterate(x, u, s, v)
 
     def _status_of(self, it: Iterate) -> tuple[RawStatus | None, float]:
-        """Return the final status of an iterate, or None to continue, and its error.
-
-        The error is relative to the tolerances.
-        """
+        """Return the final status of an iterate, or None to continue, and its error."""
+        # The error is relative to the tolerances.
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
         left_u, left_v = system.equations(it.x), system.yields(it.x) + it.s

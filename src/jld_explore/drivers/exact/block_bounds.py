@@ -59,25 +59,16 @@ class BlockSpace:
     blocks: PossibleBlocks
 
     def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
-        """Make the block relaxation of the space, which bounds λ over choices of blocks.
-
-        analyses: of the load cases, in their order; empty makes them anew. seconds: time limit of one program, s.
-        """
+        """Make the block relaxation of the space, which bounds λ over choices of blocks."""
         members, inside = self.blocks.members, self.blocks.inside
         return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
 
 
 @one_thread()
 def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
-    """Solve a block relaxation in this worker process.
-
-    Returns the result and the number of programs solved. None if `program` is None or no relaxation is stored under
-    the name.
-
-    name: worker, under whose name the relaxation is stored between calls. block_space: pickled `BlockSpace` that
-    replaces every stored relaxation; None keeps them. program: arguments of `BlockRelaxation.choose`; None only sets up
-    the relaxation.
-    """
+    """Solve a block relaxation in this worker process."""
+    # Returns the result and the number of programs solved. None if `program` is None or no relaxation is stored under
+    # the name.
     if block_space is not None:
         _relaxations.clear()
         made: BlockSpace = pickle.loads(block_space)
@@ -131,8 +122,7 @@ class BlockBoundPool:
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """Solve one block relaxation in this process; see `BlockRelaxation.choose`.
 
-        allowed: (p,) True for blocks that may be chosen. threshold: scaled λ to reach. most: scaled λ that no labelling
-        exceeds.
+        allowed: (p,) True for blocks that may be chosen.
         """
         return self._here.bound_all([(allowed, threshold, most)])[0]
 
@@ -142,12 +132,10 @@ class BlockBoundPool:
         return self._here.batched
 
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
-        """Solve several block relaxations and return their results in the same order.
-
-        Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
-        `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is solved
-        here.
-        """
+        """Solve several block relaxations and return their results in the same order."""
+        # Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
+        # `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is
+        # solved here.
         if self._here.batched:
             if self._worker_allowed and self._threads is None:
                 self._threads = ThreadPoolExecutor(1)
@@ -265,19 +253,14 @@ class BlockBoundTightening:
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:
-        """Return True if the programs should be solved now.
-
-        relaxations: number of relaxations solved so far. least: scaled λ that a labelling must exceed.
-        """
+        """Return True if the programs should be solved now."""
         last = self._least
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 
     def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
         """Solve block relaxations without refuted blocks until few more are refuted or time ends.
 
-        least, most: scaled λ to reach, and scaled λ that no labelling exceeds. left: time until the deadline, s, of
-        which a share is used; inf for no deadline. time_is_up: returns True once the deadline has passed; called
-        between and during programs. Result: bound not above `most`, and the conflicts of the refuted blocks.
+        Result: bound not above `most`, and the conflicts of the refuted blocks.
         """
         self._next *= 4.0
         self._least = least
@@ -303,7 +286,7 @@ class BlockBoundTightening:
     ) -> Choice | None:
         """Solve the relaxation of blocks `remaining` (k,); see `tighten`.
 
-        ends: (least, most), scaled λ. None if time runs out or the worker process fails. seconds: time limit, s.
+        ends: (least, most), scaled λ. None if time runs out or the worker process fails.
         """
         listed, chosen = self._listed_blocks, remaining.tolist()
         some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
@@ -366,12 +349,10 @@ class BlockConflictCheck:
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
         """Refute conflicts of possible blocks again, in random order, until a time.
 
-        Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks, or
-        without a bound on all labellings, nothing is checked.
-
-        conflicts: conflicts of the proof; those of another kind are skipped. end: time to stop, on the clock of
-        `time.perf_counter`, s. Result: the first problem, "" for none.
+        Result: the first problem, "" for none.
         """
+        # Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks,
+        # or without a bound on all labellings, nothing is checked.
         mine = [one for one in conflicts if one.evidence is Evidence.BLOCKS]
         if not mine or self._context.blocks is None or time.perf_counter() >= end:
             return ""
@@ -409,10 +390,8 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
-        """Return True if the mechanisms stored in a conflict refute its labels, without a solver.
-
-        False says nothing: the mechanisms may not be in memory.
-        """
+        """Return True if the mechanisms stored in a conflict refute its labels, without a solver."""
+        # False says nothing: the mechanisms may not be in memory.
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:
@@ -433,10 +412,8 @@ class _BlockRefutation:
         return False
 
     def by_programs(self, conflict: Conflict) -> bool | None:
-        """Return True if new block relaxations refute a conflict, and False if they do not.
-
-        None if time ran out.
-        """
+        """Return True if new block relaxations refute a conflict, and False if they do not."""
+        # None if time ran out.
         threshold = _raised(conflict.bound)
         for labels in self._labellings(conflict, threshold):
             if time.perf_counter() >= self._end:
@@ -447,10 +424,8 @@ class _BlockRefutation:
         return True
 
     def _labellings(self, conflict: Conflict, threshold: float) -> Iterator[Bits | None]:
-        """Yield the labellings (m,) of a conflict that no block relaxation refutes.
-
-        Yields None before each program, so that the caller can check the time. threshold: scaled λ.
-        """
+        """Yield the labellings (m,) of a conflict that no block relaxation refutes."""
+        # Yields None before each program, so that the caller can check the time.
         nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._most > threshold else []
         while nodes:
             left = self._tables.propagated(nodes.pop())
@@ -469,10 +444,7 @@ class _BlockRefutation:
                 yield self._blocks.labelling(self._context.space, np.flatnonzero(left))
 
     def _relaxation(self, blocks: Ints | None) -> AnyBlockRelaxation:
-        """Return the block relaxation of possible blocks (k,), made at its first call.
-
-        blocks: indices; None for all blocks.
-        """
+        """Return the block relaxation of possible blocks (k,), made at its first call."""
         key = b"" if blocks is None else blocks.tobytes()
         if key not in self._relaxations:
             chosen = range(len(self._blocks)) if blocks is None else blocks.tolist()

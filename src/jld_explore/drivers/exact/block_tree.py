@@ -167,9 +167,7 @@ class BlockTree:
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
         """Process an open node: branch on a face, refute the node, or return its only labelling.
 
-        threshold: scaled λ to reach, at least that of the call before. possible: returns True if any labelling with
-        labels (k,) on faces (k,) is left. time_is_up: returns True once the deadline has passed, which leaves the node
-        open; called between programs.
+        possible: returns True if any labelling with labels (k,) on faces (k,) is left.
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
@@ -202,10 +200,8 @@ class BlockTree:
         return TreeStep(node, tuple(conflicts))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
-        """Round the block shares of a node to labels (k,) of faces (k,).
-
-        Blocks with a share above 0.5 give the labels; labels that the node decides are kept.
-        """
+        """Round the block shares of a node to labels (k,) of faces (k,)."""
+        # Blocks with a share above 0.5 give the labels; labels that the node decides are kept.
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
         inside_chosen = self._tables.inside[:, chosen].any(axis=1)
         cut = self._tables.separated_by[:, chosen].any(axis=1) & ~inside_chosen
@@ -258,11 +254,9 @@ class BlockTree:
         return found, conflicts
 
     def _branch_together(self, branching: Branching, faces: list[int]) -> list[tuple[int, Branches]]:
-        """Solve the children of a node, and of the best open node without children, together.
-
-        Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
-        result is paired with the `id` of its node.
-        """
+        """Solve the children of a node, and of the best open node without children, together."""
+        # Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
+        # result is paired with the `id` of its node.
         parts = []
         for one, own in [(branching, faces), *self._next_branching(branching)]:
             conflicts: list[Conflict] = []
@@ -291,10 +285,9 @@ class BlockTree:
         return child.allowed, branching.threshold, branching.node.choice.bound
 
     def _children(self, branching: Branching, faces: list[int], conflicts: list[Conflict]) -> list[UnsolvedChild]:
-        """Return the children of a node that may have labellings, with the choice of the parent.
-
-        Append to `conflicts` the children that no choice of blocks satisfies. Leave out those that `possible` rejects.
-        """
+        """Return the children of a node that may have labellings, with the choice of the parent."""
+        # Append to `conflicts` the children that no choice of blocks satisfies. Leave out those that `possible`
+        # rejects.
         node, waiting = branching.node, []
         for face in faces:
             for label, others in ((False, self._tables.separated_by), (True, self._tables.inside)):
@@ -332,11 +325,9 @@ class BlockTree:
     def _with_forced_labels(
         self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
     ) -> Node | None:
-        """Decide each face that has one child left as in that child; return the node, or None.
-
-        `forced` holds the children left of each such face, at most one each. None if no labelling is left, which may
-        add to `conflicts`.
-        """
+        """Decide each face that has one child left as in that child; return the node, or None."""
+        # `forced` holds the children left of each such face, at most one each. None if no labelling is left, which may
+        # add to `conflicts`.
         if not all(forced):
             return None
         left = [one for (one,) in forced]
@@ -417,11 +408,9 @@ class BlockSearch:
     def start(self, least: float, root: float) -> float:
         """Start the tree where it is wanted, and bound all labellings by the root relaxation.
 
-        Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
-
-        least, root: scaled λ to reach, and bound on the scaled λ of all labellings. Result: bound on the scaled λ of
-        all labellings, at most `root`.
+        Result: bound on the scaled λ of all labellings, at most `root`.
         """
+        # Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
         blocks = self._context.blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
             return root
@@ -498,9 +487,6 @@ class BlockSearch:
         """Process one node of the tree, which usually decides one more face.
 
         Raises RuntimeError without a tree; see `active`.
-
-        formula: formula of the labellings that are left. threshold: scaled λ to reach. time_is_up: returns True once
-        the deadline has passed; called between programs.
         """
         tree = self._tree
         if tree is None:

@@ -53,10 +53,9 @@ _REMEDY: Final = "a search whose proof has a certificate"
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
     """Raise InputError if the proof of a driver cannot have a certificate.
 
-    driver: the driver, with its search space. model: options of the limit analyses. Raises InputError if the driver is
-    not `Exact` or aims at a front, or nothing bounds λ of several labellings at once. Also if the search limits
-    assembly sequences, requires a load factor or uses robust values. Also if friction is not associative, or a face has
-    no work balance. The message has one line.
+    Raises InputError if the driver is not `Exact` or aims at a front, or nothing bounds λ of several labellings at
+    once. Also if the search limits assembly sequences, requires a load factor or uses robust values. Also if friction
+    is not associative, or a face has no work balance. The message has one line.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
@@ -85,11 +84,9 @@ def certify(
 ) -> None:
     """Write the certificate of the bound that an exact driver has proven.
 
-    driver: driver whose search has ended with a bound. path: file to write. found: best labelling (True = dry) and its
-    λ, scene units; None where no labelling was found. bound: bound on λ, scene units, where the driver has none of its
-    own since it enumerated the space. Raises InputError if there is no bound, or if some labelling has no mechanism in
-    whole numbers that proves the bound. Raises ArithmeticError if two satisfiability solvers disagree, or the checker
-    rejects a rule. Raises OSError if the file cannot be written.
+    Raises InputError if there is no bound, or if some labelling has no mechanism in whole numbers that proves the
+    bound. Raises ArithmeticError if two satisfiability solvers disagree, or the checker rejects a rule. Raises OSError
+    if the file cannot be written.
     """
     bound = driver.bound if driver.bound is not None else bound
     if bound is None:
@@ -132,10 +129,8 @@ class Certifier:
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
         """Write the certificate of the bound.
 
-        path: file to write. hints: conflicts that a search found; their proof is not needed. found: best labelling
-        (True = dry) and its λ, scene units. Raises InputError if a labelling exceeds the bound, or no mechanism in
-        whole numbers is found for a labelling. Raises ArithmeticError if two satisfiability solvers disagree, or the
-        checker rejects a rule.
+        Raises InputError if a labelling exceeds the bound, or no mechanism in whole numbers is found for a labelling.
+        Raises ArithmeticError if two satisfiability solvers disagree, or the checker rejects a rule.
         """
         root = self._mechanism(*self._always_dry())
         if root is not None:  # one mechanism may bound all labellings
@@ -241,11 +236,9 @@ class Certifier:
     # --- mechanisms -------------------------------------------------------------------------------------
 
     def _mechanism(self, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Return a mechanism in whole numbers that proves the bound for given labels, or None.
-
-        `decided` (m,) selects the faces whose labels (m,) hold. The result is None if no load case has such a
-        mechanism.
-        """
+        """Return a mechanism in whole numbers that proves the bound for given labels, or None."""
+        # `decided` (m,) selects the faces whose labels (m,) hold. The result is None if no load case has such a
+        # mechanism.
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):

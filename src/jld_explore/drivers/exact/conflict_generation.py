@@ -46,11 +46,10 @@ _DECAY: Final = 0.9  # weight of the earlier average when the share of refuted l
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
-    """Return the windows of each width, (w, m) bool, True where a face touches the window.
-
-    A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a window
-    alone refutes gives a small conflict. The result is empty for structures of fewer than `_LEAST_SLABS` slabs.
-    """
+    """Return the windows of each width, (w, m) bool, True where a face touches the window."""
+    # A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a
+    # window alone refutes gives a small conflict. The result is empty for structures of fewer than `_LEAST_SLABS`
+    # slabs.
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
@@ -111,10 +110,9 @@ def conflict_of(
 ) -> Conflict | None:
     """Find a small set of labels of a labelling that prevents a λ: a conflict that refutes it.
 
-    labels: (m,) True = dry. candidates: (m,) faces that may take either label. threshold: scaled λ that the labelling
-    must not reach. tries: number of failed attempts to leave a face out of the conflict, after which minimisation ends.
-    decided: (m,) candidates whose labels the conflict may use, the others are undecided; by default all. Result:
-    conflict whose labels the labelling has; None where the labelling may reach the threshold.
+    labels: (m,) True = dry. candidates: (m,) faces that may take either label. decided: (m,) candidates whose labels
+    the conflict may use, the others are undecided; by default all. Result: conflict whose labels the labelling has;
+    None where the labelling may reach the threshold.
     """
     decided = candidates.copy() if decided is None else decided.copy()
 
@@ -225,11 +223,7 @@ class ConflictGenerator:
         return self._formula
 
     def begin(self, formula: Formula, take_in_others: Callable[[], None] | None = None) -> None:
-        """Continue with another formula.
-
-        formula: formula of the labellings that are left. take_in_others: adds the conflicts of other threads to the
-        formula; called before each draw.
-        """
+        """Continue with another formula."""
         self._formula, self._take_in_others = formula, take_in_others or _nothing
         self._conflict_keys = set()
         # Small blocks are refuted by cracks through the whole structure, so windows delay the proof: walls take 50 %
@@ -238,11 +232,7 @@ class ConflictGenerator:
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
-        """Draw labellings that the formula leaves, and return conflicts that refute them.
-
-        threshold: scaled λ to refute, at least that of the call before with the same formula. cube: labels that every
-        drawn labelling has.
-        """
+        """Draw labellings that the formula leaves, and return conflicts that refute them."""
         batch = ConflictBatch()
         self.formula.raise_threshold(threshold)
         drawn = self._draw(cube)

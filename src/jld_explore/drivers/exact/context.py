@@ -47,7 +47,7 @@ class PartialLabellingRelaxation(Protocol):
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         """Prove that one partial labelling (m,) does not exceed `threshold`; None if this fails.
 
-        labels: True = dry, ignored where `undecided`. threshold: scaled λ.
+        labels: True = dry, ignored where `undecided`.
         """
         ...
 
@@ -110,9 +110,7 @@ class ProofContext:
     ) -> ProofContext | None:
         """Make the context of a space.
 
-        counted: count that the formula must express besides the limited counts. list_blocks: whether to list the
-        possible blocks where they are few enough. Result: None where the space has no formula or no relaxation, so that
-        conflicts prove nothing.
+        Result: None where the space has no formula or no relaxation, so that conflicts prove nothing.
         """
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
         blocks = _list_blocks(space) if list_blocks else None
@@ -161,11 +159,9 @@ class ProofContext:
 
     @property
     def key(self) -> str:
-        """Hash of all data that conflicts depend on.
-
-        Recorded conflicts hold for an equal key only. The hash covers the numbers of the programs, the free faces, the
-        symmetry group and the possible blocks.
-        """
+        """Hash of all data that conflicts depend on."""
+        # Recorded conflicts hold for an equal key only. The hash covers the numbers of the programs, the free faces,
+        # the symmetry group and the possible blocks.
         space = self.space
         parts = [
             space.candidates.tobytes(),
@@ -283,10 +279,7 @@ class TargetSchedule:
         self._fraction: float | None = None
 
     def next_target(self, bound: float, low: float) -> float:
-        """Return the next λ to refute, between `low` and `bound`; `low` covers the whole gap.
-
-        bound: bound on λ of all labellings. low: λ that labellings must exceed in the end.
-        """
+        """Return the next λ to refute, between `low` and `bound`; `low` covers the whole gap."""
         gap = bound - low
         if not math.isfinite(bound) or gap <= 0.0:
             return low
@@ -303,8 +296,6 @@ class TargetSchedule:
         """Return True if the current step should be replaced by a smaller one.
 
         The next step is then half as wide.
-
-        conflicts: conflicts found in the current step. bound, aimed: bound on λ, and λ of the current step.
         """
         if conflicts < self._conflicts_allowed or not bound - aimed > _LEAST_STEP * abs(bound):
             return False
@@ -339,7 +330,7 @@ class AnnealingSchedule:
     def labellings_due(self, relaxations: int) -> int:
         """Return the number of labellings to anneal now, 0 if annealing is not due.
 
-        A number above 0 starts the next interval, so anneal them. relaxations: number of relaxations solved so far.
+        A number above 0 starts the next interval, so anneal them.
         """
         since = relaxations - self._last_run
         if since < self._interval:

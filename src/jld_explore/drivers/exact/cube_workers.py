@@ -124,11 +124,9 @@ _proofs: OrderedDict[str, _WorkerProof] = OrderedDict()
 
 @one_thread()
 def run_task(task: Task) -> TaskResult:
-    """Carry out a task in this process, with the state kept from earlier tasks of its worker.
-
-    A task with a context starts a new state. If the state is absent or has missed a task, do nothing and return a
-    result with `forgotten` True.
-    """
+    """Carry out a task in this process, with the state kept from earlier tasks of its worker."""
+    # A task with a context starts a new state. If the state is absent or has missed a task, do nothing and return a
+    # result with `forgotten` True.
     if task.context is not None:
         _proofs[task.worker] = _WorkerProof(ProofContext.unpacked(task.context))
         while len(_proofs) > _MOST_PROOFS:
@@ -222,11 +220,7 @@ class CubeWorkers:
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula, whose whole space becomes the first cube.
-
-        formula: formula of the labellings that are left. count: count as in `Formula.aim`. threshold: scaled λ to
-        refute.
-        """
+        """Continue with another formula, whose whole space becomes the first cube."""
         self._formula, self._count, self._threshold = formula, count, threshold
         self._target += 1
         self._cubes = deque([(EVERYTHING, 0)])
@@ -237,11 +231,7 @@ class CubeWorkers:
         self._cubes.clear()
 
     def step(self, threshold: float, *, wait_for_results: bool) -> bool:
-        """Add results to the state of the proof; return True once every cube is closed.
-
-        threshold: scaled λ to refute, at least that of the call before with the same formula. wait_for_results: whether
-        to wait a short time for results if there are none.
-        """
+        """Add results to the state of the proof; return True once every cube is closed."""
         self._threshold = threshold
         self.exchange()
         if wait_for_results and self._assigned and not self._has_new_results:
@@ -251,10 +241,8 @@ class CubeWorkers:
         return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
 
     def exchange(self) -> None:
-        """Collect finished tasks and send waiting cubes to free workers, without waiting.
-
-        Tasks of workers that have died or left are sent to others.
-        """
+        """Collect finished tasks and send waiting cubes to free workers, without waiting."""
+        # Tasks of workers that have died or left are sent to others.
         for future in [future for future in self._assigned if future.done()]:
             if future in self._assigned:  # an earlier result may have returned all cubes of a lost worker
                 self._collect(future, self._assigned.pop(future))
@@ -371,11 +359,9 @@ class CubeWorkers:
                 self._cubes.appendleft(continued)
 
     def _record_closed(self, one: _AssignedCube, result: TaskResult) -> None:
-        """Exclude a closed cube from the formula, and state it as a conflict where that is valid.
-
-        The conflict is valid without a count, and if neither a handed-over labelling nor an image of one lies in the
-        cube.
-        """
+        """Exclude a closed cube from the formula, and state it as a conflict where that is valid."""
+        # The conflict is valid without a count, and if neither a handed-over labelling nor an image of one lies in the
+        # cube.
         self.closed += 1
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
         if one.target == self._target and self._formula is not None:
@@ -465,10 +451,7 @@ class ThreadedGenerator:
         self._error: BaseException | None = None
 
     def begin(self, count: int | Range | None) -> None:
-        """Set the count of the next target, which takes effect from the next step on.
-
-        count: as in `Formula.aim`.
-        """
+        """Set the count of the next target, which takes effect from the next step on."""
         self.end()
         self._count = count
 
@@ -478,11 +461,9 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results of the threads, and start those that are idle.
-
-        Returns True once no labelling is left that may exceed the threshold. `threshold` is a scaled λ that must not
-        decrease between calls for the same target, which `begin` sets. An exception of a thread is raised here.
-        """
+        """Wait briefly for results of the threads, and start those that are idle."""
+        # Returns True once no labelling is left that may exceed the threshold. `threshold` is a scaled λ that must not
+        # decrease between calls for the same target, which `begin` sets. An exception of a thread is raised here.
         with self._results_changed:
             if self._target is None:
                 self._target = _Target(self._count, threshold)
@@ -595,11 +576,7 @@ class ConflictSources:
         return self._formula
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula.
-
-        formula: formula of the labellings that are left. count: count as in `Formula.aim`. threshold: scaled λ to
-        refute.
-        """
+        """Continue with another formula."""
         self._formula, self._count = formula, count
         self._generator.begin(formula)
         if self._threads is not None:
@@ -624,10 +601,8 @@ class ConflictSources:
             self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return True if no labelling is left.
-
-        `threshold` is a scaled λ, at least that of the call before with the same formula.
-        """
+        """Add the conflicts of a short time to the proof; return True if no labelling is left."""
+        # `threshold` is a scaled λ, at least that of the call before with the same formula.
         formula = self.formula
         if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
@@ -660,10 +635,7 @@ class ConflictSources:
         return exhausted
 
     def _generate_here(self, threshold: float) -> bool:
-        """Generate conflicts in this process or its threads; return True if no labelling is left.
-
-        threshold: scaled λ. Results are added to the state of the proof.
-        """
+        """Generate conflicts in this process or its threads; return True if no labelling is left."""
         if self._threads is not None:
             return self._threads.step(threshold)
         batch = self._generator.step(threshold)

@@ -44,13 +44,11 @@ EVERYTHING: Final = Cube()
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
     """Yield the two parts of a cube.
 
-    The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
-    each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
-    returned itself.
-
-    cube: cube to split. formula: formula that propagates. weight: (m,) scores of the faces, high for those of recent
-    conflicts.
+    weight: (m,) scores of the faces, high for those of recent conflicts.
     """
+    # The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
+    # each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
+    # returned itself.
     taken = set(cube.faces)
     order = np.argsort(-weight, kind="stable").tolist()
     faces = [face for face in order if formula.space.candidates[face] and face not in taken][:_LOOKED_AT]

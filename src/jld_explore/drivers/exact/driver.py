@@ -296,10 +296,7 @@ class ConflictDriver(Driver):
         return self._formula
 
     def _bound_all(self, bound: float, proof: Mechanism | tuple[BlockEvidence, ...]) -> None:
-        """Store a bound on the scaled λ of all labellings as a conflict without faces.
-
-        proof: a mechanism over faces, or those of block relaxations. An infinite bound is not stored.
-        """
+        """Store a bound on the scaled λ of all labellings as a conflict without faces."""
         if bound == math.inf:
             return
         nothing = np.empty(0, dtype=np.int64)
@@ -328,11 +325,7 @@ class ConflictDriver(Driver):
         return found.bound * self._scale
 
     def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
-        """Check a finished proof; see `check_proof`.
-
-        problem: problem that the driver itself found; "" for none. evaluated: the strongest labellings, and the λ that
-        each is proven to carry, scene units.
-        """
+        """Check a finished proof; see `check_proof`."""
         seconds = time.perf_counter() - self._started_at
         scaled = evaluated[0], evaluated[1] / self._scale
         return check_proof(self.context, self._state, claims, scaled, problem, seconds)
@@ -478,16 +471,14 @@ class Exact(ConflictDriver):
     def begin_with(self, starter: Genetic, labellings: int) -> None:
         """Evaluate labellings of another driver before the proof, in place of the first annealing.
 
-        Call it before the search. starter: driver of the same space. labellings: their number.
+        Call it before the search.
         """
         if self._enumeration is None:
             self._heuristics.begin_with(starter, labellings)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate; see `Driver.ask`.
-
-        When nothing is left to prove this method checks the proof.
-        """
+        """Return the next labellings (k, m) to evaluate; see `Driver.ask`."""
+        # When nothing is left to prove this method checks the proof.
         if self._enumeration is not None:
             return self._enumeration.ask(limit)
         if self._sources is not None:

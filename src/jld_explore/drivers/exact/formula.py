@@ -58,10 +58,8 @@ class AssumptionLiterals:
         self.assumed: list[int] = []
 
     def forbid_above(self, pairs: Pairs, bound: float) -> None:
-        """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always.
-
-        A call has no effect where the same labels are forbidden under the same or a lower bound already.
-        """
+        """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always."""
+        # A call has no effect where the same labels are forbidden under the same or a lower bound already.
         if self._known.get(pairs, math.inf) <= bound:
             return
         self._known[pairs] = bound
@@ -153,8 +151,7 @@ class InnerPaths:
     def path(self, labels: Bits, start: int, end: int) -> list[int]:
         """Return the inner faces of a shortest path between two elements of one block.
 
-        labels: (m,), True = dry. start, end: elements. The path may also pass where elements touch without a face; the
-        block must join both elements.
+        labels: (m,), True = dry.
         """
         previous = self._reach(labels, start, lambda seen: end in seen)
         path, element = [], end
@@ -174,12 +171,8 @@ class InnerPaths:
         return [face for _, face in previous.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, found: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Search breadth first from element `start` until `found` or to the end; return the tree.
-
-        Steps go through inner faces of `labels` (m,) and contacts without a face. found: gets the elements reached,
-        True ends the search. The tree maps each element to the element before it and the face between them, −1 for
-        none.
-        """
+        """Search breadth first from element `start` until `found` or to the end; return the tree."""
+        # Steps go through inner faces of `labels` (m,) and contacts without a face.
         previous = {start: (start, -1)}
         waiting = deque([start])
         while waiting:
@@ -240,11 +233,7 @@ class Formula:
             self.forbid(lock.faces, lock.labels)
 
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
-        """Seek labellings above a scaled λ from now on, and forget all calls of `set_aside`.
-
-        threshold: scaled λ that labellings must exceed. count: value of the count of the front, or bounds on it; None
-        for any value.
-        """
+        """Seek labellings above a scaled λ from now on, and forget all calls of `set_aside`."""
         if self._set_aside is not None:
             self._solver.add_clause([-self._set_aside])
             self._set_aside = None
@@ -324,17 +313,13 @@ class Formula:
     def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
         """Rule out all labellings with labels (k,) on faces (k,), and their images under symmetry.
 
-        faces, labels: (k,) faces and their labels, True = dry. bound: scaled λ that those labellings do not exceed.
-        They stay possible while the formula aims at a lower λ. −inf rules them out always.
+        faces, labels: (k,) faces and their labels, True = dry.
         """
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._variable[f] > 0)
         self._assumption_literals.forbid_above(pairs, bound)
 
     def learn(self, conflicts: Iterable[Conflict], handed_over: Iterable[Bits] = ()) -> None:
-        """Rule out conflicts above their bounds, and labellings that need no further treatment.
-
-        handed_over: labellings that were handed over or evaluated.
-        """
+        """Rule out conflicts above their bounds, and labellings that need no further treatment."""
         for conflict in conflicts:
             self.forbid(conflict.faces, conflict.labels, conflict.bound)
         for labels in handed_over:
@@ -395,10 +380,7 @@ class Formula:
             self._solver.add_clause(variables)
 
     def limit_kinds(self, kinds: Sequence[int], bounds: Range) -> None:
-        """Limit the number of different kinds among the chosen blocks.
-
-        kinds: kind of each possible block. bounds: bounds on the number of kinds.
-        """
+        """Limit the number of different kinds among the chosen blocks."""
         of: dict[int, list[int]] = {}
         for chosen, kind in zip(self._chosen, kinds, strict=True):
             of.setdefault(int(kind), []).append(chosen)
@@ -430,10 +412,8 @@ class Formula:
         return literals, constant
 
     def _first_element_literals(self) -> list[int]:
-        """Return one variable per free element: true if a chosen block has it as first element.
-
-        The number of true variables is the number of blocks.
-        """
+        """Return one variable per free element: true if a chosen block has it as first element."""
+        # The number of true variables is the number of blocks.
         if self.blocks is None:
             raise ValueError("blocks can be counted where they are listed only")
         if not self._first_elements:

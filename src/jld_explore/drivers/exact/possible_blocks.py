@@ -39,10 +39,7 @@ class PossibleBlocks:
         return len(self.members)
 
     def labelling(self, space: SearchSpace, chosen: Ints) -> Bits:
-        """Return the labels (m,) of the segmentation into chosen blocks, True = dry.
-
-        chosen: indices of the blocks.
-        """
+        """Return the labels (m,) of the segmentation into chosen blocks, True = dry."""
         labels = np.ones(len(space.fixed), dtype=bool)
         for p in chosen.tolist():
             labels[list(self.inside[p])] = False
@@ -88,11 +85,10 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
 def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
     """List the connected sets of free elements that are within the upper limits on blocks.
 
-    A set is grown by one element at a time, so that a set above a limit is not grown further.
-
-    space: search space with f free elements. links: (k, 2) positions, among the free elements, of those that may be
-    joined. Returns (p, f): sets by size, those of equal size in the order of their members; None above `MOST`.
+    links: (k, 2) positions, among the free elements, of those that may be joined. Returns (p, f): sets by size, those
+    of equal size in the order of their members; None above `MOST`.
     """
+    # A set is grown by one element at a time, so that a set above a limit is not grown further.
     number = len(space.assembly.elements.free)
     around = [0] * number
     for e, other in links.tolist():
@@ -186,10 +182,9 @@ class BlockTables:
     def propagated(self, allowed: Bools) -> Bools | None:
         """Return (p,) True for the blocks left by propagation; None if an element has none.
 
-        An element with a single block left takes that block, which excludes the blocks that overlap it.
-
         allowed: (p,) True for the blocks left before.
         """
+        # An element with a single block left takes that block, which excludes the blocks that overlap it.
         while True:
             left = self._covering & allowed
             number = left.sum(axis=1)

@@ -97,16 +97,12 @@ def check_proof(
 ) -> ProofCheck:
     """Check the claims of a finished proof by deriving them again from its conflicts.
 
-    Mechanisms over faces that are in memory are all evaluated again. Other conflicts are refuted again in random
-    order, for a limited time.
-    The result names the first problem found; nothing is raised for a proof that fails.
-
-    context: space, possible blocks, free faces and relaxation of the proof. state: conflicts, and labellings that no
-    conflict refutes. claims: claims to check. evaluated: (k, m) the strongest evaluated labellings, and the scaled λ
-    that each is proven to carry. problem: problem known before the check; "" for none. seconds: time that the proof
-    took, s. Result: passed only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a
-    claim, except evaluated ones.
+    evaluated: (k, m) the strongest evaluated labellings, and the scaled λ that each is proven to carry. Result: passed
+    only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a claim, except evaluated
+    ones.
     """
+    # Mechanisms over faces that are in memory are all evaluated again. Other conflicts are refuted again in random
+    # order, for a limited time. The result names the first problem found; nothing is raised for a proof that fails.
     start = time.perf_counter()
     if problem:
         return ProofCheck(problem, time.perf_counter() - start)
@@ -178,10 +174,7 @@ class _ConflictCheck:
         self.corrected[conflict.key] = replace(conflict, bound=bound)
 
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> None:
-        """Refute conflicts without a mechanism again, in random order, until a time.
-
-        end: time to stop, on the clock of `time.perf_counter`, s.
-        """
+        """Refute conflicts without a mechanism again, in random order, until a time."""
         lacking = [one for one in conflicts if one.mechanism is None and one.evidence is Evidence.MECHANISM]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))
         for some in _parts([lacking[k] for k in order.tolist()]):
@@ -245,10 +238,8 @@ def _find_open_labelling(
     state: ProofState,
     claims: Sequence[Claim],
 ) -> str:
-    """Return a problem if a formula stated anew leaves a labelling above a claim, else "".
-
-    A labelling that was handed over and has no evaluation must be refuted by a conflict like any other.
-    """
+    """Return a problem if a formula stated anew leaves a labelling above a claim, else ""."""
+    # A labelling that was handed over and has no evaluation must be refuted by a conflict like any other.
     formula = Formula(space, blocks, _SOLVER)
     formula.learn(conflicts, filter(state.is_evaluated, state.handed_over))
     for claim in claims:
@@ -288,8 +279,8 @@ class Refutation:
 def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
     """Return a refutation of clauses.
 
-    clauses: clauses of nonzero literals. Result: the refutation; None if the clauses have a model. Raises
-    ArithmeticError if the proof of the solver does not hold.
+    Result: the refutation; None if the clauses have a model. Raises ArithmeticError if the proof of the solver does not
+    hold.
     """
     empty = next((k for k, clause in enumerate(clauses) if not clause), None)
     if empty is not None:
@@ -320,10 +311,7 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
 
 
 def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
-    """Return the refutation with only the clauses and lemmas that the last lemma needs.
-
-    count: number of clauses. reasons: for each lemma positions as in `Refutation.lemmas`.
-    """
+    """Return the refutation with only the clauses and lemmas that the last lemma needs."""
     used = {count + len(lemmas) - 1}
     for place in range(len(lemmas) - 1, -1, -1):
         if count + place in used:

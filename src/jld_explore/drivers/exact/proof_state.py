@@ -114,10 +114,7 @@ class LeastBounds:
         self._known: dict[tuple[bytes, bytes], float] = {}
 
     def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
-        """Record a conflict; return True if it refutes more than is known above a threshold.
-
-        threshold: scaled λ below which a smaller bound does not matter.
-        """
+        """Record a conflict; return True if it refutes more than is known above a threshold."""
         if self._known.get(conflict.key, math.inf) <= max(conflict.bound, threshold):
             return False
         self._known[conflict.key] = conflict.bound
@@ -152,10 +149,8 @@ class Conflicts:
         return self._known[part]
 
     def keep(self, records: Records, key: str) -> None:
-        """Load the conflicts stored under a key, and save later conflicts to the same records.
-
-        Loaded conflicts replace those in memory. The records delete conflicts of another key. key: `ProofContext.key`.
-        """
+        """Load the conflicts stored under a key, and save later conflicts to the same records."""
+        # Loaded conflicts replace those in memory. The records delete conflicts of another key.
         rows = zip(*records.conflicts(key), strict=True)
         self._known = [
             Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
@@ -167,10 +162,7 @@ class Conflicts:
         self._records = records
 
     def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
-        """Add conflicts that refute more than is known; return how many were added.
-
-        threshold: scaled λ below which a smaller bound does not matter.
-        """
+        """Add conflicts that refute more than is known; return how many were added."""
         with self._lock:
             new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
             for place, one in enumerate(new):
@@ -192,11 +184,7 @@ class Conflicts:
             self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
 
     def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
-        """Replace conflicts by corrected ones, and forget those that follow from others and the bound on record.
-
-        corrected: conflicts with the bounds that hold; each replaces that of the same faces and labels. reason: why the
-        bound on record is withdrawn, one line.
-        """
+        """Replace conflicts by corrected ones, and forget those that follow from others and the bound on record."""
         better = {one.key: one for one in corrected}
         known = [better.get(one.key, one) for one in self._known if not one.from_cube]
         if self._records is not None:
@@ -233,11 +221,9 @@ class ProofState:
         self._evaluated: set[bytes] = set()
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
-        """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new.
-
-        They are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling that has
-        an evaluation is not queued.
-        """
+        """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new."""
+        # They are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling that
+        # has an evaluation is not queued.
         new = 0
         for labels in labellings:
             row = np.asarray(canonical(labels[None], self.space.group))[0]

@@ -39,12 +39,10 @@ class Incumbents:
         self._best: dict[int | None, float] = {}
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Record the bounds of evaluated labellings (k, m), with k evaluations in their order.
-
-        Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
-        All others have −inf for both, since no λ of theirs counts. With zero dilation the upper bound is at least the
-        associative λ.
-        """
+        """Record the bounds of evaluated labellings (k, m), with k evaluations in their order."""
+        # Labellings that collapse have both bounds. A failed or uncertified one keeps its upper bound, inf without one.
+        # All others have −inf for both, since no λ of theirs counts. With zero dilation the upper bound is at least the
+        # associative λ.
         number = [0] * len(labellings)
         if self._count is not None:
             number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
@@ -127,11 +125,7 @@ class Best:
 def claims_of(
     found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
 ) -> tuple[list[Claim], str]:
-    """Return the claims of a proof, and the first contradiction to a λ found ("" for none).
-
-    found: best λ and bound of each target. incumbents: bounds of the evaluated labellings. scale: λ in scene units of
-    one scaled λ. load_scale: λ below which differences do not matter, scene units.
-    """
+    """Return the claims of a proof, and the first contradiction to a λ found ("" for none)."""
     claims, problem = [], ""
     for best in found:
         # if no labelling stands none exceeds zero
@@ -145,10 +139,8 @@ def claims_of(
 
 
 def front(found: Iterable[Best]) -> list[dict[str, Any]]:
-    """Return the rows of the proven front: count, load_factor, bound and proven.
-
-    Counts for which no labelling stands are left out.
-    """
+    """Return the rows of the proven front: count, load_factor, bound and proven."""
+    # Counts for which no labelling stands are left out.
     rows: list[dict[str, Any]] = []
     for best in found:
         if best.count is None or (math.isnan(best.load_factor) and best.bound == -math.inf):
@@ -160,11 +152,7 @@ def front(found: Iterable[Best]) -> list[dict[str, Any]]:
 
 
 def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict[str, Any]]:
-    """Return the rows of the front of an enumerated space: count, load_factor, bound, proven.
-
-    results: table of all evaluations. count: column of the count. complete: whether the table holds every class of the
-    space.
-    """
+    """Return the rows of the front of an enumerated space: count, load_factor, bound, proven."""
     rows: list[dict[str, Any]] = []
     for value, group in results.groupby(count):
         stands = group["stands_at_zero"].fillna(True).astype(bool)
@@ -248,8 +236,6 @@ class Targets:
         """Return the λ that a labelling must exceed to count as better, scene units.
 
         It lies slightly above the best λ known, and is 0 where none is.
-
-        target: value of the count; None for all labellings.
         """
         low = self._incumbents.best(target)
         return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
@@ -258,9 +244,7 @@ class Targets:
         """Lower the bound of a target to a proven one, if that is lower than the known bound.
 
         The bound stays at or above the brackets of labellings handed over: no mechanism refutes them, so only their own
-        brackets bound them.
-
-        bound: λ, scene units. handed_over: canonical labellings (m,).
+        brackets bound them. handed_over: canonical labellings (m,).
         """
         for labels in handed_over:
             bound = max(bound, self._incumbents.high(labels, target))
@@ -269,10 +253,7 @@ class Targets:
             self.found[target] = replace(best, bound=bound)
 
     def raise_to(self, claims: Iterable[Claim], scale: float) -> None:
-        """Raise bounds to claims that hold after a correction, and take up targets that are no longer proven.
-
-        claims: in scaled λ. scale: λ in scene units of one scaled λ.
-        """
+        """Raise bounds to claims that hold after a correction, and take up targets that are no longer proven."""
         for claim in claims:
             assert not isinstance(claim.count, Range)  # of the driver that minimises a count
             best = self.found[claim.count]
@@ -282,10 +263,8 @@ class Targets:
                 self.left.append(claim.count)
 
     def settle(self, target: int | None) -> None:
-        """Remove a proven target from `left`; for a front the first one adds one target per count.
-
-        A target without a λ whose bound is at most 0 gets the bound −inf: none of its labellings stands.
-        """
+        """Remove a proven target from `left`; for a front the first one adds one target per count."""
+        # A target without a λ whose bound is at most 0 gets the bound −inf: none of its labellings stands.
         best = self.found[target]
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)

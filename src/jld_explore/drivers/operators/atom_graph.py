@@ -89,10 +89,7 @@ class Sink:
     most: float
 
     def takes(self, members: list[int]) -> bool:
-        """Return True if all atoms of the part that contains the sink may be left out together.
-
-        members: atoms of the part.
-        """
+        """Return True if all atoms of the part that contains the sink may be left out together."""
         inside = all(a in self.may or a == self.atom for a in members)
         return inside and sum([self.volume[a] for a in members]) <= self.most
 
@@ -156,10 +153,8 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
-    """Make the graph of the atoms of a search space, on which operators work.
-
-    If slits are allowed, faces fixed dry separate no atoms.
-    """
+    """Make the graph of the atoms of a search space, on which operators work."""
+    # If slits are allowed, faces fixed dry separate no atoms.
     assembly = space.assembly
     faces = assembly.interfaces
     first, of_element = np.unique(space.least, return_inverse=True)
@@ -242,10 +237,8 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
 
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
-    """Return the sink of a space whose cells may be left out, None for any other space.
-
-    Only atoms that consist of such cells alone may be left out.
-    """
+    """Return the sink of a space whose cells may be left out, None for any other space."""
+    # Only atoms that consist of such cells alone may be left out.
     if space.void is None:
         return None
     elements, cells = space.assembly.elements, space.void.cells
@@ -258,10 +251,8 @@ def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
 
 
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
-    """Return the limits of a search in the form that operators check.
-
-    Limits that are proportional to the number of cells are converted to limits on cells, which are faster to check.
-    """
+    """Return the limits of a search in the form that operators check."""
+    # Limits that are proportional to the number of cells are converted to limits on cells, which are faster to check.
     parts, seams = (-inf, inf), []
     for terms, bounds in space.limits.on_terms:
         if terms.faces is None:

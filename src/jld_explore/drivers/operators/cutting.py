@@ -42,10 +42,7 @@ class Cutter:
         self._bounded = self._cap > 0
 
     def fits(self, members: list[int]) -> bool:
-        """Return True if a part is within the upper limits and contains no wall.
-
-        members: atoms of the part. A part with the sink must be one that may be left out.
-        """
+        """Return True if a part is within the upper limits and contains no wall."""
         cells, sink = self.graph.cells, self.limits.sink
         if sink is not None and sink.atom in members:
             return sink.takes(members)
@@ -61,10 +58,7 @@ class Cutter:
         return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def large_enough(self, members: list[int]) -> bool:
-        """Return True if a part is within the lower limits, is exempt, or has no free element.
-
-        members: atoms of the part.
-        """
+        """Return True if a part is within the lower limits, is exempt, or has no free element."""
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
         if count == 0 or self._is_exempt(members):
@@ -78,10 +72,7 @@ class Cutter:
         return bool(self.limits.exempt) and any(a in self.limits.exempt for a in members)
 
     def _size(self, members: list[int], adds: list[float] | None) -> float:
-        """Return the sum of a measure over a part, or the longest side of its bounding box.
-
-        adds: measure of each atom, scene units; None for the bounding box.
-        """
+        """Return the sum of a measure over a part, or the longest side of its bounding box."""
         if adds is not None:
             return sum([adds[a] for a in members])
         corner = [max(values) for values in zip(*[self._corner[a] for a in members], strict=True)]
@@ -108,11 +99,7 @@ class Cutter:
         return found
 
     def cut(self, members: list[int], rng: BufferedRandom, threshold: float) -> list[list[int]] | None:
-        """Cut a region at random into connected parts; return None if no cut is allowed.
-
-        members: atoms of the region. threshold: from 0 to 1; a higher one leaves larger parts. The parts have no walls;
-        see `assemble` for the limits they keep.
-        """
+        """Cut a region at random into connected parts; return None if no cut is allowed."""
         inside = set(members)
         keyed = [
             (rng.real(), number, a, b) for a in members for b, number in self.graph.links[a] if a < b and b in inside
@@ -125,9 +112,9 @@ class Cutter:
     ) -> list[list[int]] | None:
         """Cut a region into parts by keys.
 
-        members: atoms of the region. keyed: (key, index of the pair, a, b) of all pairs inside the region, in ascending
-        order. threshold: key above which a pair should be separated. Result: the parts. None if no cuts of the spanning
-        tree leave allowed parts. With limits other than those on cells parts may be too small, but never too large.
+        keyed: (key, index of the pair, a, b) of all pairs inside the region, in ascending order. Result: the parts.
+        None if no cuts of the spanning tree leave allowed parts. With limits other than those on cells parts may be too
+        small, but never too large.
         """
         if not self.exact:
             return self.grow(members, keyed, threshold)
@@ -156,11 +143,8 @@ class Cutter:
         return self._cut_tree(members, tree)
 
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
-        """Return the parts joined so far if all are allowed, else None.
-
-        Such parts cut exactly the pairs whose key exceeds the threshold. root: parent of each atom in the disjoint sets
-        of the parts.
-        """
+        """Return the parts joined so far if all are allowed, else None."""
+        # Such parts cut exactly the pairs whose key exceeds the threshold.
         least, most = self._least, self._most
         cells = self.graph.cells
         parts: dict[int, list[int]] = {}
@@ -179,11 +163,9 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join parts in ascending order of the keys of pairs, where the union `fits`.
-
-        Pairs whose key exceeds the threshold stay apart. Returns all parts, among them those that remain too small.
-        Arguments are as in `assemble`.
-        """
+        """Join parts in ascending order of the keys of pairs, where the union `fits`."""
+        # Pairs whose key exceeds the threshold stay apart. Returns all parts, among them those that remain too small.
+        # Arguments are as in `assemble`.
         name = {a: a for a in members}
         parts = {a: [a] for a in members}
         for key, _, a, b in keyed:
@@ -197,10 +179,7 @@ class Cutter:
         return list(parts.values())
 
     def _cut_tree(self, members: list[int], tree: dict[int, list[tuple[int, float]]]) -> list[list[int]] | None:
-        """Cut a forest into allowed parts at the least cost; return None if there is no way.
-
-        tree: for each atom its neighbours with key − threshold of the pair. Cutting an edge costs threshold − key.
-        """
+        """Cut a forest into allowed parts at the least cost; return None if there is no way."""
         up: dict[int, tuple[int, float]] = {}
         order: list[int] = []
         roots: list[int] = []
@@ -235,11 +214,7 @@ class Cutter:
         return parts
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
-        """Decide for each atom of a forest whether it stays with its parent; False if impossible.
-
-        order: atoms, parents first. up: parent of each atom (−1: none) and key − threshold of their pair. joined:
-        filled with the decisions.
-        """
+        """Decide for each atom of a forest whether it stays with its parent; False if impossible."""
         cap, least = self._cap, self._least
         capped = self._most == inf
         cells = self.graph.cells

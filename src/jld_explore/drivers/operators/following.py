@@ -39,9 +39,8 @@ class Following:
     def changes(self, labellings: Bits, parts: list[Parts], moving: Floats, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Change each labelling once where a change is found.
 
-        labellings: (k, m) True = dry. parts: partition of each labelling, from `parts`. moving: (k, m) jumps at the
-        faces relative to the largest one; zero where unknown. rng: source of random numbers. Result: (j, m) changed
-        labels; (j,) the labelling, of the k given ones, that each row changes.
+        labellings: (k, m) True = dry. moving: (k, m) jumps at the faces relative to the largest one; zero where
+        unknown. Result: (j, m) changed labels; (j,) the labelling, of the k given ones, that each row changes.
         """
         segmentations = self._segmentations
         rows: list[Bits] = []
@@ -82,10 +81,8 @@ class Following:
     def _child(
         self, segmentations: Segmentations, labels: Bits, part: Parts, moving: Floats, rng: BufferedRandom
     ) -> Parts | None:
-        """Return a partition joined at a moving face, cut where nothing moves, or varied.
-
-        The choice is random. None where the chosen change fails.
-        """
+        """Return a partition joined at a moving face, cut where nothing moves, or varied."""
+        # The choice is random. None where the chosen change fails.
         choice = rng.real()
         if choice < _JOIN_SHARE and (faces := self._moving_joints(labels, moving)):
             face = rng.pick(faces)
@@ -101,10 +98,8 @@ class Following:
         return found
 
     def _join(self, segmentations: Segmentations, part: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
-        """Form a new block around atoms a and b, out of their two blocks; None if that fails.
-
-        The pieces left of the two blocks join neighbours or become blocks of their own.
-        """
+        """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
+        # The pieces left of the two blocks join neighbours or become blocks of their own.
         cutter, links = segmentations.cutter, segmentations.graph.links
         union = [c for c, name in enumerate(part) if name in (part[a], part[b])]
         block = [a, b]

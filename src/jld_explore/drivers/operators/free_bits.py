@@ -61,10 +61,8 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Flip one random label of each parent (k, m), sometimes more, and repair the results.
-
-        Returns the rows (j, m), j ≤ k, that could be repaired.
-        """
+        """Flip one random label of each parent (k, m), sometimes more, and repair the results."""
+        # Returns the rows (j, m), j ≤ k, that could be repaired.
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)
@@ -123,10 +121,7 @@ class FreeBits:
         return mended[feasible(self.space, mended)]
 
     def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
-        """Repair one row (m,) through its blocks; return None if no repair is found.
-
-        part: its block of each atom. The returned row may still violate a limit.
-        """
+        """Repair one row (m,) through its blocks; return None if no repair is found."""
         new = self._repair(part, rng)
         if new is None:
             return None

@@ -33,8 +33,7 @@ class Repair:
     def __call__(self, part: Parts, rng: BufferedRandom, unchecked: list[int] | None = None) -> Parts | None:
         """Return a partition near the given one that keeps every limit, or None if none is found.
 
-        part: (atoms,) names; a part that is not connected is split into its components. rng: source of random numbers.
-        unchecked: names of the parts that may be disconnected or break a limit. Default: all parts.
+        part: (atoms,) names; a part that is not connected is split into its components.
         """
         groups = Groups(self.graph, self.cutter, part, unchecked)
         for _ in range(6 + len(self.graph) // 2):
@@ -52,10 +51,8 @@ class Repair:
         return None
 
     def _fault(self, groups: Groups) -> Callable[[Groups, BufferedRandom], bool] | None:
-        """Return the method that corrects the first violated limit on numbers, or None.
-
-        The numbers are those of parts and of dry faces.
-        """
+        """Return the method that corrects the first violated limit on numbers, or None."""
+        # The numbers are those of parts and of dry faces.
         numbers = [(groups.count(), *self.limits.parts)] if self._counted_parts else []
         numbers += [(groups.dry(seams), least, most) for seams, least, most in self.limits.seams]
         for number, least, most in numbers:
@@ -66,10 +63,7 @@ class Repair:
         return None
 
     def _repair_part(self, groups: Groups, violating_part: int, rng: BufferedRandom) -> bool:
-        """Replace a part that breaks a limit by allowed ones, made with its neighbours.
-
-        violating_part: its name. Changes `groups`; returns False, without a change, if no repair is found.
-        """
+        """Replace a part that breaks a limit by allowed ones, made with its neighbours."""
         members = groups[violating_part]
         if self.cutter.fits(members):
             for other in rng.shuffled(groups.around([violating_part])):
@@ -90,11 +84,7 @@ class Repair:
     def _recut(
         self, groups: Groups, region: list[int], rng: BufferedRandom, wanted: Callable[[list[list[int]]], bool]
     ) -> bool:
-        """Cut the union of some parts anew into allowed parts that `wanted` accepts.
-
-        region: names of the parts. wanted: gets the new pieces, lists of atoms. Changes `groups`; returns False,
-        without a change, if no try succeeds.
-        """
+        """Cut the union of some parts anew into allowed parts that `wanted` accepts."""
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
             checkpoint()
@@ -135,11 +125,7 @@ class Repair:
     def _regroup(
         self, groups: Groups, names: list[int], rng: BufferedRandom, better: Callable[[int, int], bool]
     ) -> bool:
-        """Cut two to four neighbours anew so that the number of parts or dry faces improves.
-
-        names: parts that regions grow from, in this order. better: compares a number before and after the cut: of
-        parts, or of dry faces if the number of parts is unchanged. Changes `groups`; returns False if no cut is found.
-        """
+        """Cut two to four neighbours anew so that the number of parts or dry faces improves."""
         for name in names[: 2 * _TRIES]:
             region = [name]
             while len(region) < 4:
@@ -193,10 +179,8 @@ class Groups:
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
-        """Replace the parts named `old` by new ones, lists of atoms, which get new names.
-
-        New parts count as unchecked.
-        """
+        """Replace the parts named `old` by new ones, lists of atoms, which get new names."""
+        # New parts count as unchecked.
         for name in old:
             del self._members[name]
             self._unchecked.pop(name, None)
@@ -218,10 +202,7 @@ class Groups:
         return None
 
     def around(self, region: list[int]) -> list[int]:
-        """Return the names of the parts that touch a region through candidate faces.
-
-        region: names of the parts of the region, which are left out.
-        """
+        """Return the names of the parts that touch a region through candidate faces."""
         part, links = self.part, self.graph.links
         found = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
         for name in region:
@@ -242,10 +223,7 @@ class Groups:
         return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])
 
     def dry_after(self, pieces: list[list[int]]) -> int:
-        """Return the number of dry faces between free elements if a region were cut into pieces.
-
-        pieces: atoms of each piece.
-        """
+        """Return the number of dry faces between free elements if a region were cut into pieces."""
         part = list(self.part)
         for number, piece in enumerate(pieces):
             for a in piece:

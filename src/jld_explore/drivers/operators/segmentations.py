@@ -79,11 +79,9 @@ class Batches:
         return self.read(keys, rng.random((count, 1)))
 
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`.
-
-        Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
-        `first` in a patch and `second` outside, or one of them at random for each pair.
-        """
+        """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`."""
+        # Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
+        # `first` in a patch and `second` outside, or one of them at random for each pair.
         one, two = first[:, self._face], second[:, self._face]
         count = len(one)
         patch = np.empty(one.shape, dtype=bool)
@@ -99,11 +97,9 @@ class Batches:
         return keys
 
     def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one change of each parent (k, m), for `read`.
-
-        The change cuts the two blocks beside a random joint anew, sometimes with a third one. Otherwise it moves one
-        atom, or all atoms along the straight line of the joint, across the joint.
-        """
+        """Return keys (k, pairs) of one change of each parent (k, m), for `read`."""
+        # The change cuts the two blocks beside a random joint anew, sometimes with a third one. Otherwise it moves one
+        # atom, or all atoms along the straight line of the joint, across the joint.
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
         rows = np.arange(count)
@@ -151,10 +147,11 @@ class Batches:
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
         """Return a mask (k, atoms) of the atoms that a move transfers to the block beyond a joint.
 
-        Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along the
-        straight line of the joint. name: (k, atoms) block of each atom. cut: (k, pairs) True = dry. old, new: (k, 1)
-        blocks. joint: (k,) pair of atoms. here: (k,) atom of `old` at the joint. single: (k,).
+        name: (k, atoms) block of each atom. cut: (k, pairs) True = dry. old, new: (k, 1) blocks. joint: (k,) pair of
+        atoms. here: (k,) atom of `old` at the joint. single: (k,).
         """
+        # Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along
+        # the straight line of the joint.
         moving = np.zeros(name.shape, dtype=bool)
         moving[np.arange(len(name)), here] = True
         rows = np.flatnonzero(~single)
@@ -198,10 +195,8 @@ class Batches:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """Join atoms by keys as `read`; return the part of each atom (j, atoms).
-
-        Also returns (k,) True for the j rows without a part that is too small; the others are left out.
-        """
+        """Join atoms by keys as `read`; return the part of each atom (j, atoms)."""
+        # Also returns (k,) True for the j rows without a part that is too small; the others are left out.
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -246,10 +241,7 @@ class _Forest:
         return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
 
     def join(self, rows: Ints, a: Ints, b: Ints, small_only: bool) -> None:
-        """Join the parts of atoms a and b (r,) in rows (r,) if the union has at most `most` cells.
-
-        small_only: join only where one of the two parts has fewer cells than `least`. Changes `name` and `size`.
-        """
+        """Join the parts of atoms a and b (r,) in rows (r,) if the union has at most `most` cells."""
         base = rows * self.atoms
         p: Names = self._names.take(base + a)
         q: Names = self._names.take(base + b)
@@ -326,10 +318,8 @@ class Segmentations:
         return found
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw at most `count` random segmentations (j, m).
-
-        Each has a random threshold of its own, so that numbers of blocks spread.
-        """
+        """Draw at most `count` random segmentations (j, m)."""
+        # Each has a random threshold of its own, so that numbers of blocks spread.
         if self._batches is not None:
             found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
             if len(found) >= _LEAST_SHARE * _DRAWN_PER_REQUESTED * count:
@@ -380,10 +370,7 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: list[float]) -> Bits:
-        """Convert keys to a segmentation (1, m), or (0, m) if none is found.
-
-        keys: one key per pair of neighbouring atoms; a pair with a key above `THRESHOLD` is separated.
-        """
+        """Convert keys to a segmentation (1, m), or (0, m) if none is found."""
         # the seed derives from the keys, so that the same keys give the same repair
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         part = self._assemble(keys, THRESHOLD, BufferedRandom(seed))
@@ -415,11 +402,7 @@ class Segmentations:
         return self._assemble(keys, threshold, rng)
 
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
-        """Convert keys to a partition that keeps all limits; return None if none is found.
-
-        keys: one per pair of atoms. threshold: key above which a pair is separated. Keys that lead to no allowed parts
-        are changed at random and tried again.
-        """
+        """Convert keys to a partition that keeps all limits; return None if none is found."""
         pieces = None
         for tries in range(_TREES_TRIED):
             checkpoint()
@@ -497,11 +480,9 @@ class Segmentations:
         return self.repair(child, rng, [part[joint[0]], part[joint[1]]])
 
     def shift(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Shift a joint line by one atom; return None without a joint or repair.
-
-        The atoms that cross the joint lie along one straight part of it or along the whole joint between two blocks.
-        A third kind of shift moves all atoms along one straight line through the structure.
-        """
+        """Shift a joint line by one atom; return None without a joint or repair."""
+        # The atoms that cross the joint lie along one straight part of it or along the whole joint between two blocks.
+        # A third kind of shift moves all atoms along one straight line through the structure.
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -536,14 +517,10 @@ class Segmentations:
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cross two parents: overlay their joints, and merge the fragments.
-
-        A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
-        faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
-        face. The result is the partition of the child, None if none is found.
-
-        first, second: partitions of the parents. rng: source of random numbers.
-        """
+        """Cross two parents: overlay their joints, and merge the fragments."""
+        # A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
+        # faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
+        # face. The result is the partition of the child, None if none is found.
         patch = self._patch(rng) if rng.real() < 0.7 else None
         bias = rng.real()
         keys = []
@@ -573,10 +550,8 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """Return a random pair of neighbours in different parts, None if all are in one part.
-
-        The result is (a, b, index of the pair), a and b in random order.
-        """
+        """Return a random pair of neighbours in different parts, None if all are in one part."""
+        # The result is (a, b, index of the pair), a and b in random order.
         pairs = self.graph.pairs
         if not pairs:
             return None
@@ -594,10 +569,7 @@ class Segmentations:
         return (a, b, number) if rng.real() < 0.5 else (b, a, number)
 
     def _with(self, part: Parts, pieces: list[list[int]], rng: BufferedRandom) -> Parts | None:
-        """Return the partition with some atoms cut into new pieces, repaired if needed, or None.
-
-        part: partition before. pieces: atoms of each new part. None if no repair is found.
-        """
+        """Return the partition with some atoms cut into new pieces, repaired if needed, or None."""
         child, fresh = list(part), max(part) + 1
         for number, piece in enumerate(pieces):
             for a in piece:
@@ -636,8 +608,7 @@ class Operators(Protocol):
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
         """Return one child of each couple where one is found.
 
-        first, second: (k, m) parents of each couple. rng: source of random numbers. Result: (j, m) children; (j,)
-        couple of each child.
+        first, second: (k, m) parents of each couple. Result: (j, m) children; (j,) couple of each child.
         """
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
