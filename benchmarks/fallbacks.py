@@ -26,9 +26,8 @@ from benchmarks.hard_cases import hard_cases
 from benchmarks.scenes import strength
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.limit import SolveOptions, analysis
+from jld_core.limit import Proof, SolveOptions, analysis
 from jld_core.limit.fallbacks import Fallback, run_fallbacks
-from jld_core.limit.proof import Proof
 from jld_core.limit.proof_attempt import ProofAttempt
 from jld_core.models import limit_analysis, solve
 from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE

@@ -1,19 +1,23 @@
-"""File formats of other programs: Rhino, COMPAS, IFC, STEP, glTF, VTK, 3DEC (group ``jld.formats``)."""
+"""File formats of other programs (group ``jld.formats``).
+
+- `COMPAS`: assemblies of COMPAS
+- `COMPAS_DEM`: block models of compas_dem
+- `GLTF`: pictures in space
+- `IFC`: building models
+- `RHINO`: files of Rhino
+- `STEP`: solids of CAD programs
+- `THREE_DEC`: commands of 3DEC
+- `VTK`: grids for ParaView
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
-from jld_core.exchange.formats import (
-    FORCES,
-    OF_BLOCKS,
-    OUTLINES,
-    PLANAR,
-    WEIGHTS,
-    Format,
-    by,
-    of_text,
-)
+from jld_core.exchange import Format
+from jld_core.exchange.formats import FORCES, OF_BLOCKS, OUTLINES, PLANAR, WEIGHTS, by, of_text
+
+__all__ = ["COMPAS", "COMPAS_DEM", "GLTF", "IFC", "RHINO", "STEP", "THREE_DEC", "VTK"]
 
 _NAMED: Final = (*OUTLINES, "thickness", "name")
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.exchange import ImportOptions
 from jld_core.exchange.cells import without_holes
 from jld_core.exchange.drawn_loads import MOST, Drawing, Mark, SolidMark
 from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
+from jld_core.exchange.options import FACET, Notes, listed
 from jld_core.exchange.paths import Path
 from jld_core.exchange.solids import Part, Solids
 from jld_core.geometry import Faces

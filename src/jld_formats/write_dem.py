@@ -10,8 +10,8 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.exchange import Layout
 from jld_core.exchange.facts import facts_of
-from jld_core.exchange.layout import Layout
 from jld_core.exchange.read_mesh import solids_of
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement

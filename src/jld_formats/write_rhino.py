@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
+from jld_core.exchange import Layout
 from jld_core.exchange.facts import block_facts, facts_of, scene_of
-from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.read_mesh import solids_of
 from jld_core.geometry.unions import Surface

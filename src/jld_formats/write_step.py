@@ -9,7 +9,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.build.materials import gravity_vector
 from jld_core.errors import InputError
-from jld_core.exchange.layout import Layout
+from jld_core.exchange import Layout
 from jld_core.exchange.read_mesh import solids_of
 from jld_core.files import printable
 from jld_core.geometry import area_vector, solids

@@ -75,18 +75,6 @@ class Leaf:
 Node = Split | Leaf
 
 
-def is_box_certificate(path: Path) -> bool:
-    """Return True if a file begins like the certificate of a proof over a box.
-
-    The result is False for a file that cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return file.read(len(KEY) + 16).lstrip().startswith(f'{{"{KEY}"'.encode())
-    except (OSError, ValueError):
-        return False
-
-
 def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
     """Write a certificate atomically."""
     head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}

@@ -20,7 +20,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
-from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, read
+from jld_geometry.box_certificate import KEY, BoxClaim, Leaf, Node, Split, read
 from jld_geometry.box_structure import BoxStructure, Loads
 from jld_geometry.polynomials import Polynomial, add, is_at_least_zero, product
 
@@ -45,6 +45,18 @@ class VerifiedBox:
     boxes: int
     size: int
     seconds: float
+
+
+def is_box_certificate(path: Path) -> bool:
+    """Return True if a file begins like the certificate of a proof over a box.
+
+    The result is False for a file that cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(len(KEY) + 16).lstrip().startswith(f'{{"{KEY}"'.encode())
+    except (OSError, ValueError):
+        return False
 
 
 def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:

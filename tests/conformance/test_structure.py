@@ -20,22 +20,19 @@ SOURCES = ROOT / "src"
 # each line may use those below it, and what stands beside it in its own line only where listed later
 ORDER = [
     ["jld_explore.__main__"],
-    ["jld_explore.cli"],
     ["jld_studio"],
+    ["jld_practice"],
+    ["jld_geometry"],
+    ["jld_experiment"],
+    ["jld_formats"],
+    ["jld_explore.cli"],
     ["jld_explore"],
-    ["jld_practice.design", "jld_practice.design_check"],
-    ["jld_geometry.moved_search"],
-    ["jld_geometry.moved_search", "jld_geometry.box_proof"],
-    ["jld_geometry.moved_search"],
     ["jld_explore.explore"],
     ["jld_explore.study_run"],
-    ["jld_studio.notebook"],
-    ["jld_studio.notebook_kernel"],
     ["jld_explore.driver_choice", "jld_explore.refusals", "jld_explore.writing_time"],
-    ["jld_experiment.experiments", "jld_explore.field_check", "jld_practice.reliability_study", "jld_explore.uncut"],
+    ["jld_explore.field_check", "jld_explore.uncut"],
     ["jld_explore.steps"],
     ["jld_explore.report"],
-    ["jld_practice.reliability"],
     ["jld_explore.field_study"],
     ["jld_explore.study"],
     ["jld_explore.study_state"],
@@ -44,10 +41,8 @@ ORDER = [
     ["jld_explore.evaluation"],
     ["jld_explore.space"],
     ["jld_explore.verification"],
-    ["jld_experiment"],
     ["jld_core"],
     ["jld_core.exchange"],
-    ["jld_geometry"],
     ["jld_core.views"],
     ["jld_core.models"],
     ["jld_core.assembly_sequence"],
@@ -78,8 +73,8 @@ ORDER = [
 ]
 FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
 
-# packages that are one wing
-FLAT = ["jld_experiment"]
+# packages that are one wing: add-ons, which core and explore never import
+FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_formats"]
 
 # modules that load what is slow are imported by name, also where their package exports the name
 SLOW = ["jld_core.views.", "jld_explore.report.pictures"]

@@ -167,7 +167,7 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
     assembly = build_assembly(bridge)
     settings = ExploreSettings(pictures=False, driver="enumeration", jobs=1)
     for limit, decided in ((400, True), (0, False)):
-        for module in ("order", "built_up"):
+        for module in ("order", "constraint"):
             monkeypatch.setattr(f"jld_core.assembly_sequence.{module}.MOST_STAGES", limit)
         asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
         lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))

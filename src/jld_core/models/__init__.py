@@ -2,8 +2,8 @@
 
 - `Model`: how a structure is modelled and solved, as on the command line
 - `SolveOptions`: name of `Model` before version 0.4
-- `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `cost_estimate`: estimate time and memory to evaluate one labelling
+- `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `limit_analysis`: build the analysis that `solve_labelling` needs, for one labelling or many
 - `require_memory`: raise InputError if one labelling needs more memory than there is
 - `require_model`: raise InputError if the options do not support an assembly

@@ -348,7 +348,7 @@ def asset_names(wing: str = "report") -> list[str]:
 
 def _assets(wing: str) -> Traversable:
     """Return the folder of front-end files of a sub-package."""
-    return files(f"jld_explore.{wing}").joinpath("assets")
+    return files("jld_studio" if wing == "studio" else "jld_explore.report").joinpath("assets")
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
