@@ -11,12 +11,11 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions
+from jld_core.exchange import ImportOptions, Notes, Part, Solids
 from jld_core.exchange.drawn_loads import MOST
 from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import text_of
-from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, Notes, several
-from jld_core.exchange.solids import Part, Solids
+from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, several
 from jld_core.geometry import area_vector
 
 _GRAVITY: Final = 9.81  # acceleration of a problem that states none, m/s²

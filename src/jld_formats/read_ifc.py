@@ -15,12 +15,11 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions
+from jld_core.exchange import ImportOptions, Notes, Part, Solids
 from jld_core.exchange.cells import without_holes
 from jld_core.exchange.drawn_loads import MOST
 from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import Notes, several
-from jld_core.exchange.solids import Part, Solids
+from jld_core.exchange.options import several
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import Region, extrude, region_of
 from jld_core.scene.units import METRES

@@ -14,14 +14,13 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions
+from jld_core.exchange import ImportOptions, Notes, Part, Solids
 from jld_core.exchange.cells import without_holes
 from jld_core.exchange.drawn_loads import MOST, Drawing, Mark, SolidMark
 from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import FACET, Notes, listed
+from jld_core.exchange.options import FACET, listed
 from jld_core.exchange.paths import Path
-from jld_core.exchange.solids import Part, Solids
 from jld_core.geometry import Faces
 
 # Largest distance from a plane or a line, relative to the size of the object, of what counts as plane or straight

@@ -25,9 +25,10 @@ SCENE = SCENES / "flat_beam_arch.json"
 
 def forget() -> None:
     """Forget which plug-ins were found."""
+    from jld_core.exchange.formats import formats
     from jld_explore.space import counts
 
-    for function in (plugins.entry_points, plugins.load, counts._add_plugins):
+    for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):
         function.cache_clear()
 
 
@@ -113,6 +114,24 @@ def test_an_objective_is_maximised_by_its_name(tmp_path: Path) -> None:
     assert not named.summary.proven
     with pytest.raises(jc.InputError, match="objective: no objective is named 'stiffness'"):
         je.explore(scene, tmp_path / "c", objective="stiffness")
+
+
+def test_a_file_format_is_read_and_written_by_its_ending(site: Path, tmp_path: Path) -> None:
+    """A tower of two boxes: its scene, its blocks, what a file loses, and a line that is no box."""
+    drawn = tmp_path / "tower.boxes"
+    drawn.write_text("#s 0 0 0 1 1 1\na 0 0 1 1 1 1\nb 0 0 2 1 1 1\n", encoding="utf-8")
+    done = run(site, "import", str(drawn), "-o", str(tmp_path / "tower.json"))
+    assert done.returncode == 0, done.stderr
+    assert "3 boxes" in done.stdout + done.stderr
+    assert [one["id"] for one in json.loads((tmp_path / "tower.json").read_text())["elements"]] == ["#s", "a", "b"]
+    done = run(site, "export", str(tmp_path / "tower.json"), "--format", "boxes", "-o", str(tmp_path / "out.boxes"))
+    assert done.returncode == 0, done.stderr
+    assert "materials" in done.stdout + done.stderr
+    assert len((tmp_path / "out.boxes").read_text().splitlines()) >= 2
+    drawn.write_text("a 0 0\n", encoding="utf-8")
+    done = run(site, "import", str(drawn), "-o", str(tmp_path / "wrong.json"))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "line 1: it is no box" in done.stderr
 
 
 @pytest.mark.usefixtures("plugged")

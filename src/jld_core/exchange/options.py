@@ -194,7 +194,15 @@ class Imported:
 
 @dataclass
 class Notes:
-    """Collection of the sentences of a report while a file is read; fields as in `Report`."""
+    """Collection of the sentences of a report while a file is read.
+
+    Attributes
+    ----------
+    found, snapped, assumed, skipped, doubtful : list of str
+        Sentences, as in `Report`.
+    largest : float
+        Largest move of a corner, as in `Report`.
+    """
 
     found: list[str] = field(default_factory=list)
     snapped: list[str] = field(default_factory=list)

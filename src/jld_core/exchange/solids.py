@@ -181,8 +181,20 @@ def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], 
 class Part:
     """One solid of a spatial file.
 
-    name: future id of its element. group: name by which its role (support) is decided. vertices: (k, 3), file units.
-    faces: loops of vertex indices. support: True if the file says so. keys: further keys of its element in the scene.
+    Attributes
+    ----------
+    name : str
+        Future id of its element.
+    group : str
+        Name by which its role is decided, such as a layer.
+    vertices : (k, 3) array
+        Corners, length in the unit of the file.
+    faces : tuple of tuple of int
+        Loops of vertex indices.
+    support : bool
+        True if the file says so.
+    keys : dict
+        Further keys of its element in the scene.
     """
 
     name: str
@@ -197,10 +209,22 @@ class Part:
 class Solids:
     """Content of a spatial file before it is converted to elements.
 
-    parts: the solids. contacts: (name, name, corners (k, 3)) where the file gives interfaces. facts: keys of a scene
-    that an earlier export stored in the file. name: name of the scene. unit: unit of length of the file, None if
-    unknown.
-    marks: points, texts and arrows. drawn: role "dry" or "inner", and corners (k, 3), of faces with a label.
+    Attributes
+    ----------
+    parts : list of Part
+        The solids.
+    contacts : list of (str, str, (k, 3) array)
+        Names and corners where the file gives interfaces.
+    facts : dict
+        Keys of a scene that an earlier export stored in the file.
+    name : str
+        Name of the scene.
+    unit : str or None
+        Unit of length of the file, None if unknown.
+    marks : list of SolidMark
+        Points, texts and arrows.
+    drawn : list of (str, (k, 3) array)
+        Role "dry" or "inner", and corners, of faces with a label.
     """
 
     parts: list[Part]

@@ -16,14 +16,14 @@ from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions
+from jld_core.exchange import ImportOptions, Notes, Part, Solids
 from jld_core.exchange.cells import hardly_meant
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn_loads import Drawing
 from jld_core.exchange.libraries import read_content, reading
-from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, Notes
+from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS
 from jld_core.exchange.paths import Path
-from jld_core.exchange.solids import Part, Solids, spatial_scene
+from jld_core.exchange.solids import spatial_scene
 from jld_core.geometry.snapping import straight
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
