@@ -23,7 +23,7 @@ from benchmarks.scenes import ENUMERATED, LARGE, box, built, cubes, grid, streng
 from benchmarks.stated import stated
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
-from jld_core.batch.interface import described
+from jld_core.batch.library import described
 from jld_core.limit import BatchAnalysis, LimitAnalysis, SolveOptions, Status, load_scale
 from jld_core.models import limit_analysis, solve
 from jld_core.refinement import refine

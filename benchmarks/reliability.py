@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.common import about, table, write
 from benchmarks.scenes import LARGE
 from jld_core import build_assembly, parse_scene
-from jld_core.batch.interface import described
+from jld_core.batch.library import described
 from jld_core.limit import LimitAnalysis
 from jld_explore.drivers import make_driver
 from jld_explore.space import search_space

@@ -25,7 +25,7 @@ import pytest
 
 from cases import grid_document
 from command import Command, Outcome, command, environment, process
-from jld_core.batch.interface import SWITCH
+from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 

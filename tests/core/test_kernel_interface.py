@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from jld_core import InputError
-from jld_core.batch import build, interface
-from jld_core.batch import interface as library
+from jld_core.batch import build, interface, library
 from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED
 from jld_core.batch.blocks import SOLVED
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from cases import CASES, grid_document
-from jld_core.batch import build, chosen
-from jld_core.batch import interface as library
+from jld_core.batch import build, chosen, library
 from jld_core.batch.batch_solver import BatchSolver
 from jld_core.build import build_assembly
 from jld_core.errors import InputError

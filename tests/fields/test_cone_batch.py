@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cases import grid_assembly
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
-from jld_core.batch import interface as library
+from jld_core.batch import library
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.cone_pattern import ConeBatch, ConeProgram, independent_rows, is_installed
 from jld_core.fields.lower import LowerBound

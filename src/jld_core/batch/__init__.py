@@ -5,7 +5,7 @@
 """
 
 from jld_core.batch.batch_solver import ConflictRequest
-from jld_core.batch.interface import chosen
+from jld_core.batch.library import chosen
 
 __all__ = [
     "ConflictRequest",

@@ -17,9 +17,8 @@ from scipy.sparse.linalg import spsolve
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.batch import interface
-from jld_core.batch import interface as library
-from jld_core.batch.interface import dry_shares, narrow, samples, tries_of
+from jld_core.batch import interface, library
+from jld_core.batch.library import dry_shares, narrow, samples, tries_of
 from jld_core.batch.rows import BatchRows, pattern_of, rows_of
 from jld_core.mechanics import Rows
 from jld_core.program import Template

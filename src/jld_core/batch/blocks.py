@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.batch import interface
-from jld_core.batch import interface as library
+from jld_core.batch import interface, library
 from jld_core.batch.rows import factor_pattern
 
 SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]

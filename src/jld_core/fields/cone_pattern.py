@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import chosen, interface
-from jld_core.batch.interface import Cones, ConeTask, library, pointers, require_success
+from jld_core.batch.library import Cones, ConeTask, library, pointers, require_success
 
 # Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
 _DEPENDENT = 1e-7

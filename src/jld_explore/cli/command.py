@@ -89,7 +89,7 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     """Print the version and exit if the option is given."""
     if wanted:
-        from jld_core.batch.interface import described as kernel_in_use
+        from jld_core.batch.library import described as kernel_in_use
 
         say(f"jld {__version__}, {kernel_in_use()}")
         raise typer.Exit

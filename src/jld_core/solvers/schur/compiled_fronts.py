@@ -18,8 +18,8 @@ from scipy.linalg import cython_blas, cython_lapack
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch import chosen
-from jld_core.batch.interface import Fronts as FrontsOfC
-from jld_core.batch.interface import library, pointers, require_success
+from jld_core.batch.library import Fronts as FrontsOfC
+from jld_core.batch.library import library, pointers, require_success
 from jld_core.errors import SolverError
 from jld_core.linalg import components
 from jld_core.linalg.cholesky import Fronts
