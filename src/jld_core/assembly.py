@@ -32,25 +32,19 @@ INNER: Final = False
 
 @dataclass(frozen=True)
 class Elements:
-    """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial).
+    """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial)."""
 
-    ids: names. blocks: the scene's block names, None where none is given. support: (n,) True for supports, which do not
-    move; they have no equations of equilibrium. centroid: (n, d) centroids. volume: (n,) volumes; planar: area ×
-    thickness. weight: (n, d) self-weight as a force. shape: boundary of each element: planar (k, 2), counter-clockwise;
-    spatial the (k, 3) vertices. faces: vertex indices of each face of each element, outward; empty in the plane.
-    gravity: magnitude of the acceleration from which the weights were computed. stated: which of "weight", "volume" and
-    "centroid" the scene states for each element; () for none.
-    """
-
-    ids: tuple[str, ...]
-    blocks: tuple[str | None, ...]
-    support: Bools
-    centroid: Floats
-    volume: Floats
-    weight: Floats
-    shape: tuple[Floats, ...]
+    ids: tuple[str, ...]  # names
+    blocks: tuple[str | None, ...]  # the scene's block names, None where none is given
+    support: Bools  # (n,) True for supports, which do not move; they have no equations of equilibrium
+    centroid: Floats  # (n, d) centroids
+    volume: Floats  # (n,) volumes; planar: area × thickness
+    weight: Floats  # (n, d) self-weight as a force
+    shape: tuple[Floats, ...]  # boundary of each element: planar (k, 2), counter-clockwise; spatial the (k, 3) vertices
+    # vertex indices of each face of each element, outward; empty in the plane
     faces: tuple[tuple[tuple[int, ...], ...], ...] = ()
-    gravity: float = 9.81
+    gravity: float = 9.81  # magnitude of the acceleration from which the weights were computed
+    # which of "weight", "volume" and "centroid" the scene states for each element; () for none
     stated: tuple[frozenset[str], ...] = ()
 
     def __len__(self) -> int:
@@ -113,26 +107,23 @@ class Elements:
 
 @dataclass(frozen=True)
 class Interfaces:
-    """Arrays over m interfaces; the normal points from element a to element b.
+    """Arrays over m interfaces; the normal points from element a to element b."""
 
-    a, b: (m,) elements on both sides. origin: (m, d) centroids. normal, e1, e2: (m, d) unit frame. In the plane e1 is
-    the normal turned by +90° and e2 is empty. l1, l2: (m,) sizes along e1 and e2; planar: length and thickness. area:
-    (m,) areas. c_t: (m,) torsion lengths c_T; planar: zeros. rectangle: (m,) True where the polygon is a rectangle
-    along e1, e2. polygon: corner points of each interface.
-    """
-
+    # a, b: (m,) elements on both sides
     a: Ints
     b: Ints
-    origin: Floats
+    origin: Floats  # (m, d) centroids
+    # normal, e1, e2: (m, d) unit frame. In the plane e1 is the normal turned by +90° and e2 is empty.
     normal: Floats
     e1: Floats
     e2: Floats
+    # l1, l2: (m,) sizes along e1 and e2; planar: length and thickness
     l1: Floats
     l2: Floats
-    area: Floats
-    c_t: Floats
-    rectangle: Bools
-    polygon: tuple[Floats, ...]
+    area: Floats  # (m,) areas
+    c_t: Floats  # (m,) torsion lengths c_T; planar: zeros
+    rectangle: Bools  # (m,) True where the polygon is a rectangle along e1, e2
+    polygon: tuple[Floats, ...]  # corner points of each interface
 
     def __len__(self) -> int:
         return len(self.a)
@@ -145,17 +136,15 @@ class Interfaces:
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case of an assembly: its loads, and the load factor required under them.
-
-    dead_loads, live_loads: loads as those of `Assembly`; the dead load includes the part that is common to all cases.
-    required: required load factor; λ is divided by it, so that 1 is just enough. place: (str, float) of a moving load:
-    its name and direction, and the distance of its first axle along the path; else None.
-    """
+    """One load case of an assembly: its loads, and the load factor required under them."""
 
     name: str
+    # dead_loads, live_loads: loads as those of `Assembly`; the dead load includes the part that is common to all cases
     dead_loads: Loads
     live_loads: Loads
-    required: float = 1.0
+    required: float = 1.0  # required load factor; λ is divided by it, so that 1 is just enough
+    # (str, float) of a moving load: its name and direction, and the distance of its first axle along the path; else
+    # None
     place: tuple[str, float] | None = None
 
 

@@ -29,18 +29,13 @@ class Bodies(Protocol):
 
 @dataclass(frozen=True)
 class Traction:
-    """Linear traction on a plane part of the surface of an element, scene units.
+    """Linear traction on a plane part of the surface of an element, scene units."""
 
-    element: index. rings: closed outlines (k, d) of the part, the outer one first; planar: its two ends (2, 2). origin:
-    (d,) centroid of the part. mean: (d,) force per area there, planar per length over the whole thickness. slope: (d,
-    d) derivatives of this force; column k by coordinate k.
-    """
-
-    element: int
-    rings: tuple[Floats, ...]
-    origin: Floats
-    mean: Floats
-    slope: Floats
+    element: int  # index
+    rings: tuple[Floats, ...]  # closed outlines (k, d) of the part, the outer one first; planar: its two ends (2, 2)
+    origin: Floats  # (d,) centroid of the part
+    mean: Floats  # (d,) force per area there, planar per length over the whole thickness
+    slope: Floats  # (d, d) derivatives of this force; column k by coordinate k
 
     def at(self, places: Floats) -> Floats:
         """Return the force per area (..., d), planar per length, at places (..., d)."""
@@ -59,17 +54,14 @@ class Traction:
 
 @dataclass(frozen=True)
 class PointForces:
-    """Arrays over p forces at points, scene units.
+    """Arrays over p forces at points, scene units."""
 
-    element: (p,) indices. at, force: (p, d). width: (p,) length of the patch on a free face that each is spread on, NaN
-    where none is stated. centred: (p,) True where the point is the centroid of the element, and moves with it.
-    """
-
-    element: Ints
+    element: Ints  # (p,) indices
+    # at, force: (p, d)
     at: Floats
     force: Floats
-    width: Floats
-    centred: Bools
+    width: Floats  # (p,) length of the patch on a free face that each is spread on, NaN where none is stated
+    centred: Bools  # (p,) True where the point is the centroid of the element, and moves with it
 
     def __len__(self) -> int:
         return len(self.element)
@@ -77,17 +69,12 @@ class PointForces:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of one kind, dead or live, on n elements, scene units.
+    """Loads of one kind, dead or live, on n elements, scene units."""
 
-    body: (n, d) forces that are uniform over the volume of each element: self-weight and body loads. couples: (n, 1)
-    moments that act on elements without a place. points: forces at points. tractions: pressures, line loads and loads
-    on patches.
-    """
-
-    body: Floats
-    couples: Floats
-    points: PointForces
-    tractions: tuple[Traction, ...] = ()
+    body: Floats  # (n, d) forces that are uniform over the volume of each element: self-weight and body loads
+    couples: Floats  # (n, 1) moments that act on elements without a place
+    points: PointForces  # forces at points
+    tractions: tuple[Traction, ...] = ()  # pressures, line loads and loads on patches
 
     @classmethod
     def of_resultants(cls, resultants: Floats) -> Self:

@@ -22,27 +22,26 @@ class Members:
     A member whose force may vary has an interface of its own in the assembly, after those of the geometry. That
     interface is always inner, begins and ends at one element, and has neither bending nor torsion. Its N, and a pin's
     V, act at the points that stand here. Its N is the compression beyond the prestress.
-
-    names, kinds: names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill. face: (k,) interface
-    of each member; −1 for a constant force, which only loads the assembly. elements: elements to which each member is
-    fixed, in order. points: points of these elements. axis: (k, d) unit vector of each member from its first point to
-    the next. tension, compression, shear, prestress: (k,) capacities, and prestress: the tension that always acts;
-    forces. bond: (f,) tensile strength times area of the faces as dry joints; None where no joint has any. N of the
-    program is the normal force plus this. self_stress: (n, q) part of the dead loads that is prestress and bond; None
-    where there is none.
     """
 
+    # names, kinds: names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill
     names: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
+    # (k,) interface of each member; −1 for a constant force, which only loads the assembly
     face: Ints = field(default_factory=_none)
-    elements: tuple[Ints, ...] = ()
-    points: tuple[Floats, ...] = ()
+    elements: tuple[Ints, ...] = ()  # elements to which each member is fixed, in order
+    points: tuple[Floats, ...] = ()  # points of these elements
+    # (k, d) unit vector of each member from its first point to the next
     axis: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    # tension, compression, shear, prestress: (k,) capacities, and prestress: the tension that always acts; forces
     tension: Floats = field(default_factory=lambda: np.zeros(0))
     compression: Floats = field(default_factory=lambda: np.zeros(0))
     shear: Floats = field(default_factory=lambda: np.zeros(0))
     prestress: Floats = field(default_factory=lambda: np.zeros(0))
+    # (f,) tensile strength times area of the faces as dry joints; None where no joint has any. N of the program is the
+    # normal force plus this.
     bond: Floats | None = None
+    # (n, q) part of the dead loads that is prestress and bond; None where there is none
     self_stress: Floats | None = None
 
     def __len__(self) -> int:

@@ -45,12 +45,9 @@ class Showable:
 
 
 class NotebookRepr(Showable):
-    """Base class of objects that a notebook shows by a view.
+    """Base class of objects that a notebook shows by a view."""
 
-    shown_by: module and class of the view, as "package.module:Class".
-    """
-
-    shown_by: ClassVar[str]
+    shown_by: ClassVar[str]  # module and class of the view, as "package.module:Class"
 
     @property
     def _view(self) -> View:

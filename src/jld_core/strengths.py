@@ -57,20 +57,17 @@ class Strengths:
     """Strengths of m interfaces, each as dry and as inner, in scene units.
 
     The values of a material that the scene does not state are NaN.
-
-    friction: (m,) friction coefficient μ of dry faces. tension, shear: (m,) tensile and shear strength σt and τ of
-    inner faces, stress. crush_dry, crush_inner: (m,) compressive strength, stress; inf where none is given. cohesion:
-    (m,) cohesion of dry faces, stress; 0 where none is given. inner_friction: (m,) friction coefficient μ of inner
-    faces; 0 where none is given.
     """
 
-    friction: Floats
+    friction: Floats  # (m,) friction coefficient μ of dry faces
+    # tension, shear: (m,) tensile and shear strength σt and τ of inner faces, stress
     tension: Floats
     shear: Floats
+    # crush_dry, crush_inner: (m,) compressive strength, stress; inf where none is given
     crush_dry: Floats
     crush_inner: Floats
-    cohesion: Floats
-    inner_friction: Floats
+    cohesion: Floats  # (m,) cohesion of dry faces, stress; 0 where none is given
+    inner_friction: Floats  # (m,) friction coefficient μ of inner faces; 0 where none is given
 
     def take(self, rows: Ints) -> Strengths:
         """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
@@ -97,15 +94,12 @@ class Strengths:
 
 @dataclass(frozen=True)
 class StatedCriterion:
-    """Yield criterion of a plug-in for some interfaces under one label, as a scene states it.
-
-    name: name of its entry point. values: parameters, scene units. faces: (m,) interfaces that have this criterion.
-    """
+    """Yield criterion of a plug-in for some interfaces under one label, as a scene states it."""
 
     label: str
-    name: str
-    values: tuple[tuple[str, float], ...]
-    faces: Bools
+    name: str  # name of its entry point
+    values: tuple[tuple[str, float], ...]  # parameters, scene units
+    faces: Bools  # (m,) interfaces that have this criterion
 
     def take(self, rows: Ints) -> StatedCriterion:
         """Return the criterion of the interfaces of the indices `rows` (k,)."""

@@ -27,14 +27,11 @@ on the position of a scene and on the order of its elements.
 
 @dataclass(frozen=True)
 class Precision:
-    """Accuracy that an interior-point method should reach on a scaled program.
+    """Accuracy that an interior-point method should reach on a scaled program."""
 
-    residual: largest residual of equations and largest duality gap, dimensionless. margin: scaled distance from the
-    boundary of every yield set, and opening of every joint. It makes a solution with such a residual admissible after
-    projection.
-    """
-
-    residual: float
+    residual: float  # largest residual of equations and largest duality gap, dimensionless
+    # scaled distance from the boundary of every yield set, and opening of every joint. It makes a solution with such a
+    # residual admissible after projection.
     margin: float
 
 

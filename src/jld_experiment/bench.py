@@ -29,29 +29,25 @@ class Bench(NamedTuple):
     """Constant arrays of the time stepping, for n elements, m faces and s sub-contacts.
 
     There are q freedoms per element: 3 in the plane (d = 2) and 6 in space (d = 3). All numbers are in scene units.
-
-    dead, live: (n, q) forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1.
-    inverse: (n, 2) inverse of mass and inertia, scaled to a time step of one; 0 on supports. radius: (n,) length by
-    which moments are divided to compare them with forces. ends: (m, 2) elements a and b. frame: (m, 6) planar: normal n
-    (x, y), then r × n and r × t for the arm r from a and from b to the centre of the face. Spatial: normal, e1, e2, and
-    the arms from a and from b. first: (m + 1,) position of the first sub-contact of each face. place: (s, d)
-    coordinates along the face, and area. law: (m, 8) law of each face: two springs, friction, dilation, three
-    strengths, residual friction, in the order of `Law`. brittle: (m,) True for faces that lose a strength that is
-    exceeded. gaps: (m,) True for joints whose gaps stay open. dry: (m,) True for dry faces.
     """
 
+    # dead, live: (n, q) forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1
     dead: Floats
     live: Floats
-    inverse: Floats
-    radius: Floats
-    ends: Ints
+    inverse: Floats  # (n, 2) inverse of mass and inertia, scaled to a time step of one; 0 on supports
+    radius: Floats  # (n,) length by which moments are divided to compare them with forces
+    ends: Ints  # (m, 2) elements a and b
+    # (m, 6) planar: normal n (x, y), then r × n and r × t for the arm r from a and from b to the centre of the face.
+    # Spatial: normal, e1, e2, and the arms from a and from b.
     frame: Floats
-    first: Ints
-    place: Floats
+    first: Ints  # (m + 1,) position of the first sub-contact of each face
+    place: Floats  # (s, d) coordinates along the face, and area
+    # (m, 8) law of each face: two springs, friction, dilation, three strengths, residual friction, in the order of
+    # `Law`
     law: Floats
-    brittle: Bools
-    gaps: Bools
-    dry: Bools
+    brittle: Bools  # (m,) True for faces that lose a strength that is exceeded
+    gaps: Bools  # (m,) True for joints whose gaps stay open
+    dry: Bools  # (m,) True for dry faces
 
 
 class Motion(NamedTuple):

@@ -105,12 +105,9 @@ def scout(specimen: Specimen, settled: State) -> float:
 
 @dataclass
 class _Progress:
-    """Decide from records whether a push goes on; a continued push replays its records.
+    """Decide from records whether a push goes on; a continued push replays its records."""
 
-    unit: elastic displacement live·u at the scale of λ.
-    """
-
-    unit: float
+    unit: float  # elastic displacement live·u at the scale of λ
     distance: float = 0.0
     highest: float = -np.inf
     highest_at: float = 0.0

@@ -16,21 +16,17 @@ class EnergyBalance:
 
     The work of the loads equals kinetic and elastic energy and all losses. Each is computed on its own: none is what
     the others leave.
-
-    dead, live: work of the dead loads, and of the live loads at the reported λ. damping: energy lost by damping, less
-    what the constraint of a push supplies against it. friction: energy lost by sliding and crushing of dry joints and
-    cracks. flow: energy lost by plastic flow of inner faces. fracture: elastic energy released by brittle breaking.
-    corners: energy that contacts of corners store or lose. kinetic, elastic: kinetic energy, and elastic energy of the
-    sub-contacts.
     """
 
+    # dead, live: work of the dead loads, and of the live loads at the reported λ
     dead: float
     live: float
-    damping: float
-    friction: float
-    flow: float
-    fracture: float
-    corners: float
+    damping: float  # energy lost by damping, less what the constraint of a push supplies against it
+    friction: float  # energy lost by sliding and crushing of dry joints and cracks
+    flow: float  # energy lost by plastic flow of inner faces
+    fracture: float  # elastic energy released by brittle breaking
+    corners: float  # energy that contacts of corners store or lose
+    # kinetic, elastic: kinetic energy, and elastic energy of the sub-contacts
     kinetic: float
     elastic: float
 

@@ -53,15 +53,13 @@ class Experiments:
 
     Inner faces are brittle and joints do not dilate. Results are written to `experiments.csv` in `folder` after every
     `jobs` experiments; rows of such a file are read at the start. Raises InputError if that file is damaged.
-
-    folder: results folder. jobs: number of processes. deadline: time after which no experiment is begun. rows: results
-    by the text of the labelling (letters "d" and "i", one per face).
     """
 
     assembly: Assembly
-    folder: Path
-    jobs: int = 1
-    deadline: Deadline = field(default_factory=Deadline)
+    folder: Path  # results folder
+    jobs: int = 1  # number of processes
+    deadline: Deadline = field(default_factory=Deadline)  # time after which no experiment is begun
+    # results by the text of the labelling (letters "d" and "i", one per face)
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -46,35 +46,29 @@ class Plane(NamedTuple):
 
     There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
     Lengths are in scene units. The last six attributes are state and are changed in place.
-
-    centre: (n, 2) centroids. near, far: (s, 2) arms to each sub-contact from elements a and b. share: (s,) tributary
-    length. half: (m,) half length of each face. corner: (c,) element of each corner. arm: (c, 2) arm to each corner.
-    pair: (p, 2) corner and element that may meet. barred: (p, 2) edges of that element whose contact is already a face,
-    −1 for none. edge_first: (n + 1,) position of the first corner of each element, counter-clockwise. spring: (6,)
-    normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap without
-    force, distance within which corners are checked. The last entry is state: the largest elastic overlap. kept: (s,)
-    share of the area of sub-contacts that is in contact. gap, slid: (s,) gap and slip of sub-contacts. stuck: (p,)
-    friction force along the edge. place: (p,) position along the edge, from its first corner. on: (p,) edge touched, −1
-    for none.
     """
 
-    centre: Floats
+    centre: Floats  # (n, 2) centroids
+    # near, far: (s, 2) arms to each sub-contact from elements a and b
     near: Floats
     far: Floats
-    share: Floats
-    half: Floats
-    corner: Ints
-    arm: Floats
-    pair: Ints
-    barred: Ints
-    edge_first: Ints
+    share: Floats  # (s,) tributary length
+    half: Floats  # (m,) half length of each face
+    corner: Ints  # (c,) element of each corner
+    arm: Floats  # (c, 2) arm to each corner
+    pair: Ints  # (p, 2) corner and element that may meet
+    barred: Ints  # (p, 2) edges of that element whose contact is already a face, −1 for none
+    edge_first: Ints  # (n + 1,) position of the first corner of each element, counter-clockwise
+    # (6,) normal and shear stiffness of a corner contact (force per overlap or slip), friction coefficient, overlap
+    # without force, distance within which corners are checked. The last entry is state: the largest elastic overlap.
     spring: Floats
-    kept: Floats
+    kept: Floats  # (s,) share of the area of sub-contacts that is in contact
+    # gap, slid: (s,) gap and slip of sub-contacts
     gap: Floats
     slid: Floats
-    stuck: Floats
-    place: Floats
-    on: Ints
+    stuck: Floats  # (p,) friction force along the edge
+    place: Floats  # (p,) position along the edge, from its first corner
+    on: Ints  # (p,) edge touched, −1 for none
 
 
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
@@ -343,41 +337,32 @@ class Space(NamedTuple):
     """Data of moving spatial faces and corners, with shapes at rest about the centroids.
 
     The last seven attributes are state and are changed in place.
-
-    centre: (n, 3) centroids. near, far: (s, 3) arms to each sub-contact from elements a and b. share: (s,) side of a
-    square with the area of the sub-contact. rim_first: (m + 1,) position of the first rim point of each face. rim: (r,
-    2) rims of faces in their frames about their origins. corner: (c,) element of each corner. arm: (c, 3) arm to each
-    corner. pair: (p, 2) corner and element that may meet. barred: (p, k) faces of that element whose contact is already
-    a face, −1 for none. side_first: (n + 1,) position of the first triangle of each element. sides: (t, 3, 3) outward
-    triangles of the elements. side: (t,) face of the element to which each triangle belongs. flush: (p, k) faces of the
-    element through which the corner cannot enter, −1 for none. spring: (6,) springs of corners, see `corner_springs`.
-    turn: (n, 3, 3) rotations since rest. kept: (s,) share of the area of sub-contacts that is in contact. gap: (s,) gap
-    of sub-contacts. slid: (s, 2) slip of sub-contacts. stuck, place: (p, 3) force and position on the element, in its
-    axes at rest. on: (p,) face touched.
     """
 
-    centre: Floats
+    centre: Floats  # (n, 3) centroids
+    # near, far: (s, 3) arms to each sub-contact from elements a and b
     near: Floats
     far: Floats
-    share: Floats
-    rim_first: Ints
-    rim: Floats
-    corner: Ints
-    arm: Floats
-    pair: Ints
-    barred: Ints
-    side_first: Ints
-    sides: Floats
-    side: Ints
-    flush: Ints
-    spring: Floats
-    turn: Floats
-    kept: Floats
-    gap: Floats
-    slid: Floats
+    share: Floats  # (s,) side of a square with the area of the sub-contact
+    rim_first: Ints  # (m + 1,) position of the first rim point of each face
+    rim: Floats  # (r, 2) rims of faces in their frames about their origins
+    corner: Ints  # (c,) element of each corner
+    arm: Floats  # (c, 3) arm to each corner
+    pair: Ints  # (p, 2) corner and element that may meet
+    barred: Ints  # (p, k) faces of that element whose contact is already a face, −1 for none
+    side_first: Ints  # (n + 1,) position of the first triangle of each element
+    sides: Floats  # (t, 3, 3) outward triangles of the elements
+    side: Ints  # (t,) face of the element to which each triangle belongs
+    flush: Ints  # (p, k) faces of the element through which the corner cannot enter, −1 for none
+    spring: Floats  # (6,) springs of corners, see `corner_springs`
+    turn: Floats  # (n, 3, 3) rotations since rest
+    kept: Floats  # (s,) share of the area of sub-contacts that is in contact
+    gap: Floats  # (s,) gap of sub-contacts
+    slid: Floats  # (s, 2) slip of sub-contacts
+    # stuck, place: (p, 3) force and position on the element, in its axes at rest
     stuck: Floats
     place: Floats
-    on: Ints
+    on: Ints  # (p,) face touched
 
 
 def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:

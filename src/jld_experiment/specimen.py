@@ -30,20 +30,15 @@ class System:
 
     The masses are scaled so that a time step of one is the share `step` of the critical step. Times are in such steps,
     all else in scene units.
-
-    ends: (m, 2) elements a and b of each face. frame: (m, 6) normals and arms for the time stepping, columns as in
-    `Bench.frame`. inverse: (n, 2) inverse of mass and inertia, 0 on supports. radius: (n,) radius of gyration
-    √(inertia/mass), length; 1 on supports. period: slowest period, steps. reach: elastic displacement live·u under the
-    live loads with λ = 1. sag, swing: largest elastic displacement of an element under the dead loads, and under the
-    live loads with λ = 1.
     """
 
-    ends: Ints
-    frame: Floats
-    inverse: Floats
-    radius: Floats
-    period: float
-    reach: float
+    ends: Ints  # (m, 2) elements a and b of each face
+    frame: Floats  # (m, 6) normals and arms for the time stepping, columns as in `Bench.frame`
+    inverse: Floats  # (n, 2) inverse of mass and inertia, 0 on supports
+    radius: Floats  # (n,) radius of gyration √(inertia/mass), length; 1 on supports
+    period: float  # slowest period, steps
+    reach: float  # elastic displacement live·u under the live loads with λ = 1
+    # sag, swing: largest elastic displacement of an element under the dead loads, and under the live loads with λ = 1
     sag: float
     swing: float
 

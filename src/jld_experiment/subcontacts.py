@@ -21,15 +21,12 @@ SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 
 @dataclass(frozen=True)
 class SubContacts:
-    """The s sub-contacts of all m faces, one face after the other.
+    """The s sub-contacts of all m faces, one face after the other."""
 
-    first: (m + 1,) position of the first sub-contact of each face. place: (s, 2) coordinate along e1 and area (planar),
-    or coordinates along e1 and e2 and area (spatial), scene units. face: (s,) face of each sub-contact.
-    """
-
-    first: Ints
+    first: Ints  # (m + 1,) position of the first sub-contact of each face
+    # (s, 2) coordinate along e1 and area (planar), or coordinates along e1 and e2 and area (spatial), scene units
     place: Floats
-    face: Ints
+    face: Ints  # (s,) face of each sub-contact
 
 
 def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -> SubContacts:

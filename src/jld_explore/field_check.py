@@ -41,15 +41,11 @@ FALL: Final = 0.05
 
 @dataclass(frozen=True)
 class CheckPlan:
-    """Plan for a check of the best layouts by fields.
+    """Plan for a check of the best layouts by fields."""
 
-    count: layouts checked beside the structure without cuts, 0 for no check. seconds: expected processor time, s.
-    skipped: reason why nothing is checked, "" if something is.
-    """
-
-    count: int
-    seconds: float
-    skipped: str
+    count: int  # layouts checked beside the structure without cuts, 0 for no check
+    seconds: float  # expected processor time, s
+    skipped: str  # reason why nothing is checked, "" if something is
 
 
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:

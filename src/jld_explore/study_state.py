@@ -31,13 +31,10 @@ class StopReason(StrEnum):
 
 
 class Interrupted(BaseException):
-    """Exception of the command line's signal handlers; finished results are on disk.
+    """Exception of the command line's signal handlers; finished results are on disk."""
 
-    done: results of the interrupted search, once written. words: message for the terminal.
-    """
-
-    done: Any = None
-    words: str = "stopped; everything finished is on disk, go on with --resume"
+    done: Any = None  # results of the interrupted search, once written
+    words: str = "stopped; everything finished is on disk, go on with --resume"  # message for the terminal
 
 
 @dataclass(frozen=True)

@@ -52,16 +52,13 @@ _HIGHS: Final = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_toleran
 
 @dataclass(frozen=True)
 class BoxBound:
-    """Upper bound on λ over one box of positions.
+    """Upper bound on λ over one box of positions."""
 
-    value: λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf
-    where no position stands. velocity: (3·free,) mechanism that proves it, scaled as `BoxProblem`. case: position of
-    the load case whose mechanism it is.
-    """
-
+    # λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf where
+    # no position stands
     value: float
-    velocity: Floats | None
-    case: int = 0
+    velocity: Floats | None  # (3·free,) mechanism that proves it, scaled as `BoxProblem`
+    case: int = 0  # position of the load case whose mechanism it is
 
 
 class BoxProblem:
@@ -347,55 +344,41 @@ _NARROW: Final = 1e-6  # width of a box, relative to the whole, below which it i
 
 @dataclass
 class BoxNode:
-    """Node of the tree of a branch and bound over positions.
+    """Node of the tree of a branch and bound over positions."""
 
-    bound: bound on λ of all positions in its box; inf where none was proven, −inf where no position stands. motion: (n,
-    3) velocities (ux, uy, ω) of all elements about their centroids, in a mechanism that proves it. case: position of
-    the load case of the mechanism. axis, at: parameter along which the box is split, and where; axis −1 for a leaf.
-    halves: lower and upper half; empty for a leaf.
-    """
-
-    bound: float
+    bound: float  # bound on λ of all positions in its box; inf where none was proven, −inf where no position stands
+    # (n, 3) velocities (ux, uy, ω) of all elements about their centroids, in a mechanism that proves it
     motion: Floats | None
-    case: int
+    case: int  # position of the load case of the mechanism
+    # axis, at: parameter along which the box is split, and where; axis −1 for a leaf
     axis: int = -1
     at: float = 0.0
-    halves: list[BoxNode] = field(default_factory=list)
+    halves: list[BoxNode] = field(default_factory=list)  # lower and upper half; empty for a leaf
 
 
 @dataclass(frozen=True)
 class ProvenBox:
-    """Best geometry in a box of positions, with bounds on λ of all of them.
+    """Best geometry in a box of positions, with bounds on λ of all of them."""
 
-    scene: scene at the best position found. before: analysis of the scene as it is. after: analysis at the best
-    position. load_factor: proven lower bound on λ at the best position; with load cases the governing factor. bound:
-    proven upper bound on λ of every position in the box; inf where none was proven. proven: True if `load_factor` and
-    `bound` agree within the gap asked for. gap: relative distance of `load_factor` and `bound`. boxes: number of boxes
-    bounded. seconds: time, s. parameters: (p,) best position in the box, lengths from the start. low, high: (p,) least
-    and greatest parameters of the box, lengths. places: (v, 2) positions of all vertices at the best position. moved:
-    (v, 2) displacements of all vertices from the start. tree: tree of boxes with the mechanisms that prove `bound`.
-    stated: scene at the start, with stated interfaces. directions: (p, v, 2) movements of all vertices by each
-    parameter. centroids: (n, 2) points about which the motions of the tree turn, length.
-    """
-
-    scene: Scene
-    before: LimitAnalysisResult
-    after: LimitAnalysisResult
-    load_factor: float
-    bound: float
-    proven: bool
-    gap: float
-    boxes: int
-    seconds: float
-    parameters: Floats
+    scene: Scene  # scene at the best position found
+    before: LimitAnalysisResult  # analysis of the scene as it is
+    after: LimitAnalysisResult  # analysis at the best position
+    load_factor: float  # proven lower bound on λ at the best position; with load cases the governing factor
+    bound: float  # proven upper bound on λ of every position in the box; inf where none was proven
+    proven: bool  # True if `load_factor` and `bound` agree within the gap asked for
+    gap: float  # relative distance of `load_factor` and `bound`
+    boxes: int  # number of boxes bounded
+    seconds: float  # time, s
+    parameters: Floats  # (p,) best position in the box, lengths from the start
+    # low, high: (p,) least and greatest parameters of the box, lengths
     low: Floats
     high: Floats
-    places: Floats
-    moved: Floats
-    tree: BoxNode
-    stated: Scene
-    directions: Floats
-    centroids: Floats
+    places: Floats  # (v, 2) positions of all vertices at the best position
+    moved: Floats  # (v, 2) displacements of all vertices from the start
+    tree: BoxNode  # tree of boxes with the mechanisms that prove `bound`
+    stated: Scene  # scene at the start, with stated interfaces
+    directions: Floats  # (p, v, 2) movements of all vertices by each parameter
+    centroids: Floats  # (n, 2) points about which the motions of the tree turn, length
 
 
 class _Search:

@@ -30,45 +30,34 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class BoxClaim:
-    """Statement of a certificate: no position in the box carries more than `bound`.
+    """Statement of a certificate: no position in the box carries more than `bound`."""
 
-    scene: scene with stated interfaces as JSON, not validated; positions are measured from it. bound: upper bound on λ,
-    scene units; with load cases on the governing factor. box: least and greatest value of each parameter, lengths.
-    directions: for each parameter the points that it moves, and their displacement for a parameter of one. parameters:
-    best position found. load_factor: λ that it carries; None if no position was found to stand. made_by: name of the
-    program that wrote the certificate.
-    """
-
-    scene: dict[str, Any]
-    bound: float
-    box: tuple[Pair, ...]
+    scene: dict[str, Any]  # scene with stated interfaces as JSON, not validated; positions are measured from it
+    bound: float  # upper bound on λ, scene units; with load cases on the governing factor
+    box: tuple[Pair, ...]  # least and greatest value of each parameter, lengths
+    # for each parameter the points that it moves, and their displacement for a parameter of one
     directions: tuple[tuple[tuple[Pair, Pair], ...], ...]
-    parameters: tuple[float, ...] | None = None
-    load_factor: float | None = None
-    made_by: str = ""
+    parameters: tuple[float, ...] | None = None  # best position found
+    load_factor: float | None = None  # λ that it carries; None if no position was found to stand
+    made_by: str = ""  # name of the program that wrote the certificate
 
 
 @dataclass(frozen=True)
 class Split:
-    """Node of the tree: the box is split into two along one parameter.
+    """Node of the tree: the box is split into two along one parameter."""
 
-    axis: index of the parameter. at: value of the parameter at the common end of both halves, length.
-    """
-
-    axis: int
-    at: float
+    axis: int  # index of the parameter
+    at: float  # value of the parameter at the common end of both halves, length
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """Node of the tree: a mechanism that bounds λ of all positions in the box.
+    """Node of the tree: a mechanism that bounds λ of all positions in the box."""
 
-    case: position of the load case. digits: binary digits of the velocities after the point. moves: velocities (ux, uy,
-    ω) of elements as integers over 2**digits: a point (x, y) of the plane has the velocity (ux − ω y, uy + ω x).
-    """
-
-    case: int
-    digits: int
+    case: int  # position of the load case
+    digits: int  # binary digits of the velocities after the point
+    # velocities (ux, uy, ω) of elements as integers over 2**digits: a point (x, y) of the plane has the velocity (ux −
+    # ω y, uy + ω x)
     moves: dict[int, tuple[int, ...]]
 
 

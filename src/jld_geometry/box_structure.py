@@ -28,27 +28,21 @@ _MOST: Final = 4  # largest number of parameters
 
 @dataclass(frozen=True)
 class Joint:
-    """Dry face between two elements.
+    """Dry face between two elements."""
 
-    a, b: elements; -1 for a support. ends: points at which it begins and ends along the counter-clockwise outline of a.
-    friction: friction coefficient.
-    """
-
+    # a, b: elements; -1 for a support
     a: int
     b: int
-    ends: tuple[Pair, Pair]
-    friction: Fraction
+    ends: tuple[Pair, Pair]  # points at which it begins and ends along the counter-clockwise outline of a
+    friction: Fraction  # friction coefficient
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of one kind on the elements.
+    """Loads of one kind on the elements."""
 
-    per_area: force per area of the element. points: forces at fixed points, and moments.
-    """
-
-    per_area: dict[int, Vector]
-    points: list[tuple[int, Vector, Vector, Fraction]]
+    per_area: dict[int, Vector]  # force per area of the element
+    points: list[tuple[int, Vector, Vector, Fraction]]  # forces at fixed points, and moments
 
 
 class BoxStructure:

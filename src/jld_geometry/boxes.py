@@ -34,17 +34,13 @@ _STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))  # velocity of elemen
 
 @dataclass(frozen=True)
 class VerifiedBox:
-    """Result of a successful check: no position in the box carries a λ above `claim.bound`.
+    """Result of a successful check: no position in the box carries a λ above `claim.bound`."""
 
-    claim: statement of the certificate. scene: scene that the certificate holds. boxes: number of boxes with a
-    mechanism of their own. size: size of the file, bytes. seconds: time of the check, s.
-    """
-
-    claim: BoxClaim
-    scene: Scene
-    boxes: int
-    size: int
-    seconds: float
+    claim: BoxClaim  # statement of the certificate
+    scene: Scene  # scene that the certificate holds
+    boxes: int  # number of boxes with a mechanism of their own
+    size: int  # size of the file, bytes
+    seconds: float  # time of the check, s
 
 
 def is_box_certificate(path: Path) -> bool:

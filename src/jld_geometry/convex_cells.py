@@ -28,13 +28,10 @@ Plane = tuple[Floats, float]
 
 @dataclass(frozen=True, eq=False)
 class ConvexCell:
-    """Convex polyhedron.
+    """Convex polyhedron."""
 
-    vertices: (k, 3) vertices, scene units. faces: loops of vertex indices, counter-clockwise seen from outside.
-    """
-
-    vertices: Floats
-    faces: Faces
+    vertices: Floats  # (k, 3) vertices, scene units
+    faces: Faces  # loops of vertex indices, counter-clockwise seen from outside
 
     @cached_property
     def volume(self) -> float:
@@ -226,16 +223,12 @@ _SHARE: Final = 0.1  # the same distance relative to the shortest edge, which it
 
 @dataclass(frozen=True)
 class VertexMesh:
-    """Elements and interfaces of a planar assembly by the v vertices they share.
+    """Elements and interfaces of a planar assembly by the v vertices they share."""
 
-    places: (v, 2) positions of the vertices, scene units. loops: vertices around each element, counter-clockwise, with
-    the ends of interfaces that lie on its edges. ends: (m, 2) first and last vertex p, q of each interface; q − p
-    points along e1.
-    """
-
-    places: Floats
+    places: Floats  # (v, 2) positions of the vertices, scene units
+    # vertices around each element, counter-clockwise, with the ends of interfaces that lie on its edges
     loops: tuple[Ints, ...]
-    ends: Ints
+    ends: Ints  # (m, 2) first and last vertex p, q of each interface; q − p points along e1
 
     def at(self, places: Floats) -> VertexMesh:
         """Return the mesh with its vertices at the places (v, 2)."""

@@ -39,19 +39,15 @@ _MARGINS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One geometry with its value and the forces from which the next step starts.
+    """One geometry with its value and the forces from which the next step starts."""
 
-    values: (k,) variables z, see `Variables`. objective: number that is maximised: λ, or minus the least friction
-    factor, thickness or missing strength. result: analysis at this geometry. None where the objective has no proof: a
-    missing strength, and forces that are predicted by the program of a step. states: forces of the load cases that can
-    govern. friction: factor on friction at which `result` holds.
-    """
-
-    values: Floats
-    objective: float
+    values: Floats  # (k,) variables z, see `Variables`
+    objective: float  # number that is maximised: λ, or minus the least friction factor, thickness or missing strength
+    # analysis at this geometry. None where the objective has no proof: a missing strength, and forces that are
+    # predicted by the program of a step.
     result: LimitAnalysisResult | None
-    states: list[CaseState]
-    friction: float = 1.0
+    states: list[CaseState]  # forces of the load cases that can govern
+    friction: float = 1.0  # factor on friction at which `result` holds
 
     @property
     def locked(self) -> bool:

@@ -43,21 +43,15 @@ _ROUNDING: Final = 1e-12  # weights below this count as zero; weights of a node 
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """Mesh of one load case whose nodes are affine functions of the vertices of joints.
+    """Mesh of one load case whose nodes are affine functions of the vertices of joints."""
 
-    setting: the case at the present positions. base: mesh that every finer one was refined from, at the present
-    positions, scene units. Loads are given over it. mesh: refined mesh at the present positions, scene units. follow:
-    (b, v) weights by which the b nodes of the base follow the v vertices. inside: (p, b) weights of the p nodes of the
-    refined mesh in triangles of the base. loaded: (k,) nodes of the base that are ends of loads and no vertices; they
-    follow the loads.
-    """
-
-    setting: FieldSetting
+    setting: FieldSetting  # the case at the present positions
+    # mesh that every finer one was refined from, at the present positions, scene units. Loads are given over it.
     base: Mesh
-    mesh: Mesh
-    follow: sp.csr_array
-    inside: sp.csr_array
-    loaded: Ints
+    mesh: Mesh  # refined mesh at the present positions, scene units
+    follow: sp.csr_array  # (b, v) weights by which the b nodes of the base follow the v vertices
+    inside: sp.csr_array  # (p, b) weights of the p nodes of the refined mesh in triangles of the base
+    loaded: Ints  # (k,) nodes of the base that are ends of loads and no vertices; they follow the loads
 
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
@@ -181,18 +175,13 @@ _LEAST: Final = 1e-4  # radius of the trust region, relative to the mean edge, b
 
 @dataclass(frozen=True)
 class FieldPoint:
-    """Positions of joints with stresses in weak equilibrium for each load case.
+    """Positions of joints with stresses in weak equilibrium for each load case."""
 
-    values: (k,) variables z. objective: governing bound on λ / required from above on the meshes, not proven. meshes:
-    mesh of each load case. forms: equilibrium of each load case. stresses: stresses and λ of each load case, see
-    `WeakEquilibrium`.
-    """
-
-    values: Floats
-    objective: float
-    meshes: tuple[FieldMesh, ...]
-    forms: tuple[WeakEquilibrium, ...]
-    stresses: tuple[Floats, ...]
+    values: Floats  # (k,) variables z
+    objective: float  # governing bound on λ / required from above on the meshes, not proven
+    meshes: tuple[FieldMesh, ...]  # mesh of each load case
+    forms: tuple[WeakEquilibrium, ...]  # equilibrium of each load case
+    stresses: tuple[Floats, ...]  # stresses and λ of each load case, see `WeakEquilibrium`
 
     @property
     def stands(self) -> bool:

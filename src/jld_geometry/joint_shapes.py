@@ -29,15 +29,11 @@ _SEGMENTS: Final = 8  # number of straight segments of half a sine wave
 
 @dataclass(frozen=True)
 class Key:
-    """Trapezoidal key in the middle of a face; lengths relative to the face.
+    """Trapezoidal key in the middle of a face; lengths relative to the face."""
 
-    depth: height of the key. width: width at its root. flank: how much narrower its top is on each side, measured along
-    the face.
-    """
-
-    depth: float
-    width: float
-    flank: float
+    depth: float  # height of the key
+    width: float  # width at its root
+    flank: float  # how much narrower its top is on each side, measured along the face
 
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
@@ -57,13 +53,10 @@ class Key:
 
 @dataclass(frozen=True)
 class Sine:
-    """Sine wave along a face.
+    """Sine wave along a face."""
 
-    amplitude: amplitude relative to the length of the face. waves: number of whole waves.
-    """
-
-    amplitude: float
-    waves: int
+    amplitude: float  # amplitude relative to the length of the face
+    waves: int  # number of whole waves
 
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return outline (k, 2) and side of each half wave, along and across a face of length 1."""
@@ -86,12 +79,9 @@ class Sine:
 
 @dataclass(frozen=True)
 class Incline:
-    """Joint turned about the middle of its face.
+    """Joint turned about the middle of its face."""
 
-    slope: tangent of the angle between both; above 0 the joint rises along the face into the second element.
-    """
-
-    slope: float
+    slope: float  # tangent of the angle between both; above 0 the joint rises along the face into the second element
 
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return outline (k, 2) and side of both wedges, along and across a face of length 1.
@@ -444,19 +434,16 @@ _NOTHING: Final = 1e-4  # value of a parameter below which it is taken as 0, as 
 
 @dataclass(frozen=True)
 class ShapedJoints:
-    """Result of a search for the best shape of joints.
+    """Result of a search for the best shape of joints."""
 
-    scene: scene with joints of the best shape. shape: that shape. before, after: analyses with straight joints and with
-    the best shape. trials: all shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where
-    locked. end: why the search ended: "stationary", "time" or "interrupted".
-    """
-
-    scene: Scene
-    shape: Shape
+    scene: Scene  # scene with joints of the best shape
+    shape: Shape  # that shape
+    # before, after: analyses with straight joints and with the best shape
     before: LimitAnalysisResult
     after: LimitAnalysisResult
+    # all shapes tried with their λ; NaN where a tooth does not fit or λ is not proven, inf where locked
     trials: list[tuple[Shape, float]]
-    end: str
+    end: str  # why the search ended: "stationary", "time" or "interrupted"
 
 
 @one_thread()

@@ -33,14 +33,10 @@ _BEND: Final = np.radians(11.0)  # largest bend of a block face at the end of a 
 
 @dataclass(frozen=True)
 class LimitValues:
-    """Values of all r limits at one position of v vertices, and their derivatives.
+    """Values of all r limits at one position of v vertices, and their derivatives."""
 
-    values: (r,) dimensionless values, each to be at least `Limits.least`, or equal to it where `Limits.equal`. rates:
-    (r, 2v) derivatives by the positions of vertices, column 2·vertex + axis.
-    """
-
-    values: Floats
-    rates: sp.csr_array
+    values: Floats  # (r,) dimensionless values, each to be at least `Limits.least`, or equal to it where `Limits.equal`
+    rates: sp.csr_array  # (r, 2v) derivatives by the positions of vertices, column 2·vertex + axis
 
 
 class Limits:

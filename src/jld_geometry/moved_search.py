@@ -50,25 +50,21 @@ _NONE: Final = (-math.inf, math.inf)  # bounds where nothing is proven
 
 @dataclass(frozen=True, eq=False)
 class MovedLayout:
-    """One layout whose joints were moved.
+    """One layout whose joints were moved."""
 
-    number: round, from 1. row: row of the layout in the results of that round; 0 for the layout that the scene states.
-    labels: (m,) True = dry. start, load_factor: λ by faces before and after; NaN where the layout did not stand.
-    fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
-    infinite where there are none. end: reason why the optimisation ended, or why the joints cannot move. scene: scene
-    with the joints where the lower bound by fields is larger: at the end, or at the start. places, moved: (v, 2)
-    positions of the vertices of this scene, and how far each moved in this round.
-    """
-
-    number: int
-    row: int
-    labels: Bits
+    number: int  # round, from 1
+    row: int  # row of the layout in the results of that round; 0 for the layout that the scene states
+    labels: Bits  # (m,) True = dry
+    # start, load_factor: λ by faces before and after; NaN where the layout did not stand
     start: float
     load_factor: float
+    # fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
+    # infinite where there are none
     fields_start: tuple[float, float]
     fields: tuple[float, float]
-    end: str
-    scene: Scene
+    end: str  # reason why the optimisation ended, or why the joints cannot move
+    scene: Scene  # scene with the joints where the lower bound by fields is larger: at the end, or at the start
+    # places, moved: (v, 2) positions of the vertices of this scene, and how far each moved in this round
     places: Floats
     moved: Floats
 
@@ -163,16 +159,12 @@ GAP: Final = 0.05
 
 @dataclass(frozen=True)
 class MovedSearch:
-    """Result of a search of labels and geometry.
+    """Result of a search of labels and geometry."""
 
-    first: search of labels on the grid of the scene. rounds: searches of all rounds, the first one as well. layouts:
-    all layouts that were moved, the largest lower bound by fields first. stop: reason why the search ended.
-    """
-
-    first: Exploration
-    rounds: list[Exploration]
-    layouts: list[MovedLayout]
-    stop: str
+    first: Exploration  # search of labels on the grid of the scene
+    rounds: list[Exploration]  # searches of all rounds, the first one as well
+    layouts: list[MovedLayout]  # all layouts that were moved, the largest lower bound by fields first
+    stop: str  # reason why the search ended
 
     @property
     def best(self) -> MovedLayout:

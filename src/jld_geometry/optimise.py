@@ -29,28 +29,23 @@ from jld_geometry.spatial_rates import face_rates, length_rates, load_rates, res
 
 @dataclass(frozen=True)
 class MovedJoints:
-    """Result of an optimisation of joints.
+    """Result of an optimisation of joints."""
 
-    scene: scene with the joints at the best positions found. before, after: analyses at start and end; None where the
-    start does not stand. objective: the objective, as in the key "maximise". start, value: objective at start and end;
-    NaN for a start that does not stand, inf for a locked end. end: why the best search ended: "stationary", "locked",
-    "time", "points", or "interrupted" by KeyboardInterrupt. points: all accepted points of all starts. places: (v, d)
-    positions of the vertices at the end. moved: (v, d) displacement of each vertex from the start, scene units.
-    parameters: number of independent variables. warnings: reservations about the value, one line each.
-    """
-
-    scene: Scene
+    scene: Scene  # scene with the joints at the best positions found
+    # before, after: analyses at start and end; None where the start does not stand
     before: LimitAnalysisResult | None
     after: LimitAnalysisResult | None
-    objective: str
+    objective: str  # the objective, as in the key "maximise"
+    # start, value: objective at start and end; NaN for a start that does not stand, inf for a locked end
     start: float
     value: float
+    # why the best search ended: "stationary", "locked", "time", "points", or "interrupted" by KeyboardInterrupt
     end: str
-    points: list[Point]
-    places: Floats
-    moved: Floats
-    parameters: int
-    warnings: list[str] = field(default_factory=list)
+    points: list[Point]  # all accepted points of all starts
+    places: Floats  # (v, d) positions of the vertices at the end
+    moved: Floats  # (v, d) displacement of each vertex from the start, scene units
+    parameters: int  # number of independent variables
+    warnings: list[str] = field(default_factory=list)  # reservations about the value, one line each
 
 
 @one_thread()

@@ -31,28 +31,24 @@ _ROUTE: Final = Route("joints that move")
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """Parameters of the trust region, lengths relative to the mean edge of the structure.
+    """Parameters of the trust region, lengths relative to the mean edge of the structure."""
 
-    first, largest, least: radius at the start, largest radius, and radius at which a search ends. accepted: share of
-    the predicted gain that a point must keep to be accepted. good: share of the predicted gain above which the radius
-    grows. growth, shrinkage: factors on the radius. coarse, gain: predicted gain, relative to the objective, below
-    which a search from one start ends, and below which the best point of all starts is stationary. kicks: number of
-    times that a stationary point is tried with other optimal forces. corrections: largest number of corrections of
-    second order of one step. points: largest number of points of one search.
-    """
-
+    # first, largest, least: radius at the start, largest radius, and radius at which a search ends
     first: float = 0.1
     largest: float = 1.0
     least: float = 1e-6
-    accepted: float = 0.1
-    good: float = 0.7
+    accepted: float = 0.1  # share of the predicted gain that a point must keep to be accepted
+    good: float = 0.7  # share of the predicted gain above which the radius grows
+    # growth, shrinkage: factors on the radius
     growth: float = 2.0
     shrinkage: float = 0.3
+    # coarse, gain: predicted gain, relative to the objective, below which a search from one start ends, and below which
+    # the best point of all starts is stationary
     coarse: float = 1e-4
     gain: float = 1e-6
-    kicks: int = 1
-    corrections: int = 0
-    points: int = 120
+    kicks: int = 1  # number of times that a stationary point is tried with other optimal forces
+    corrections: int = 0  # largest number of corrections of second order of one step
+    points: int = 120  # largest number of points of one search
 
 
 _RESTORED: Final = 1e-9  # violation of a dimensionless limit that counts as none
@@ -285,36 +281,25 @@ class GeometrySearch:
 
 @dataclass(frozen=True)
 class Point:
-    """Accepted point of a search.
+    """Accepted point of a search."""
 
-    start: number of the start, from 0. step: number of the point within its search; 0 is the start itself. value: λ,
-    least friction coefficient factor, or least thickness. bracket: (float, float) proven bounds on λ; NaN where λ is
-    not the objective or not bounded. predicted: value that the program of the step promised. radius: radius of the
-    trust region, length. solves: number of proven solves so far. seconds: time since the search began, s.
-    """
-
-    start: int
-    step: int
-    value: float
-    bracket: tuple[float, float]
-    predicted: float
-    radius: float
-    solves: int
-    seconds: float
+    start: int  # number of the start, from 0
+    step: int  # number of the point within its search; 0 is the start itself
+    value: float  # λ, least friction coefficient factor, or least thickness
+    bracket: tuple[float, float]  # (float, float) proven bounds on λ; NaN where λ is not the objective or not bounded
+    predicted: float  # value that the program of the step promised
+    radius: float  # radius of the trust region, length
+    solves: int  # number of proven solves so far
+    seconds: float  # time since the search began, s
 
 
 class MoveOptions(TypedDict, total=False):
-    """Options that every optimisation of joints takes by keyword.
+    """Options that every optimisation of joints takes by keyword."""
 
-    seconds: time limit, s. The point in work is finished. Default: none. starts: number of starts: the scene itself,
-    and shaken ones. Default: 1. trust: parameters of the search. Default: those of `TrustRegion`. progress: called with
-    every accepted point. Default: none.
-    """
-
-    seconds: float
-    starts: int
-    trust: TrustRegion | None
-    progress: Callable[[Point], None] | None
+    seconds: float  # time limit, s. The point in work is finished. Default: none.
+    starts: int  # number of starts: the scene itself, and shaken ones. Default: 1.
+    trust: TrustRegion | None  # parameters of the search. Default: those of `TrustRegion`.
+    progress: Callable[[Point], None] | None  # called with every accepted point. Default: none.
 
 
 class MoveRun:

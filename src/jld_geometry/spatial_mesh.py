@@ -20,17 +20,13 @@ _MERGED: Final = 1e-2  # distance of two corners that are one vertex, relative t
 
 @dataclass(frozen=True)
 class SpatialMesh:
-    """Elements and interfaces of a spatial assembly by the v vertices they share.
+    """Elements and interfaces of a spatial assembly by the v vertices they share."""
 
-    places: (v, 3) positions of the vertices, scene units. corners: vertex of each corner of each element. rings:
-    vertices around each face of each element, seen from outside counter-clockwise. polygons: vertices around each
-    interface.
-    """
-
-    places: Floats
-    corners: tuple[Ints, ...]
+    places: Floats  # (v, 3) positions of the vertices, scene units
+    corners: tuple[Ints, ...]  # vertex of each corner of each element
+    # vertices around each face of each element, seen from outside counter-clockwise
     rings: tuple[tuple[Ints, ...], ...]
-    polygons: tuple[Ints, ...]
+    polygons: tuple[Ints, ...]  # vertices around each interface
 
     def at(self, places: Floats) -> SpatialMesh:
         """Return the mesh with its vertices at the places (v, 3)."""

@@ -39,15 +39,11 @@ def length_rates(mesh: VertexMesh) -> sp.csr_array:
 
 @dataclass(frozen=True)
 class AreaRates:
-    """Areas and centroids of elements, and their derivatives by the vertices.
+    """Areas and centroids of elements, and their derivatives by the vertices."""
 
-    area: (n,) areas. by_area: (n, 2v) derivatives of the areas. by_centroid: (2n, 2v) derivatives of the centroids, x
-    and y of each element in turn.
-    """
-
-    area: Floats
-    by_area: sp.csr_array
-    by_centroid: sp.csr_array
+    area: Floats  # (n,) areas
+    by_area: sp.csr_array  # (n, 2v) derivatives of the areas
+    by_centroid: sp.csr_array  # (2n, 2v) derivatives of the centroids, x and y of each element in turn
 
 
 def area_rates(mesh: VertexMesh) -> AreaRates:
@@ -102,16 +98,14 @@ def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_fa
 
 @dataclass(frozen=True)
 class FaceRates:
-    """Derivatives of the forces of interfaces on free elements, as k entries of a matrix.
+    """Derivatives of the forces of interfaces on free elements, as k entries of a matrix."""
 
-    row, column, face: (k,) equilibrium row 3·(number of the free element) + freedom, coordinate 2·vertex + axis, and
-    interface. value: (k,) derivatives, scene units.
-    """
-
+    # row, column, face: (k,) equilibrium row 3·(number of the free element) + freedom, coordinate 2·vertex + axis, and
+    # interface
     row: Ints
     column: Ints
     face: Ints
-    value: Floats
+    value: Floats  # (k,) derivatives, scene units
 
 
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
@@ -243,16 +237,12 @@ def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Float
 
 @dataclass(frozen=True)
 class HeldForces:
-    """Forces of one face, held while its polygon changes.
+    """Forces of one face, held while its polygon changes."""
 
-    corner: (k,) normal forces at the corners. shear: (3,) force in the plane. normal: (3,) present normal. twist:
-    torque over the torsion length.
-    """
-
-    corner: Floats
-    shear: Floats
-    normal: Floats
-    twist: float
+    corner: Floats  # (k,) normal forces at the corners
+    shear: Floats  # (3,) force in the plane
+    normal: Floats  # (3,) present normal
+    twist: float  # torque over the torsion length
 
     def wrench(self, polygon: Floats) -> Floats:
         """Return force and moment about the origin (6,) of the held forces on the second element.

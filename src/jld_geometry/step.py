@@ -31,33 +31,25 @@ _KICKED: Final = 1e-9  # share of its value that the goal may lose while other o
 
 @dataclass(frozen=True)
 class CaseState:
-    """Forces of one load case at the present position.
+    """Forces of one load case at the present position."""
 
-    template: program data of the case. forces: (m, q) optimal forces, scene units; q = 3, or 6 in space. load_factor:
-    their λ. required: required load factor of the case. dead: True where only the dead load acts, which has to stand; λ
-    is 0 and no goal. mechanism: (n, 6) in space: mechanism by which corner forces are chosen that are not unique.
-    """
-
-    template: Template
-    forces: Floats
-    load_factor: float
-    required: float
-    dead: bool = False
-    mechanism: Floats | None = None
+    template: Template  # program data of the case
+    forces: Floats  # (m, q) optimal forces, scene units; q = 3, or 6 in space
+    load_factor: float  # their λ
+    required: float  # required load factor of the case
+    dead: bool = False  # True where only the dead load acts, which has to stand; λ is 0 and no goal
+    mechanism: Floats | None = None  # (n, 6) in space: mechanism by which corner forces are chosen that are not unique
 
 
 @dataclass(frozen=True)
 class StepAnswer:
-    """Answer of the program of one step: it is not proven, and its geometry is linearised.
+    """Answer of the program of one step: it is not proven, and its geometry is linearised."""
 
-    value: governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the
-    goal. change: (k,) step of the variables. forces: forces of each case, scene units. load_factors: λ of each case.
-    """
-
+    # governing λ / required; or relative change of friction, increase of thickness, or missing strength, by the goal
     value: float
-    change: Floats
-    forces: tuple[Floats, ...]
-    load_factors: tuple[float, ...]
+    change: Floats  # (k,) step of the variables
+    forces: tuple[Floats, ...]  # forces of each case, scene units
+    load_factors: tuple[float, ...]  # λ of each case
 
 
 @dataclass(frozen=True)
@@ -65,17 +57,14 @@ class Region:
     """Steps allowed at the present position: derivatives, limits, ties and bounds.
 
     There are k variables, and v vertices in d dimensions.
-
-    jacobian: (d·v, k) derivatives of positions by variables. limits: values of the r limits at the present position.
-    least: (r,) least value of each limit, dimensionless. equal: (r,) True where a limit is an equation. ties: (t, k)
-    ties of variables: ties @ step = 0. low, high: (k,) bounds of the step.
     """
 
-    jacobian: sp.csr_array
-    limits: LimitValues
-    least: Floats
-    equal: Bits
-    ties: Floats
+    jacobian: sp.csr_array  # (d·v, k) derivatives of positions by variables
+    limits: LimitValues  # values of the r limits at the present position
+    least: Floats  # (r,) least value of each limit, dimensionless
+    equal: Bits  # (r,) True where a limit is an equation
+    ties: Floats  # (t, k) ties of variables: ties @ step = 0
+    # low, high: (k,) bounds of the step
     low: Floats
     high: Floats
 

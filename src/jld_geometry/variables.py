@@ -24,23 +24,18 @@ _NULL: Final = 1e-9  # entry of a reduced tie below which it counts as zero; tie
 
 @dataclass(frozen=True)
 class Variables:
-    """Positions of vertices as functions of k variables z, lengths along lines and circles.
+    """Positions of vertices as functions of k variables z, lengths along lines and circles."""
 
-    start: (v, d) positions at z = 0, scene units; d = 2, or 3 in space. vertex: (k,) vertex of each variable.
-    direction: (k, d) unit direction of each variable at z = 0. centre: (k, d) centre of its circle; NaN for a line.
-    ties: (t, k) ties between variables: ties @ z = 0. rings: (v,) signed distance of each vertex from the middle circle
-    of an arch whose thickness is the last variable. Empty where no thickness is a variable. middle: (2,) centre of that
-    arch. thickness: its thickness at z = 0.
-    """
-
-    start: Floats
-    vertex: Ints
-    direction: Floats
-    centre: Floats
-    ties: Floats
+    start: Floats  # (v, d) positions at z = 0, scene units; d = 2, or 3 in space
+    vertex: Ints  # (k,) vertex of each variable
+    direction: Floats  # (k, d) unit direction of each variable at z = 0
+    centre: Floats  # (k, d) centre of its circle; NaN for a line
+    ties: Floats  # (t, k) ties between variables: ties @ z = 0
+    # (v,) signed distance of each vertex from the middle circle of an arch whose thickness is the last variable. Empty
+    # where no thickness is a variable.
     rings: Floats = field(default_factory=lambda: np.empty(0))
-    middle: Floats = field(default_factory=lambda: np.zeros(2))
-    thickness: float = 0.0
+    middle: Floats = field(default_factory=lambda: np.zeros(2))  # (2,) centre of that arch
+    thickness: float = 0.0  # its thickness at z = 0
 
     @property
     def count(self) -> int:

@@ -108,20 +108,19 @@ def smallest_rectangle(points: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Making:
-    """Sums over all stones of a layout, in the units of the scene.
+    """Sums over all stones of a layout, in the units of the scene."""
 
-    stones, moulds: numbers of stones and of different shapes. cuts, set_ups: sawn faces, and set-ups of the saw where
-    equal stones are sawn together. sawn, volume, stock: sawn area, volume of stone, and volume of the smallest cuboids,
-    one for each stone. mass, heaviest: mass of all stones, and of the heaviest.
-    """
-
+    # stones, moulds: numbers of stones and of different shapes
     stones: int
     moulds: int
+    # cuts, set_ups: sawn faces, and set-ups of the saw where equal stones are sawn together
     cuts: int
     set_ups: int
+    # sawn, volume, stock: sawn area, volume of stone, and volume of the smallest cuboids, one for each stone
     sawn: float
     volume: float
     stock: float
+    # mass, heaviest: mass of all stones, and of the heaviest
     mass: float
     heaviest: float
 

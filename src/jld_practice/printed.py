@@ -210,24 +210,18 @@ _MARGIN: Final = 0.09  # margin of a page, relative to its width
 
 @dataclass(frozen=True)
 class Printed:
-    """Content of a printed report.
-
-    fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none. status:
-    status of its limit analysis. strongest: True if the layout is proven the strongest of its cells. laying: order of
-    laying, None if it was not asked for. assumed: assumptions beside the model, one sentence each. uncut: upper bound
-    on λ by faces without cuts if it is below that of the layout, else None. uncut_by_fields: lower bound on λ by fields
-    without cuts, None if unknown.
-    """
+    """Content of a printed report."""
 
     layout: Layout
+    # fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none
     fields: tuple[float, float]
     faces: tuple[float, float]
-    status: str
-    strongest: bool = False
-    laying: Laying | None = None
-    assumed: tuple[str, ...] = ()
-    uncut: float | None = None
-    uncut_by_fields: float | None = None
+    status: str  # status of its limit analysis
+    strongest: bool = False  # True if the layout is proven the strongest of its cells
+    laying: Laying | None = None  # order of laying, None if it was not asked for
+    assumed: tuple[str, ...] = ()  # assumptions beside the model, one sentence each
+    uncut: float | None = None  # upper bound on λ by faces without cuts if it is below that of the layout, else None
+    uncut_by_fields: float | None = None  # lower bound on λ by fields without cuts, None if unknown
 
     @property
     def load_factor(self) -> float:

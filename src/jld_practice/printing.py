@@ -42,33 +42,24 @@ _FITS: Final = 1e-9  # excess of a side, relative to the stock, up to which a st
 
 @dataclass(frozen=True)
 class Placed:
-    """Stone in a stock cuboid; lengths in the unit of the scene.
+    """Stone in a stock cuboid; lengths in the unit of the scene."""
 
-    stone: number of the stone. cuboid: number of the stock cuboid, from 1. corner: (float, float, float) corner of the
-    stone's own cuboid nearest to the corner of the stock. sides: (float, float, float) sides of the stone's own cuboid
-    along those of the stock.
-    """
-
-    stone: int
-    cuboid: int
+    stone: int  # number of the stone
+    cuboid: int  # number of the stock cuboid, from 1
+    # (float, float, float) corner of the stone's own cuboid nearest to the corner of the stock
     corner: tuple[float, float, float]
-    sides: tuple[float, float, float]
+    sides: tuple[float, float, float]  # (float, float, float) sides of the stone's own cuboid along those of the stock
 
 
 @dataclass(frozen=True)
 class Stock:
-    """Stones placed in equal stock cuboids.
+    """Stones placed in equal stock cuboids."""
 
-    size: (float, float, float) sides of a stock cuboid, in the unit of the scene. placed: place of every stone.
-    cuboids: number of stock cuboids. least: number of cuboids that no cutting of these stones goes below, whatever
-    their places. volume: volume of all stones.
-    """
-
-    size: tuple[float, float, float]
-    placed: tuple[Placed, ...]
-    cuboids: int
-    least: int
-    volume: float
+    size: tuple[float, float, float]  # (float, float, float) sides of a stock cuboid, in the unit of the scene
+    placed: tuple[Placed, ...]  # place of every stone
+    cuboids: int  # number of stock cuboids
+    least: int  # number of cuboids that no cutting of these stones goes below, whatever their places
+    volume: float  # volume of all stones
 
     @property
     def waste(self) -> float:

@@ -43,25 +43,18 @@ _UNDAMAGED: Final = "the file as it was written, or the folder removed"
 
 @dataclass
 class Job:
-    """Search of the studio, which runs or has run in a process of its own.
+    """Search of the studio, which runs or has run in a process of its own."""
 
-    name: name of the job and of its folder. kind: purpose of the search: improve, prove, explore, or study for one that
-    was opened. orders: settings of the search, by the names of `ExploreSettings`. shown: "scene" (its name in the
-    studio) and "changes" of the page that began the search; empty if unknown. state: running, stopping, stopped, done
-    or failed. progress: last progress report; empty before the first one. error: reason of a failure, in one line; ""
-    without one. process: process of the search; None if it was not started in this session. listener: thread that reads
-    the output of the process, and ends after it.
-    """
-
-    name: str
-    kind: Kind
+    name: str  # name of the job and of its folder
+    kind: Kind  # purpose of the search: improve, prove, explore, or study for one that was opened
     folder: Path
-    orders: dict[str, Any]
-    state: State = "stopped"
-    progress: dict[str, Any] = field(default_factory=dict)
-    error: str = ""
-    process: subprocess.Popen[str] | None = None
-    listener: threading.Thread | None = None
+    orders: dict[str, Any]  # settings of the search, by the names of `ExploreSettings`
+    state: State = "stopped"  # running, stopping, stopped, done or failed
+    progress: dict[str, Any] = field(default_factory=dict)  # last progress report; empty before the first one
+    error: str = ""  # reason of a failure, in one line; "" without one
+    process: subprocess.Popen[str] | None = None  # process of the search; None if it was not started in this session
+    listener: threading.Thread | None = None  # thread that reads the output of the process, and ends after it
+    # "scene" (its name in the studio) and "changes" of the page that began the search; empty if unknown
     shown: dict[str, Any] = field(default_factory=dict)
 
     @property

@@ -29,16 +29,12 @@ KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """Scene of a file, with the report of its import.
+    """Scene of a file, with the report of its import."""
 
-    scene: scene of the file, its name that of the file where the file has none. report: sentences of the import, each
-    after its kind, as "found" or "skipped"; empty for a scene file. unit: length unit of the file, in which tolerances
-    are given; "" for a scene file.
-    """
-
-    scene: Scene
+    scene: Scene  # scene of the file, its name that of the file where the file has none
+    # sentences of the import, each after its kind, as "found" or "skipped"; empty for a scene file
     report: tuple[tuple[str, str], ...] = ()
-    unit: str = ""
+    unit: str = ""  # length unit of the file, in which tolerances are given; "" for a scene file
 
 
 def open_file(name: object, content: object, options: object) -> OpenedFile:

@@ -45,18 +45,13 @@ _SCENE: Final = "scene"  # name of the scene in messages, which a key of the pag
 
 @dataclass(frozen=True)
 class ScenarioCache:
-    """Scene of one state of the page, with all objects that solve it.
+    """Scene of one state of the page, with all objects that solve it."""
 
-    scene: scene with these materials, loads and vertices. space: search space of the scene, None if the scene cannot be
-    searched, or joints were moved. refusal: why the scene cannot be searched. solver: solver of all load cases of the
-    scene.
-    """
-
-    scene: Scene
+    scene: Scene  # scene with these materials, loads and vertices
     assembly: Assembly
-    space: SearchSpace | None
-    refusal: InputError | None
-    solver: CaseAnalysis
+    space: SearchSpace | None  # search space of the scene, None if the scene cannot be searched, or joints were moved
+    refusal: InputError | None  # why the scene cannot be searched
+    solver: CaseAnalysis  # solver of all load cases of the scene
 
 
 class StudioSession:

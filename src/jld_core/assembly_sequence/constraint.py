@@ -34,14 +34,12 @@ from jld_core.assembly_sequence.standing import Parts, Standing
 
 @dataclass(frozen=True)
 class Built:
-    """Result of `built_up`: whether an order of single blocks with standing stages exists.
+    """Result of `built_up`: whether an order of single blocks with standing stages exists."""
 
-    possible: True where an order was found, False where none exists, None where the search reached its limit or a stage
-    was undecided. seen: (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block.
-    """
-
+    # True where an order was found, False where none exists, None where the search reached its limit or a stage was
+    # undecided
     possible: bool | None
-    seen: Bools
+    seen: Bools  # (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block
 
 
 def built_up(freedom: Freedom, standing: Standing) -> Built:
@@ -98,15 +96,13 @@ class Lock:
     """Conflict of the assembly constraint: labels on some faces that allow no assembly order.
 
     Every labelling with `labels` on `faces` is refused.
-
-    faces: (k,) faces of the conflict. labels: (k,) their labels, True = dry. elements: (e,) elements of the blocks that
-    prevent the assembly. proven: False where the search for stages that stand stopped at its limit, or a stage was
-    undecided. An order may then exist although none is known, and the conflict covers all faces.
     """
 
-    faces: Ints
-    labels: Bits
-    elements: Ints
+    faces: Ints  # (k,) faces of the conflict
+    labels: Bits  # (k,) their labels, True = dry
+    elements: Ints  # (e,) elements of the blocks that prevent the assembly
+    # False where the search for stages that stand stopped at its limit, or a stage was undecided. An order may then
+    # exist although none is known, and the conflict covers all faces.
     proven: bool = True
 
 

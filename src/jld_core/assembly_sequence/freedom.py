@@ -213,17 +213,15 @@ class Blocks:
     """Blocks of a labelling, numbered by their first element.
 
     All elements joined to a support belong to one fixed block.
-
-    of: (n,) block of each element. fixed: (k,) True for the block that holds the supports. first, second: (c,) blocks
-    on both sides of each contact between two blocks. normal: (c, d) unit normals from the first to the second block.
     """
 
     assembly: Assembly
-    of: Ints
-    fixed: Bools
+    of: Ints  # (n,) block of each element
+    fixed: Bools  # (k,) True for the block that holds the supports
+    # first, second: (c,) blocks on both sides of each contact between two blocks
     first: Ints
     second: Ints
-    normal: Floats
+    normal: Floats  # (c, d) unit normals from the first to the second block
 
     def __len__(self) -> int:
         return len(self.fixed)

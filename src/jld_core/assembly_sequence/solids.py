@@ -192,13 +192,10 @@ _MOST: Final = 500  # largest number of places; more indicate a spacing in anoth
 
 @dataclass(frozen=True)
 class Stations:
-    """Places at which props push upwards along the underside of a planar structure.
+    """Places at which props push upwards along the underside of a planar structure."""
 
-    points: (s, 2) places, scene units. element: (s,) element above each, which has to be laid for the prop to act.
-    """
-
-    points: Floats
-    element: Ints
+    points: Floats  # (s, 2) places, scene units
+    element: Ints  # (s,) element above each, which has to be laid for the prop to act
 
 
 def stations_below(assembly: Assembly, spacing: float) -> Stations:

@@ -36,19 +36,14 @@ _ELSEWHERE: Final = 100.0  # cost of a prop beside the places of a line of props
 
 @dataclass(frozen=True)
 class Stage:
-    """Stability of one stage of an assembly sequence under self-weight.
+    """Stability of one stage of an assembly sequence under self-weight."""
 
-    props: (k,) upward force on each block, scene units, 0 where none is needed. error: largest of the residuals of
-    equations and yield rows and of the duality gap, relative to the weight. weight: laid weight, force. along: (s,)
-    force at each place of props along a line, contained in `props`; empty without such a line. places: (s, 2) these
-    places, scene units.
-    """
-
-    props: Floats
-    error: float
-    weight: float
+    props: Floats  # (k,) upward force on each block, scene units, 0 where none is needed
+    error: float  # largest of the residuals of equations and yield rows and of the duality gap, relative to the weight
+    weight: float  # laid weight, force
+    # (s,) force at each place of props along a line, contained in `props`; empty without such a line
     along: Floats = field(default_factory=lambda: np.zeros(0))
-    places: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    places: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (s, 2) these places, scene units
 
     @property
     def elsewhere(self) -> float:
@@ -68,12 +63,9 @@ class Stage:
 
 @dataclass(frozen=True)
 class _Part:
-    """Prop forces of one part of a stage.
+    """Prop forces of one part of a stage."""
 
-    props: (n,) upward force on each element; error, weight, along: as in `Stage`.
-    """
-
-    props: Floats
+    props: Floats  # (n,) upward force on each element; error, weight, along: as in `Stage`
     error: float
     weight: float
     along: Floats

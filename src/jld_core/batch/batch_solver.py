@@ -36,16 +36,13 @@ class MinimizationOptions:
     """Options of conflict minimisation.
 
     Minimisation makes decided faces undecided, as long as the relaxation still proves λ below the threshold.
-
-    neighbours: further minimisations per refuted labelling; each starts with one face of its conflict undecided. tries:
-    number of single faces tried without success after which a conflict is accepted as minimal. inner: true: make inner
-    faces undecided before dry ones. balance: equilibrium error (scaled) up to which forces that carry more than the
-    threshold end a relaxation.
     """
 
+    # further minimisations per refuted labelling; each starts with one face of its conflict undecided
     neighbours: int = 0
-    tries: int = 2
-    inner: bool = False
+    tries: int = 2  # number of single faces tried without success after which a conflict is accepted as minimal
+    inner: bool = False  # true: make inner faces undecided before dry ones
+    # equilibrium error (scaled) up to which forces that carry more than the threshold end a relaxation
     balance: float = 1e-6
 
 
@@ -102,17 +99,13 @@ class MinimizationResults:
     """Minimised conflicts of k labellings and their neighbours, r = k · (1 + neighbours) rows.
 
     The row of a labelling comes before those of its neighbours.
-
-    labelling: (r,) index of the labelling among the k. fate: (r,) 0 (open, or never begun), `REFUTED` or `CARRIED`.
-    decided: (r, m) faces of the conflict, that is, the faces that stay decided. velocity: (r, q·free) velocities of the
-    mechanism. relaxations: (r,) number of relaxations solved.
     """
 
-    labelling: Ints
-    fate: NDArray[np.uint8]
-    decided: Bools
-    velocity: Floats
-    relaxations: NDArray[np.int32]
+    labelling: Ints  # (r,) index of the labelling among the k
+    fate: NDArray[np.uint8]  # (r,) 0 (open, or never begun), `REFUTED` or `CARRIED`
+    decided: Bools  # (r, m) faces of the conflict, that is, the faces that stay decided
+    velocity: Floats  # (r, q·free) velocities of the mechanism
+    relaxations: NDArray[np.int32]  # (r,) number of relaxations solved
 
 
 _VERDICTS: Final = interface.codes("JldVerdict")
@@ -135,26 +128,21 @@ LOCKED: Final = _VERDICTS["LOCKED"]
 
 @dataclass(frozen=True)
 class BatchResults:
-    """Proven bounds on λ of k labellings, scaled.
+    """Proven bounds on λ of k labellings, scaled."""
 
-    low, high: (k,) lower and upper bound on λ; infinite where there is none. verdict: (k,) `OPEN`; `PROVEN` (both
-    bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its threshold); or `LOCKED` (λ is
-    unbounded, proven by an admissible state and a ray). iterations: (k,) iterations of all passes. tries: (k,) number
-    of passes. forces: (k, m, q) forces of the lower bound; only with `vectors=True`, as all that follow. velocity: (k,
-    q·free) velocities of the upper bound, in the order of the elements. diagnosis: (k, 4) slack, equilibrium error,
-    margin of the jumps (before the opening motion is added) and gap at the last pass. rays: (k, m, q) rays of `LOCKED`
-    labellings, for λ = 1.
-    """
-
+    # low, high: (k,) lower and upper bound on λ; infinite where there is none
     low: Floats
     high: Floats
+    # (k,) `OPEN`; `PROVEN` (both bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its
+    # threshold); or `LOCKED` (λ is unbounded, proven by an admissible state and a ray)
     verdict: NDArray[np.int32]
-    iterations: NDArray[np.int32]
-    tries: NDArray[np.int32]
-    forces: Floats | None = None
-    velocity: Floats | None = None
+    iterations: NDArray[np.int32]  # (k,) iterations of all passes
+    tries: NDArray[np.int32]  # (k,) number of passes
+    forces: Floats | None = None  # (k, m, q) forces of the lower bound; only with `vectors=True`, as all that follow
+    velocity: Floats | None = None  # (k, q·free) velocities of the upper bound, in the order of the elements
+    # (k, 4) slack, equilibrium error, margin of the jumps (before the opening motion is added) and gap at the last pass
     diagnosis: Floats | None = None
-    rays: Floats | None = None
+    rays: Floats | None = None  # (k, m, q) rays of `LOCKED` labellings, for λ = 1
 
     @property
     def velocities(self) -> Floats:
@@ -181,16 +169,13 @@ _PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, s
 
 @dataclass(frozen=True)
 class _Start:
-    """Starting point of the iterations, scaled.
+    """Starting point of the iterations, scaled."""
 
-    forces, jumps: (m, q) resultants, and jumps of the velocities. speed: (q·free,) velocities, in the batch solver's
-    order of elimination. load: load factor λ.
-    """
-
+    # forces, jumps: (m, q) resultants, and jumps of the velocities
     forces: Floats
     jumps: Floats
-    speed: Floats
-    load: float
+    speed: Floats  # (q·free,) velocities, in the batch solver's order of elimination
+    load: float  # load factor λ
     least_slack: float
 
 

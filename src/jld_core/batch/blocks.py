@@ -40,34 +40,25 @@ class BlockColumns:
     forces of one generator of a yield set, at a side or a joint of p. A node has three rows and is a face shared by
     blocks or an element (of which two rows are used). Rows are numbered within p: its own first, then the shared ones.
     See docs/method.md (6.5).
-
-    own: number of rows that belong to this block alone. shared: (s,) rows that the block shares with others: 3·node +
-    row, numbered over all nodes. columns: row numbers and entries of each column. of_x: (own + s,) coefficients of x_p
-    in all rows of the block. of_load: (own + s,) coefficients of λ x_p in all rows of the block.
     """
 
-    own: int
-    shared: Ints
-    columns: tuple[tuple[Ints, Floats], ...]
-    of_x: Floats
-    of_load: Floats
+    own: int  # number of rows that belong to this block alone
+    shared: Ints  # (s,) rows that the block shares with others: 3·node + row, numbered over all nodes
+    columns: tuple[tuple[Ints, Floats], ...]  # row numbers and entries of each column
+    of_x: Floats  # (own + s,) coefficients of x_p in all rows of the block
+    of_load: Floats  # (own + s,) coefficients of λ x_p in all rows of the block
 
 
 @dataclass(frozen=True)
 class BlockAnswers:
-    """Results for k choices of allowed blocks.
+    """Results for k choices of allowed blocks."""
 
-    own: (k, own rows of all blocks) multipliers of the blocks' own rows. shared: (k, shared rows) multipliers of the
-    shared rows. share: (k, p) shares of the blocks. load: (k,) load factor λ. iterations: (k,) iterations. state: (k,)
-    0 open, 1 `SOLVED`, 2 below the threshold.
-    """
-
-    own: Floats
-    shared: Floats
-    share: Floats
-    load: Floats
-    iterations: NDArray[np.int32]
-    state: NDArray[np.uint8]
+    own: Floats  # (k, own rows of all blocks) multipliers of the blocks' own rows
+    shared: Floats  # (k, shared rows) multipliers of the shared rows
+    share: Floats  # (k, p) shares of the blocks
+    load: Floats  # (k,) load factor λ
+    iterations: NDArray[np.int32]  # (k,) iterations
+    state: NDArray[np.uint8]  # (k,) 0 open, 1 `SOLVED`, 2 below the threshold
 
 
 class BatchBlockSolver:

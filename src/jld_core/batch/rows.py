@@ -116,20 +116,17 @@ _LEAVES: Final = (4, 12)
 
 @dataclass(frozen=True)
 class FactorPattern:
-    """Pattern of a block Cholesky factor; matrix blocks are numbered column by column.
+    """Pattern of a block Cholesky factor; matrix blocks are numbered column by column."""
 
-    order: (n,) node eliminated at each step. column_start, row: (n + 1,) matrix blocks below the diagonal of each
-    column. entered: (blocks,) 1 where the matrix itself has an entry, 0 where elimination fills one in. pair_start,
-    pair: (blocks + 1,) pairs of earlier matrix blocks whose product is subtracted from each matrix block. left_start,
-    left, left_column: (n + 1,) matrix blocks of each block row, and their columns.
-    """
-
-    order: Ints
+    order: Ints  # (n,) node eliminated at each step
+    # column_start, row: (n + 1,) matrix blocks below the diagonal of each column
     column_start: Int32s
     row: Int32s
-    entered: NDArray[np.uint8]
+    entered: NDArray[np.uint8]  # (blocks,) 1 where the matrix itself has an entry, 0 where elimination fills one in
+    # pair_start, pair: (blocks + 1,) pairs of earlier matrix blocks whose product is subtracted from each matrix block
     pair_start: Int32s
     pair: Int32s
+    # left_start, left, left_column: (n + 1,) matrix blocks of each block row, and their columns
     left_start: Int32s
     left: Int32s
     left_column: Int32s
@@ -367,22 +364,21 @@ class BatchRows:
     """Coefficients of the yield rows of all faces, under each label, for the batch solver.
 
     Resultants are scaled. The labels are inner, dry and, where given, undecided, in this order.
-
-    rows: (labels, m, numbers) planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner
-    faces crush. In space, where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with t
-    the bound on shear. In space otherwise: a, p, q, h of −a N + p M1 + q M2 ≤ h for each hull edge; the corners (p, q)
-    between edges; and a, b, h of MT. pairs: number of pairs of rows; in space 2 (pairs in bending), or the number of
-    edges for which there is space. keep: (labels, m) 1 where V takes part in equilibrium, else 0. parabolas: (labels,
-    m, 2 or 14) c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where
-    no face has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for decided labels.
-    interacts: True where undecided faces crush and their V and M interact.
     """
 
+    # (labels, m, numbers) planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner
+    # faces crush. In space, where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with
+    # t the bound on shear. In space otherwise: a, p, q, h of −a N + p M1 + q M2 ≤ h for each hull edge; the corners (p,
+    # q) between edges; and a, b, h of MT.
     rows: Floats
+    # number of pairs of rows; in space 2 (pairs in bending), or the number of edges for which there is space
     pairs: int
-    keep: Floats
+    keep: Floats  # (labels, m) 1 where V takes part in equilibrium, else 0
+    # (labels, m, 2 or 14) c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below.
+    # None where no face has one. With `interacts`, the numbers of `ParabolicBending.interaction` follow n₀, 0 for
+    # decided labels.
     parabolas: Floats | None = None
-    interacts: bool = False
+    interacts: bool = False  # True where undecided faces crush and their V and M interact
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:

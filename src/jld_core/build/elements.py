@@ -102,22 +102,16 @@ def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Element
 
 @dataclass(frozen=True)
 class Geometry:
-    """Elements and interfaces of a scene, independent of materials and loads.
+    """Elements and interfaces of a scene, independent of materials and loads."""
 
-    elements: elements without weights. entries: the scene's entry for each element. interfaces: interfaces, except
-    those between two supports. given: the scene's entry for each interface; None for a detected interface. touching:
-    pairs of supports that share a face, whether or not the scene states an interface there. moved: largest displacement
-    of a corner when gaps and overlaps were closed, length. warnings: near misses of faces, or poor fits of stated
-    interfaces.
-    """
-
-    elements: Elements
-    entries: list[Element]
-    interfaces: Interfaces
-    given: list[Contact | None]
+    elements: Elements  # elements without weights
+    entries: list[Element]  # the scene's entry for each element
+    interfaces: Interfaces  # interfaces, except those between two supports
+    given: list[Contact | None]  # the scene's entry for each interface; None for a detected interface
+    # pairs of supports that share a face, whether or not the scene states an interface there
     touching: tuple[tuple[int, int], ...]
-    moved: float = 0.0
-    warnings: tuple[str, ...] = ()
+    moved: float = 0.0  # largest displacement of a corner when gaps and overlaps were closed, length
+    warnings: tuple[str, ...] = ()  # near misses of faces, or poor fits of stated interfaces
 
 
 def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:

@@ -31,16 +31,12 @@ _DRAWN: Final = 0.025  # length of the line that stands for a horizontal pressur
 
 @dataclass(frozen=True)
 class CoveredEdge:
-    """Straight piece of the upper boundary of an element, under fill.
+    """Straight piece of the upper boundary of an element, under fill."""
 
-    element: index of the element. place: (2,) horizontal positions of both ends, ascending or equal. height: (2,)
-    heights of both ends. side: horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge.
-    """
-
-    element: int
-    place: Floats
-    height: Floats
-    side: float
+    element: int  # index of the element
+    place: Floats  # (2,) horizontal positions of both ends, ascending or equal
+    height: Floats  # (2,) heights of both ends
+    side: float  # horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge
 
     def between(self, low: float, high: float) -> CoveredEdge:
         """Return the piece of the edge between two shares of its length, from 0 to 1."""
@@ -55,16 +51,13 @@ class Backing:
     """Fill of a scene on the upper boundary of its elements.
 
     A position is measured along `right`, a height against gravity.
-
-    fill: entry of the scene. down: (2,) direction of gravity, a unit vector. gravity: magnitude of its acceleration.
-    thickness: thickness of the structure, length.
     """
 
-    fill: Fill
+    fill: Fill  # entry of the scene
     elements: Elements
-    down: Floats
-    gravity: float
-    thickness: float
+    down: Floats  # (2,) direction of gravity, a unit vector
+    gravity: float  # magnitude of its acceleration
+    thickness: float  # thickness of the structure, length
 
     @cached_property
     def edges(self) -> tuple[CoveredEdge, ...]:

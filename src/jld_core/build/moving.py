@@ -19,14 +19,11 @@ from jld_core.scene.loads import Case, LoadEntry, MovingLoad
 
 
 class PlacedCase(NamedTuple):
-    """Load case of a scene with its origin.
+    """Load case of a scene with its origin."""
 
-    where: key in the scene. case: the load case. place: of a moving load, its name and direction and the distance of
-    its first axle along the path; None for other cases.
-    """
-
-    where: str
-    case: Case
+    where: str  # key in the scene
+    case: Case  # the load case
+    # of a moving load, its name and direction and the distance of its first axle along the path; None for other cases
     place: tuple[str, float] | None = None
 
 

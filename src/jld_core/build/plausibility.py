@@ -35,18 +35,15 @@ _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
 @dataclass(frozen=True)
 class Resultant:
-    """Resultant of a set of generalised forces.
+    """Resultant of a set of generalised forces."""
 
-    force: (d,) sum of the forces, scene units. moment: remaining couple: about the out-of-plane axis (planar; 0 unless
-    the forces cancel) or along the force (spatial). Where the forces cancel in space, the magnitude of the whole
-    couple. point: (d,) point of the line of action nearest to the middle of the structure; NaN where the forces cancel.
-    total: sum of the magnitudes of the forces.
-    """
-
-    force: Floats
+    force: Floats  # (d,) sum of the forces, scene units
+    # remaining couple: about the out-of-plane axis (planar; 0 unless the forces cancel) or along the force (spatial).
+    # Where the forces cancel in space, the magnitude of the whole couple.
     moment: float
+    # (d,) point of the line of action nearest to the middle of the structure; NaN where the forces cancel
     point: Floats
-    total: float
+    total: float  # sum of the magnitudes of the forces
 
     @property
     def cancels(self) -> bool:

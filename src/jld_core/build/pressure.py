@@ -22,16 +22,12 @@ from jld_core.scene.loads import OUTSIDE, BodyLoad, FaceLoad, LoadEntry
 
 @dataclass(frozen=True)
 class Boundary:
-    """Elements and interfaces of a structure, from which free boundaries follow.
-
-    interfaces: all interfaces, also those that a scene states. thickness: thickness of planar elements, length.
-    backing: fill on the structure, None without fill.
-    """
+    """Elements and interfaces of a structure, from which free boundaries follow."""
 
     elements: Elements
-    interfaces: Interfaces
-    thickness: float
-    backing: Backing | None = None
+    interfaces: Interfaces  # all interfaces, also those that a scene states
+    thickness: float  # thickness of planar elements, length
+    backing: Backing | None = None  # fill on the structure, None without fill
 
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
         """Return load entries of a scene as loads on elements.

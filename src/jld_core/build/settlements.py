@@ -15,15 +15,12 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class Settlement:
-    """Movement of supports with a given direction and an unknown magnitude.
+    """Movement of supports with a given direction and an unknown magnitude."""
 
-    name: name in the scene. velocity: (n, 3) velocity of each element about its centroid, translation then rotation;
-    zero except for supports that move. load: share of the live load that acts during the settlement.
-    """
-
-    name: str
+    name: str  # name in the scene
+    # (n, 3) velocity of each element about its centroid, translation then rotation; zero except for supports that move
     velocity: Floats
-    load: float = 0.0
+    load: float = 0.0  # share of the live load that acts during the settlement
 
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:

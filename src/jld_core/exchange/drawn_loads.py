@@ -22,15 +22,12 @@ MOST: Final = 200_000
 
 @dataclass(frozen=True)
 class Mark:
-    """Point, text or arrow on a layer of a drawing.
+    """Point, text or arrow on a layer of a drawing."""
 
-    at: its place, drawing units. text: None for a bare point. end: end of an arrow, for a line on a load layer.
-    """
-
-    at: tuple[float, float]
+    at: tuple[float, float]  # its place, drawing units
     layer: str
-    text: str | None = None
-    end: tuple[float, float] | None = None
+    text: str | None = None  # None for a bare point
+    end: tuple[float, float] | None = None  # end of an arrow, for a line on a load layer
 
     def scaled(self, factor: float) -> Mark:
         """Return the mark with all coordinates multiplied by a factor."""
@@ -40,15 +37,12 @@ class Mark:
 
 @dataclass(frozen=True)
 class SolidMark:
-    """Point, text or arrow on a layer of a spatial file.
+    """Point, text or arrow on a layer of a spatial file."""
 
-    at: (3,) its place, the tip of an arrow, file units. text: None for a bare point. tail: (3,) start of an arrow.
-    """
-
-    at: Floats
+    at: Floats  # (3,) its place, the tip of an arrow, file units
     layer: str
-    text: str | None = None
-    tail: Floats | None = None
+    text: str | None = None  # None for a bare point
+    tail: Floats | None = None  # (3,) start of an arrow
 
     def scaled(self, factor: float) -> SolidMark:
         """Return the mark with all coordinates multiplied by a factor."""
@@ -57,31 +51,24 @@ class SolidMark:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Content of a planar file before it is converted to elements.
+    """Content of a planar file before it is converted to elements."""
 
-    paths: outlines and lines in the file's unit. marks: points and texts. unit: unit of length, such as "mm"; None if
-    unknown. facts: keys of a scene that an earlier export stored in the file. name: name of the scene.
-    """
-
-    paths: list[Path]
-    marks: list[Mark]
-    unit: str | None = None
-    facts: dict[str, Any] = field(default_factory=dict)
-    name: str = "drawing"
+    paths: list[Path]  # outlines and lines in the file's unit
+    marks: list[Mark]  # points and texts
+    unit: str | None = None  # unit of length, such as "mm"; None if unknown
+    facts: dict[str, Any] = field(default_factory=dict)  # keys of a scene that an earlier export stored in the file
+    name: str = "drawing"  # name of the scene
 
 
 @dataclass
 class Cell:
-    """Future planar element, before it is written to a scene document.
+    """Future planar element, before it is written to a scene document."""
 
-    points: (k, 2) corners, scene units. name: id in the scene, None where not yet known. joined: cell with which it is
-    one block, as parts of one stone around an opening; None where it is a block by itself.
-    """
-
-    points: Floats
+    points: Floats  # (k, 2) corners, scene units
     layer: str
-    name: str | None
+    name: str | None  # id in the scene, None where not yet known
     support: bool = False
+    # cell with which it is one block, as parts of one stone around an opening; None where it is a block by itself
     joined: Cell | None = None
 
 

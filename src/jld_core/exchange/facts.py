@@ -245,22 +245,18 @@ _MOST: Final = {2: 150, 3: 40}
 
 @dataclass(frozen=True)
 class BlockFacts:
-    """Facts of one block for a file of another program.
+    """Facts of one block for a file of another program."""
 
-    block, elements: ids. mass: scene units, kg with m and N. volume: scene units. shape: number of its mould, 0 for
-    supports. order: number of the step in which it is laid, from 1; None for supports, and where none is computed.
-    load_factor: λ of the layout; None without a collapse. dry, inner: neighbours across dry faces, and number of inner
-    faces within it.
-    """
-
+    # block, elements: ids
     block: str
     elements: tuple[str, ...]
     support: bool
-    mass: float
-    volume: float
-    shape: int
-    order: int | None
-    load_factor: float | None
+    mass: float  # scene units, kg with m and N
+    volume: float  # scene units
+    shape: int  # number of its mould, 0 for supports
+    order: int | None  # number of the step in which it is laid, from 1; None for supports, and where none is computed
+    load_factor: float | None  # λ of the layout; None without a collapse
+    # dry, inner: neighbours across dry faces, and number of inner faces within it
     dry: tuple[str, ...]
     inner: int
 

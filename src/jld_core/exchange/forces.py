@@ -36,16 +36,12 @@ _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")  # pattern of 
 
 @dataclass(frozen=True)
 class WrittenForce:
-    """Force that a text states.
+    """Force that a text states."""
 
-    values: one magnitude, or the two components fx and fy, in the requested force unit. components: True if the values
-    are components. One value with False is a magnitude without direction. has_unit: True if the text names a unit. per:
-    for a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
-    """
-
-    values: tuple[float, ...]
-    components: bool
-    has_unit: bool
+    values: tuple[float, ...]  # one magnitude, or the two components fx and fy, in the requested force unit
+    components: bool  # True if the values are components. One value with False is a magnitude without direction.
+    has_unit: bool  # True if the text names a unit
+    # for a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
     per: tuple[float, int] | None = None
 
 

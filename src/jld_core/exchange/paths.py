@@ -24,18 +24,15 @@ _MOST: Final = 1e7  # largest number of pairs of arcs of one circle; more indica
 
 @dataclass(frozen=True)
 class Path:
-    """Sequence of lines and arcs on a layer of a drawing.
+    """Sequence of lines and arcs on a layer of a drawing."""
 
-    points: (k, 3) x, y and bulge of the edge from this point to the next. The bulge is the tangent of a quarter of the
-    arc's angle, positive to the left, 0 for a line. closed: True if the last point is joined to the first. name: id of
-    the future element, None if unknown. holes: outlines (k, 3) cut out of the area.
-    """
-
+    # (k, 3) x, y and bulge of the edge from this point to the next. The bulge is the tangent of a quarter of the arc's
+    # angle, positive to the left, 0 for a line.
     points: Floats
-    closed: bool
+    closed: bool  # True if the last point is joined to the first
     layer: str
-    name: str | None = None
-    holes: tuple[Floats, ...] = ()
+    name: str | None = None  # id of the future element, None if unknown
+    holes: tuple[Floats, ...] = ()  # outlines (k, 3) cut out of the area
 
     def scaled(self, scale: float) -> Path:
         """Return the path with all coordinates multiplied by a factor."""
@@ -47,14 +44,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Chords:
-    """Paths as polylines.
+    """Paths as polylines."""
 
-    points: (k, 2) of each path. arcs: number of arcs. deviation: largest distance of an arc from its chords.
-    """
-
-    points: list[Floats]
-    arcs: int
-    deviation: float
+    points: list[Floats]  # (k, 2) of each path
+    arcs: int  # number of arcs
+    deviation: float  # largest distance of an arc from its chords
 
 
 @dataclass(frozen=True)

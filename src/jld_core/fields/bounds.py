@@ -52,17 +52,13 @@ _LEAST_AREA = 1e-9  # smallest area of a triangle over that of all: smaller ones
 
 @dataclass(frozen=True)
 class FieldSetting:
-    """Data that all meshes and labellings of one assembly share.
+    """Data that all meshes and labellings of one assembly share."""
 
-    assembly: planar assembly with one load case. material: material of the blocks, scene units. coarse: coarsest mesh.
-    loads: loads over it.
-    """
-
-    assembly: Assembly
-    material: Material
+    assembly: Assembly  # planar assembly with one load case
+    material: Material  # material of the blocks, scene units
     units: Units
-    coarse: Mesh
-    loads: FieldLoads
+    coarse: Mesh  # coarsest mesh
+    loads: FieldLoads  # loads over it
 
     @classmethod
     def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
@@ -82,19 +78,14 @@ class FieldSetting:
 
 @dataclass(frozen=True)
 class Fields:
-    """Certified fields of one labelling on one mesh.
+    """Certified fields of one labelling on one mesh."""
 
-    mesh: triangles, scene coordinates. labels: (m,) True = dry. lower: program of the stresses, scaled. upper: program
-    of the velocities, scaled. stress: stress field, None where none was certified. velocity: velocity field, None where
-    none was certified.
-    """
-
-    mesh: Mesh
-    labels: Bits
-    lower: LowerBound
-    upper: UpperBound
-    stress: StressField | None
-    velocity: VelocityField | None
+    mesh: Mesh  # triangles, scene coordinates
+    labels: Bits  # (m,) True = dry
+    lower: LowerBound  # program of the stresses, scaled
+    upper: UpperBound  # program of the velocities, scaled
+    stress: StressField | None  # stress field, None where none was certified
+    velocity: VelocityField | None  # velocity field, None where none was certified
 
     @classmethod
     def on(
@@ -344,61 +335,48 @@ def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
 
 @dataclass(frozen=True)
 class FieldStep:
-    """Bounds on one mesh.
+    """Bounds on one mesh."""
 
-    triangles: number of triangles. lower, upper: bounds on λ from this mesh alone, infinite where none was found.
-    seconds: time since the start, s.
-    """
-
-    triangles: int
+    triangles: int  # number of triangles
+    # lower, upper: bounds on λ from this mesh alone, infinite where none was found
     lower: float
     upper: float
-    seconds: float
+    seconds: float  # time since the start, s
 
 
 @dataclass(frozen=True)
 class Stresses:
-    """Certified stress field, linear in each triangle.
+    """Certified stress field, linear in each triangle."""
 
-    mesh: triangles. stress: (t, 3, 3) stresses (σx, σy, τxy) at the three corners of each triangle, scene units.
-    """
-
-    mesh: Mesh
-    stress: Floats
+    mesh: Mesh  # triangles
+    stress: Floats  # (t, 3, 3) stresses (σx, σy, τxy) at the three corners of each triangle, scene units
 
 
 @dataclass(frozen=True)
 class Velocities:
-    """Certified velocity field, linear in each triangle; the live load does unit work on it.
+    """Certified velocity field, linear in each triangle; the live load does unit work on it."""
 
-    mesh: triangles, scene units. velocity: (t, 3, 2) velocities u at the three corners of each triangle, scene units:
-    b_λ·u = 1 for the live load b_λ of λ = 1. dissipation: (t,) power in each triangle with half of its edges, a work as
-    b_λ·u. Their sum less the work of the dead load is λ.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  # triangles, scene units
+    # (t, 3, 2) velocities u at the three corners of each triangle, scene units: b_λ·u = 1 for the live load b_λ of λ =
+    # 1
     velocity: Floats
+    # (t,) power in each triangle with half of its edges, a work as b_λ·u. Their sum less the work of the dead load is
+    # λ.
     dissipation: Floats
 
 
 @dataclass(frozen=True)
 class FieldBounds:
-    """Two-sided bound on λ of blocks that may fail in any way.
+    """Two-sided bound on λ of blocks that may fail in any way."""
 
-    lower: λ that a certified stress field carries, −inf where none was found. upper: λ that a certified velocity field
-    allows, inf where none was found. status: why the refinement ended. triangles: number of triangles of the last mesh.
-    seconds: time, s. history: one entry for each mesh. stresses: field of the best lower bound. velocities: field of
-    the best upper bound.
-    """
-
-    lower: float
-    upper: float
-    status: FieldStatus
-    triangles: int
-    seconds: float
-    history: tuple[FieldStep, ...]
-    stresses: Stresses | None
-    velocities: Velocities | None
+    lower: float  # λ that a certified stress field carries, −inf where none was found
+    upper: float  # λ that a certified velocity field allows, inf where none was found
+    status: FieldStatus  # why the refinement ended
+    triangles: int  # number of triangles of the last mesh
+    seconds: float  # time, s
+    history: tuple[FieldStep, ...]  # one entry for each mesh
+    stresses: Stresses | None  # field of the best lower bound
+    velocities: Velocities | None  # field of the best upper bound
 
     @property
     def gap(self) -> float:

@@ -31,15 +31,14 @@ class Factor:
     """Pattern of the factor L D Lᵀ of the reduced system, in the order of elimination.
 
     The system has N unknowns: the variables, then the equations.
-
-    place: (N,) place of each variable, then of each equation. start, row: (N + 1,) rows of L below the diagonal, column
-    by column. left_start, left_column, left_place: (N + 1,) entries of each row of L: their columns, and their places
-    among the entries of all columns.
     """
 
-    place: Ints
+    place: Ints  # (N,) place of each variable, then of each equation
+    # start, row: (N + 1,) rows of L below the diagonal, column by column
     start: Ints
     row: Ints
+    # left_start, left_column, left_place: (N + 1,) entries of each row of L: their columns, and their places among the
+    # entries of all columns
     left_start: Ints
     left_column: Ints
     left_place: Ints
@@ -207,51 +206,40 @@ class Regularisation:
     """Regularisation of the linear systems of the interior-point method.
 
     The values suit programs with numbers of order one.
-
-    regular: added to every pivot with its sign. least_pivot, new_pivot: pivots below the first are replaced by the
-    second. bound: added to the squared scaling of cones, whose small eigenvalues rounding would eat. Of 64 upper bounds
-    of the flagship 1e-12 leaves four open, 1e-8 none. refined: complementarity below which solutions are refined; above
-    it refinement changes nothing.
     """
 
-    regular: float = 1e-8
+    regular: float = 1e-8  # added to every pivot with its sign
+    # least_pivot, new_pivot: pivots below the first are replaced by the second
     least_pivot: float = 1e-13
     new_pivot: float = 2e-7
+    # added to the squared scaling of cones, whose small eigenvalues rounding would eat. Of 64 upper bounds of the
+    # flagship 1e-12 leaves four open, 1e-8 none.
     bound: float = 1e-8
-    refined: float = 1e-3
+    refined: float = 1e-3  # complementarity below which solutions are refined; above it refinement changes nothing
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """Stopping criteria of the interior-point method.
+    """Stopping criteria of the interior-point method."""
 
-    gap, residual: absolute or relative duality gap, and relative residual, at which a program counts as solved. ray:
-    relative residual of a ray that shows a program to be infeasible or unbounded. share: share that is taken of the
-    longest step to the boundary of the cones. least_step: step below which iterations end without result. iterations:
-    largest number of iterations.
-    """
-
+    # gap, residual: absolute or relative duality gap, and relative residual, at which a program counts as solved
     gap: float = 1e-9
     residual: float = 1e-9
-    ray: float = 1e-8
-    share: float = 0.99
-    least_step: float = 1e-4
-    iterations: int = 60
+    ray: float = 1e-8  # relative residual of a ray that shows a program to be infeasible or unbounded
+    share: float = 0.99  # share that is taken of the longest step to the boundary of the cones
+    least_step: float = 1e-4  # step below which iterations end without result
+    iterations: int = 60  # largest number of iterations
 
 
 @dataclass(frozen=True)
 class ConeAnswers:
-    """Unproven answers to k programs.
+    """Unproven answers to k programs."""
 
-    status: (k,) values of `STATUS`. iterations: (k,). point: (k, n) variables, or a ray. dual: (k, m)
-    multipliers. objective: (k,) values.
-    """
-
-    status: list[str]
-    iterations: Ints
-    point: Floats
-    dual: Floats
-    objective: Floats
+    status: list[str]  # (k,) values of `STATUS`
+    iterations: Ints  # (k,)
+    point: Floats  # (k, n) variables, or a ray
+    dual: Floats  # (k, m) multipliers
+    objective: Floats  # (k,) values
 
 
 class ConeBatch:
@@ -394,18 +382,13 @@ class Rows:
 
 @dataclass(frozen=True)
 class Answer:
-    """Unproven answer of the solver to one cone program.
+    """Unproven answer of the solver to one cone program."""
 
-    point: (columns,) variables. dual: (rows,) multipliers. objective: value of the objective. usable: True where the
-    point is worth repairing; False where the program was infeasible, unbounded or failed. status: name of the status by
-    the solver.
-    """
-
-    point: Floats
-    dual: Floats
-    objective: float
-    usable: bool
-    status: str
+    point: Floats  # (columns,) variables
+    dual: Floats  # (rows,) multipliers
+    objective: float  # value of the objective
+    usable: bool  # True where the point is worth repairing; False where the program was infeasible, unbounded or failed
+    status: str  # name of the status by the solver
 
 
 class ConeProgram:

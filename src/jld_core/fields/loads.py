@@ -34,55 +34,43 @@ _COVER = 1e-5
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of a free edge of a cell that carries linear tractions.
+    """Part of a free edge of a cell that carries linear tractions."""
 
-    cell: element. ends: (2, 2) start and end, scene units; the cell lies on the left from start to end. dead, live: (2,
-    2) stress vectors at both ends, live for λ = 1, scene units.
-    """
-
-    cell: int
-    ends: Floats
+    cell: int  # element
+    ends: Floats  # (2, 2) start and end, scene units; the cell lies on the left from start to end
+    # dead, live: (2, 2) stress vectors at both ends, live for λ = 1, scene units
     dead: Floats
     live: Floats
 
 
 @dataclass(frozen=True)
 class FieldLoads:
-    """Loads of an assembly over its coarsest mesh, scene units.
+    """Loads of an assembly over its coarsest mesh, scene units."""
 
-    dead, live: (r, 2) force per volume in each of the r triangles of the coarsest mesh, live for λ = 1. segments: parts
-    of free edges with tractions; number i has the tag m + i in the mesh, m interfaces.
-    """
-
+    # dead, live: (r, 2) force per volume in each of the r triangles of the coarsest mesh, live for λ = 1
     dead: Floats
     live: Floats
+    # parts of free edges with tractions; number i has the tag m + i in the mesh, m interfaces
     segments: tuple[Segment, ...]
 
 
 @dataclass(frozen=True)
 class _FreeFace:
-    """Straight run of free outline edges of a cell.
+    """Straight run of free outline edges of a cell."""
 
-    cell: element. start: (2,) first point. along: (2,) unit direction, the cell on its left. length: of the run. All
-    are in scene units.
-    """
-
-    cell: int
-    start: Floats
-    along: Floats
-    length: float
+    cell: int  # element
+    start: Floats  # (2,) first point
+    along: Floats  # (2,) unit direction, the cell on its left
+    length: float  # of the run. All are in scene units.
 
 
 @dataclass(frozen=True)
 class _Force:
-    """Force on a free face, scene units.
+    """Force on a free face, scene units."""
 
-    at: distance of its place from the start of the face. vector: (2,). width: of its patch, None where none is stated.
-    """
-
-    at: float
-    vector: Floats
-    width: float | None
+    at: float  # distance of its place from the start of the face
+    vector: Floats  # (2,)
+    width: float | None  # of its patch, None where none is stated
 
 
 class _Piece(NamedTuple):

@@ -35,19 +35,16 @@ _STEPS = 6  # largest number of correction steps of a projection onto equilibriu
 
 @dataclass(frozen=True)
 class StressField:
-    """Certified stress field of one labelling, scaled (see `Units`).
+    """Certified stress field of one labelling, scaled (see `Units`)."""
 
-    factor: λ that the field carries, a lower bound. stress: (t, 3, 3) stresses (m, d, s) at the three corners of each
-    triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension positive. room: least distance to a yield condition, less
-    `charge`; at least 0. charge: stress that covers the residual of equilibrium, subtracted from the distance to yield.
-    rate: (t, 3) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
-    estimate how λ grows with strength, and steer refinement; no bound depends on them.
-    """
-
-    factor: float
+    factor: float  # λ that the field carries, a lower bound
+    # (t, 3, 3) stresses (m, d, s) at the three corners of each triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension
+    # positive
     stress: Floats
-    room: float
-    charge: float
+    room: float  # least distance to a yield condition, less `charge`; at least 0
+    charge: float  # stress that covers the residual of equilibrium, subtracted from the distance to yield
+    # (t, 3) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate
+    # how λ grows with strength, and steer refinement; no bound depends on them.
     rate: Floats
 
 

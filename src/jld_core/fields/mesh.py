@@ -18,20 +18,17 @@ _STRAIGHT = 1e-6  # sine of the angle below which an outline runs straight throu
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges of a triangle mesh, as arrays over e edges.
+    """Edges of a triangle mesh, as arrays over e edges."""
 
-    a, b: (e,) triangles; b = −1 on an outline or support. corner_a, corner_b: (e, 2) corners (0 to 2) of a and b at the
-    two ends. normal: (e, 2) unit vector from a to b, or outward. length: (e,). tag: (e,) as `Mesh.tag`; edges inside a
-    cell and free ones have FREE.
-    """
-
+    # a, b: (e,) triangles; b = −1 on an outline or support
     a: Ints
     b: Ints
+    # corner_a, corner_b: (e, 2) corners (0 to 2) of a and b at the two ends
     corner_a: Ints
     corner_b: Ints
-    normal: Floats
-    length: Floats
-    tag: Ints
+    normal: Floats  # (e, 2) unit vector from a to b, or outward
+    length: Floats  # (e,)
+    tag: Ints  # (e,) as `Mesh.tag`; edges inside a cell and free ones have FREE
 
     def __len__(self) -> int:
         return len(self.a)
@@ -39,20 +36,14 @@ class Edges:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles over common nodes.
+    """Triangles over common nodes."""
 
-    points: (p, 2) nodes, scene units. triangles: (t, 3) nodes of each triangle, counter-clockwise. cell: (t,) element
-    of each triangle. root: (t,) triangle of the coarsest mesh that contains it. tagged: (k, 2) nodes of the edges on
-    interfaces and load patches, the smaller first. tag: (k,) tag of each of these edges: an interface, or the number of
-    interfaces plus that of a load patch.
-    """
-
-    points: Floats
-    triangles: Ints
-    cell: Ints
-    root: Ints
-    tagged: Ints
-    tag: Ints
+    points: Floats  # (p, 2) nodes, scene units
+    triangles: Ints  # (t, 3) nodes of each triangle, counter-clockwise
+    cell: Ints  # (t,) element of each triangle
+    root: Ints  # (t,) triangle of the coarsest mesh that contains it
+    tagged: Ints  # (k, 2) nodes of the edges on interfaces and load patches, the smaller first
+    tag: Ints  # (k,) tag of each of these edges: an interface, or the number of interfaces plus that of a load patch
 
     def __len__(self) -> int:
         return len(self.triangles)

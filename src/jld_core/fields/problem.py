@@ -22,16 +22,12 @@ _ROUTE: Final = Route("cracks by fields")
 
 @dataclass(frozen=True)
 class Material:
-    """Mohr–Coulomb material with tension cut-off in plane stress.
+    """Mohr–Coulomb material with tension cut-off in plane stress."""
 
-    tension: tensile strength σt, a stress. cohesion: shear strength τ without normal stress, a stress. friction:
-    friction μi = tan φ of crack planes. crushing: compressive strength σc, a stress; inf where none is given.
-    """
-
-    tension: float
-    cohesion: float
-    friction: float = 0.0
-    crushing: float = np.inf
+    tension: float  # tensile strength σt, a stress
+    cohesion: float  # shear strength τ without normal stress, a stress
+    friction: float = 0.0  # friction μi = tan φ of crack planes
+    crushing: float = np.inf  # compressive strength σc, a stress; inf where none is given
 
     @property
     def sine(self) -> float:

@@ -38,19 +38,16 @@ _REGULAR = 1e-10
 
 @dataclass(frozen=True)
 class SpatialStress:
-    """Certified stress field in space, scaled (see `Units`).
+    """Certified stress field in space, scaled (see `Units`)."""
 
-    factor: λ that the field carries, a lower bound. stress: (t, 4, 6) stresses at the four corners of each tetrahedron
-    as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension positive. room: least distance to a yield condition, less
-    `charge`; at least 0. charge: stress that covers the residual of equilibrium, subtracted from the distance to yield.
-    rate: (t, 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
-    estimate how λ grows with strength, and steer refinement; no bound depends on them.
-    """
-
-    factor: float
+    factor: float  # λ that the field carries, a lower bound
+    # (t, 4, 6) stresses at the four corners of each tetrahedron as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension
+    # positive
     stress: Floats
-    room: float
-    charge: float
+    room: float  # least distance to a yield condition, less `charge`; at least 0
+    charge: float  # stress that covers the residual of equilibrium, subtracted from the distance to yield
+    # (t, 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate
+    # how λ grows with strength, and steer refinement; no bound depends on them.
     rate: Floats
 
 
@@ -293,17 +290,13 @@ _DEFORMS = 0.1  # share of the dissipation from which a cell that is long or fla
 
 @dataclass(frozen=True)
 class SpatialSetting:
-    """Data that all meshes of one labelling of a spatial assembly share.
+    """Data that all meshes of one labelling of a spatial assembly share."""
 
-    assembly: with one load case. labels: (m,) True = dry. material: of the blocks, scene units. units: of the scaled
-    problem. loads: over the coarsest mesh, scene units.
-    """
-
-    assembly: Assembly
-    labels: Bits
-    material: Material
-    units: Units
-    loads: SpatialLoads
+    assembly: Assembly  # with one load case
+    labels: Bits  # (m,) True = dry
+    material: Material  # of the blocks, scene units
+    units: Units  # of the scaled problem
+    loads: SpatialLoads  # over the coarsest mesh, scene units
 
     @classmethod
     def of(cls, assembly: Assembly, labels: Bits, loads: SpatialLoads) -> SpatialSetting:
@@ -327,19 +320,15 @@ class SpatialSetting:
 
 @dataclass(frozen=True)
 class SpatialFields:
-    """Certified stress field and velocity field of one labelling on one mesh in space.
+    """Certified stress field and velocity field of one labelling on one mesh in space."""
 
-    mesh: tetrahedra of the velocities, scene units. split: the same tetrahedra, each split in four at its centroid:
-    those of the stresses. problem, fine: scaled problem on `mesh`, and on `split`. stress: stress field on `split`,
-    None where none was certified. velocity: velocity field on `mesh`, None where none was certified.
-    """
-
-    mesh: SolidMesh
-    split: SolidMesh
+    mesh: SolidMesh  # tetrahedra of the velocities, scene units
+    split: SolidMesh  # the same tetrahedra, each split in four at its centroid: those of the stresses
+    # problem, fine: scaled problem on `mesh`, and on `split`
     problem: SpatialProblem
     fine: SpatialProblem
-    stress: SpatialStress | None
-    velocity: SpatialVelocity | None
+    stress: SpatialStress | None  # stress field on `split`, None where none was certified
+    velocity: SpatialVelocity | None  # velocity field on `mesh`, None where none was certified
 
     @classmethod
     def on(cls, setting: SpatialSetting, mesh: SolidMesh) -> SpatialFields:
@@ -496,62 +485,48 @@ _PATIENCE = 8  # number of meshes after which refinement ends if a bound is stil
 
 @dataclass(frozen=True)
 class SpatialStep:
-    """Bounds on one mesh.
+    """Bounds on one mesh."""
 
-    tetrahedra: number of tetrahedra. lower, upper: bounds on λ from this mesh alone, infinite where none was found.
-    seconds: wall-clock time since the start, s.
-    """
-
-    tetrahedra: int
+    tetrahedra: int  # number of tetrahedra
+    # lower, upper: bounds on λ from this mesh alone, infinite where none was found
     lower: float
     upper: float
-    seconds: float
+    seconds: float  # wall-clock time since the start, s
 
 
 @dataclass(frozen=True)
 class SpatialStresses:
-    """Certified stress field, linear in each tetrahedron.
+    """Certified stress field, linear in each tetrahedron."""
 
-    mesh: tetrahedra, scene units. stress: (t, 4, 3, 3) stresses at the four corners of each tetrahedron, tension
-    positive, scene units.
-    """
-
-    mesh: SolidMesh
-    stress: Floats
+    mesh: SolidMesh  # tetrahedra, scene units
+    stress: Floats  # (t, 4, 3, 3) stresses at the four corners of each tetrahedron, tension positive, scene units
 
 
 @dataclass(frozen=True)
 class SpatialVelocities:
-    """Certified velocity field, linear in each tetrahedron; the live load does unit work.
+    """Certified velocity field, linear in each tetrahedron; the live load does unit work."""
 
-    mesh: tetrahedra, scene units. velocity: (t, 4, 3) velocities u at the four corners of each tetrahedron, scene
-    units: b_λ·u = 1 for the live load b_λ of λ = 1. dissipation: (t,) power in each tetrahedron with half of its
-    triangles, a work as b_λ·u. Their sum less the work of the dead load is λ.
-    """
-
-    mesh: SolidMesh
+    mesh: SolidMesh  # tetrahedra, scene units
+    # (t, 4, 3) velocities u at the four corners of each tetrahedron, scene units: b_λ·u = 1 for the live load b_λ of λ
+    # = 1
     velocity: Floats
+    # (t,) power in each tetrahedron with half of its triangles, a work as b_λ·u. Their sum less the work of the dead
+    # load is λ.
     dissipation: Floats
 
 
 @dataclass(frozen=True)
 class SpatialBounds:
-    """Two-sided bound on λ of spatial blocks that may fail in any way.
+    """Two-sided bound on λ of spatial blocks that may fail in any way."""
 
-    lower: λ that a certified stress field carries, −inf where none was found. upper: λ that a certified velocity field
-    allows, inf where none was found. status: why the refinement ended. tetrahedra: number of tetrahedra of the last
-    mesh. seconds: wall-clock time, s. history: one entry for each mesh. stresses: field of the best lower bound.
-    velocities: field of the best upper bound.
-    """
-
-    lower: float
-    upper: float
-    status: FieldStatus
-    tetrahedra: int
-    seconds: float
-    history: tuple[SpatialStep, ...]
-    stresses: SpatialStresses | None
-    velocities: SpatialVelocities | None
+    lower: float  # λ that a certified stress field carries, −inf where none was found
+    upper: float  # λ that a certified velocity field allows, inf where none was found
+    status: FieldStatus  # why the refinement ended
+    tetrahedra: int  # number of tetrahedra of the last mesh
+    seconds: float  # wall-clock time, s
+    history: tuple[SpatialStep, ...]  # one entry for each mesh
+    stresses: SpatialStresses | None  # field of the best lower bound
+    velocities: SpatialVelocities | None  # field of the best upper bound
 
     @property
     def gap(self) -> float:

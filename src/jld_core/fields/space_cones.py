@@ -37,17 +37,14 @@ _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # row and column of 
 
 @dataclass(frozen=True)
 class ConeSizes:
-    """Numbers of cones of a program, in the order of its rows.
+    """Numbers of cones of a program, in the order of its rows."""
 
-    zero: equations. linear: inequalities s ≥ 0. threes, fours: second-order cones of 3 and of 4 rows. tensors: cones of
-    6 rows, positive semidefinite tensors as vectors (see `tensors`).
-    """
-
-    zero: int
-    linear: int
+    zero: int  # equations
+    linear: int  # inequalities s ≥ 0
+    # threes, fours: second-order cones of 3 and of 4 rows
     threes: int
     fours: int
-    tensors: int
+    tensors: int  # cones of 6 rows, positive semidefinite tensors as vectors (see `tensors`)
 
 
 def tensors(vectors: Floats) -> Floats:

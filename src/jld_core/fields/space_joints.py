@@ -30,23 +30,20 @@ _ROUTE: Final = Route("cracks by fields")
 
 @dataclass(frozen=True)
 class SpatialProblem:
-    """Scaled limit analysis of spatial blocks of one labelling on one mesh.
+    """Scaled limit analysis of spatial blocks of one labelling on one mesh."""
 
-    units: units of all other attributes. material: scaled material of the blocks. joints: scaled strengths of the dry
-    joints. mesh: tetrahedra, scaled coordinates. dead, live: (t, 3) forces per volume, scaled; live for λ = 1.
-    dead_pull, pull: (f, 3, 3) dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero
-    where no load acts. labels: (m,) True = dry.
-    """
-
-    units: Units
-    material: Material
-    joints: Joints
-    mesh: SolidMesh
+    units: Units  # units of all other attributes
+    material: Material  # scaled material of the blocks
+    joints: Joints  # scaled strengths of the dry joints
+    mesh: SolidMesh  # tetrahedra, scaled coordinates
+    # dead, live: (t, 3) forces per volume, scaled; live for λ = 1
     dead: Floats
     live: Floats
+    # dead_pull, pull: (f, 3, 3) dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero
+    # where no load acts.
     dead_pull: Floats
     pull: Floats
-    labels: Bits
+    labels: Bits  # (m,) True = dry
 
     @property
     def sides(self) -> Sides:
@@ -187,14 +184,10 @@ def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProb
 
 @dataclass(frozen=True)
 class RigidBlocks:
-    """Rigid blocks of a labelling: cells that inner interfaces join.
+    """Rigid blocks of a labelling: cells that inner interfaces join."""
 
-    of_cell: (cells,) number of the block of each cell. free: (b,) False for blocks that an inner interface ties to a
-    support.
-    """
-
-    of_cell: Ints
-    free: Bools
+    of_cell: Ints  # (cells,) number of the block of each cell
+    free: Bools  # (b,) False for blocks that an inner interface ties to a support
 
     @classmethod
     def of(cls, problem: SpatialProblem) -> RigidBlocks:
@@ -212,15 +205,11 @@ class RigidBlocks:
 
 @dataclass(frozen=True)
 class RigidBalance:
-    """Equilibrium of rigid blocks under the largest λ, scaled; not certified.
+    """Equilibrium of rigid blocks under the largest λ, scaled; not certified."""
 
-    factor: λ. traction: (k, 3, 3) stress vectors at the three corners of the k triangles on dry joints. velocity: (b,
-    6) rigid motion of each block from the multipliers: velocity at the origin, then rotation.
-    """
-
-    factor: float
-    traction: Floats
-    velocity: Floats
+    factor: float  # λ
+    traction: Floats  # (k, 3, 3) stress vectors at the three corners of the k triangles on dry joints
+    velocity: Floats  # (b, 6) rigid motion of each block from the multipliers: velocity at the origin, then rotation
 
 
 def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:

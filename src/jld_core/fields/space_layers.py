@@ -286,19 +286,16 @@ __all__ = ["FREE", "Sides", "SolidMesh", "bisect", "halve_edges", "patch_tag", "
 
 @dataclass(frozen=True)
 class Facet:
-    """Plane face of a free cell.
+    """Plane face of a free cell."""
 
-    cell: element. origin: (3,) point of the plane. normal: (3,) outward unit vector. e1, e2: (3,) unit vectors of the
-    plane. ring: (k,) nodes of the outline, counter-clockwise from outside. faces: interfaces on it.
-    """
-
-    cell: int
-    origin: Floats
-    normal: Floats
+    cell: int  # element
+    origin: Floats  # (3,) point of the plane
+    normal: Floats  # (3,) outward unit vector
+    # e1, e2: (3,) unit vectors of the plane
     e1: Floats
     e2: Floats
-    ring: Ints
-    faces: tuple[int, ...]
+    ring: Ints  # (k,) nodes of the outline, counter-clockwise from outside
+    faces: tuple[int, ...]  # interfaces on it
 
     def flat(self, places: Floats) -> Floats:
         """Convert places (k, 3) to coordinates (k, 2) along e1 and e2 from the origin."""
@@ -312,29 +309,22 @@ class Facet:
 
 @dataclass(frozen=True)
 class Patch:
-    """Part of a facet that carries a live traction.
+    """Part of a facet that carries a live traction."""
 
-    facet: index of the facet. rings: corners (k, 3) of the outline, then of each hole, scene units.
-    """
-
-    facet: int
-    rings: tuple[Floats, ...]
+    facet: int  # index of the facet
+    rings: tuple[Floats, ...]  # corners (k, 3) of the outline, then of each hole, scene units
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Surfaces of all free cells, cut along interfaces and load patches, over common nodes.
+    """Surfaces of all free cells, cut along interfaces and load patches, over common nodes."""
 
-    points: (p, 3) nodes, scene units. facets: facets of all free cells. faces: nodes of the outline of each of the m
-    interfaces, None between two supports. patches: for each load patch its facet, and the nodes of its outline and
-    holes. reach: distance up to which two points count as one node, scene units.
-    """
-
-    points: Floats
-    facets: tuple[Facet, ...]
-    faces: tuple[Ints | None, ...]
+    points: Floats  # (p, 3) nodes, scene units
+    facets: tuple[Facet, ...]  # facets of all free cells
+    faces: tuple[Ints | None, ...]  # nodes of the outline of each of the m interfaces, None between two supports
+    # for each load patch its facet, and the nodes of its outline and holes
     patches: tuple[tuple[int, tuple[Ints, ...]], ...]
-    reach: float
+    reach: float  # distance up to which two points count as one node, scene units
 
     def covered(self, facet: Facet) -> list[shapely.Polygon]:
         """Return the interfaces on a facet as polygons, in the coordinates of `Facet.flat`."""
@@ -455,15 +445,11 @@ class Part:
 
 @dataclass(frozen=True)
 class Layers:
-    """Planes that cut one cell into layers, and the parts between them.
+    """Planes that cut one cell into layers, and the parts between them."""
 
-    normal: (k, 3) unit normals n. offset: (k,) distances d of the planes n·x = d, scene units. parts: the convex parts,
-    which fill the cell.
-    """
-
-    normal: Floats
-    offset: Floats
-    parts: tuple[Part, ...]
+    normal: Floats  # (k, 3) unit normals n
+    offset: Floats  # (k,) distances d of the planes n·x = d, scene units
+    parts: tuple[Part, ...]  # the convex parts, which fill the cell
 
     def side(self, place: Floats) -> tuple[bool, ...]:
         """Return for each of the k planes True if a place (3,) lies beyond it.

@@ -260,16 +260,12 @@ _LEAST_PATCH = 0.01
 
 @dataclass(frozen=True)
 class PatchLoad:
-    """Linear tractions on a patch of a free face, scene units.
+    """Linear tractions on a patch of a free face, scene units."""
 
-    cell: element. origin: (3,) reference point. mean: (2, 3) dead stress vector there, and live one for λ = 1. slope:
-    (2, 3, 3) their derivatives; column k by coordinate k.
-    """
-
-    cell: int
-    origin: Floats
-    mean: Floats
-    slope: Floats
+    cell: int  # element
+    origin: Floats  # (3,) reference point
+    mean: Floats  # (2, 3) dead stress vector there, and live one for λ = 1
+    slope: Floats  # (2, 3, 3) their derivatives; column k by coordinate k
 
     def at(self, places: Floats) -> Floats:
         """Return the dead and live stress vectors (2, ..., 3) at places (..., 3)."""
@@ -279,15 +275,12 @@ class PatchLoad:
 
 @dataclass(frozen=True)
 class SpatialLoads:
-    """Loads of a spatial assembly over its coarsest mesh, scene units.
+    """Loads of a spatial assembly over its coarsest mesh, scene units."""
 
-    dead, live: (r, 3) force per volume in each of the r tetrahedra of the coarsest mesh, live for λ = 1. tractions:
-    number i acts on the triangles with tag `patch_tag(i)`.
-    """
-
+    # dead, live: (r, 3) force per volume in each of the r tetrahedra of the coarsest mesh, live for λ = 1
     dead: Floats
     live: Floats
-    tractions: tuple[PatchLoad, ...]
+    tractions: tuple[PatchLoad, ...]  # number i acts on the triangles with tag `patch_tag(i)`
 
 
 @dataclass(frozen=True)
@@ -300,14 +293,11 @@ class _Force:
 
 
 class _Piece(NamedTuple):
-    """Part of a facet in its plane, with the tractions on it.
-
-    mean: (2, 3) dead and live stress vector at the origin of the facet. slope: (2, 3, 3) their derivatives.
-    """
+    """Part of a facet in its plane, with the tractions on it."""
 
     polygon: shapely.Polygon
-    mean: Floats
-    slope: Floats
+    mean: Floats  # (2, 3) dead and live stress vector at the origin of the facet
+    slope: Floats  # (2, 3, 3) their derivatives
 
 
 def loaded_solids(

@@ -30,27 +30,22 @@ _RAY = -1.0  # scaled bound that is stated where the program is unbounded: any l
 
 @dataclass(frozen=True)
 class SpatialVelocity:
-    """Certified velocity field in space, scaled (see `Units`).
+    """Certified velocity field in space, scaled (see `Units`)."""
 
-    factor: upper bound on λ. velocity: (t, 4, 3) velocities at the corners of the tetrahedra, on which the live load
-    does unit work. dissipation: (t,) power in each tetrahedron with half of its triangles.
-    """
-
-    factor: float
-    velocity: Floats
-    dissipation: Floats
+    factor: float  # upper bound on λ
+    velocity: Floats  # (t, 4, 3) velocities at the corners of the tetrahedra, on which the live load does unit work
+    dissipation: Floats  # (t,) power in each tetrahedron with half of its triangles
 
 
 @dataclass(frozen=True)
 class SpatialRates:
-    """Strain rates and jumps of a velocity field in space, scaled.
+    """Strain rates and jumps of a velocity field in space, scaled."""
 
-    trace, shear: (t,) e = tr ε and g = Σ |ε_i| over principal rates, docs/method.md (10.2). opening, slip: (f, 3)
-    normal jump δn, opening positive, and size |δs| of the tangential jump at the corners of the triangles.
-    """
-
+    # trace, shear: (t,) e = tr ε and g = Σ |ε_i| over principal rates, docs/method.md (10.2)
     trace: Floats
     shear: Floats
+    # opening, slip: (f, 3) normal jump δn, opening positive, and size |δs| of the tangential jump at the corners of the
+    # triangles
     opening: Floats
     slip: Floats
 

@@ -30,12 +30,10 @@ class FieldMechanism:
     """Upper bound on λ of every labelling that one velocity field proves.
 
     The bound is `constant` plus, for each face, its entry of `dry` or `inner` by its label: docs/method.md (9.13).
-
-    constant: dissipation in the blocks less dead work, at live work one; scene units of λ. dry, inner: (m,) dissipation
-    on each face under that label, scene units of λ; inf where its flow rule is violated.
     """
 
-    constant: float
+    constant: float  # dissipation in the blocks less dead work, at live work one; scene units of λ
+    # dry, inner: (m,) dissipation on each face under that label, scene units of λ; inf where its flow rule is violated
     dry: Floats
     inner: Floats
 
@@ -78,13 +76,10 @@ class FieldStresses:
     """Lower bound on λ that one stress field proves for labellings with few enough dry faces.
 
     It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
-
-    load_factor: λ that the field carries, scene units. may_be_dry: (m,) faces on which tractions are within friction,
-    cohesion and crushing of the dry joint.
     """
 
-    load_factor: float
-    may_be_dry: Bools
+    load_factor: float  # λ that the field carries, scene units
+    may_be_dry: Bools  # (m,) faces on which tractions are within friction, cohesion and crushing of the dry joint
 
     def bounds(self, labellings: Bits) -> Floats:
         """Return the lower bound on λ of each labelling.

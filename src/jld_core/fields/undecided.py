@@ -31,16 +31,11 @@ _LEAST: Final = -1.0  # scaled bound that is stated for collapse under the dead 
 
 @dataclass(frozen=True)
 class WeighedField:
-    """Velocity field with the bound that it proves for a partial labelling.
+    """Velocity field with the bound that it proves for a partial labelling."""
 
-    velocity: (t, 3, 2) velocities at the corners of the triangles, scaled. mechanism: dissipation of the field in the
-    blocks and on faces, scene units of λ. bound: λ that no labelling exceeds that agrees on the decided faces, scene
-    units.
-    """
-
-    velocity: Floats
-    mechanism: FieldMechanism
-    bound: float
+    velocity: Floats  # (t, 3, 2) velocities at the corners of the triangles, scaled
+    mechanism: FieldMechanism  # dissipation of the field in the blocks and on faces, scene units of λ
+    bound: float  # λ that no labelling exceeds that agrees on the decided faces, scene units
 
 
 class PartialUpperBound:

@@ -36,29 +36,23 @@ _RAY = -1.0  # scaled bound that is stated where the program is unbounded: any l
 
 @dataclass(frozen=True)
 class VelocityField:
-    """Certified velocity field of one labelling, scaled (see `Units`).
+    """Certified velocity field of one labelling, scaled (see `Units`)."""
 
-    factor: upper bound on λ that the field proves. velocity: (t, 3, 2) velocities at the three corners of each
-    triangle, on which the live load does unit work. dissipation: (t,) power in each triangle with half of its edges.
-    opened: multiple of the opening motion that was added to repair flow rules, before scaling to unit work.
-    """
-
-    factor: float
+    factor: float  # upper bound on λ that the field proves
+    # (t, 3, 2) velocities at the three corners of each triangle, on which the live load does unit work
     velocity: Floats
-    dissipation: Floats
-    opened: float
+    dissipation: Floats  # (t,) power in each triangle with half of its edges
+    opened: float  # multiple of the opening motion that was added to repair flow rules, before scaling to unit work
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Strain rates and jumps of a planar velocity field, scaled.
+    """Strain rates and jumps of a planar velocity field, scaled."""
 
-    trace, shear: (t,) e = εx + εy and g = √((εx − εy)² + γ²) of the triangles. opening, slip: (e, 2) normal jump δn,
-    opening positive, and tangential jump δs at both ends of the edges.
-    """
-
+    # trace, shear: (t,) e = εx + εy and g = √((εx − εy)² + γ²) of the triangles
     trace: Floats
     shear: Floats
+    # opening, slip: (e, 2) normal jump δn, opening positive, and tangential jump δs at both ends of the edges
     opening: Floats
     slip: Floats
 

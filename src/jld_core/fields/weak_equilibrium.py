@@ -22,15 +22,11 @@ from jld_core.fields.upper import UpperBound
 
 @dataclass(frozen=True)
 class ConeRows:
-    """Rows A x + s = b of a cone program.
+    """Rows A x + s = b of a cone program."""
 
-    matrix: A. right: (rows,) b. sizes: numbers of equations, inequalities s ≥ 0, and cones of three
-    rows, in this order.
-    """
-
-    matrix: sp.csr_array
-    right: Floats
-    sizes: tuple[int, int, int]
+    matrix: sp.csr_array  # A
+    right: Floats  # (rows,) b
+    sizes: tuple[int, int, int]  # numbers of equations, inequalities s ≥ 0, and cones of three rows, in this order
 
 
 class WeakEquilibrium:

@@ -268,17 +268,13 @@ def straightened(points: Floats, reach: float) -> Floats:
 
 @dataclass(frozen=True)
 class Facet:
-    """Face of a solid element, prepared for the union of elements.
+    """Face of a solid element, prepared for the union of elements."""
 
-    ring: (k, 3) corners in order, scene units. normal: (3,) unit normal, outwards. offset: distance of the plane from
-    the origin along the normal. area: area, scene units. corners: corners in grid steps: equal for a face of a
-    neighbour that covers this one exactly.
-    """
-
-    ring: Floats
-    normal: Floats
-    offset: float
-    area: float
+    ring: Floats  # (k, 3) corners in order, scene units
+    normal: Floats  # (3,) unit normal, outwards
+    offset: float  # distance of the plane from the origin along the normal
+    area: float  # area, scene units
+    # corners in grid steps: equal for a face of a neighbour that covers this one exactly
     corners: frozenset[tuple[int, ...]]
 
     @property
@@ -381,21 +377,15 @@ _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[floa
 
 @dataclass(frozen=True)
 class Outline:
-    """Boundary of one block, described by its corners and the middles of its edges or faces.
+    """Boundary of one block, described by its corners and the middles of its edges or faces."""
 
-    points: (k + e, d) corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units.
-    count: number k of corners. size: area (planar) or volume (spatial), scene units. aspect: longest over shortest side
-    of the smallest box around the block. reentrant: planar: number of re-entrant corners. Spatial: 1 where the block is
-    not convex, else 0. lines: number of different lines along edges (planar) or normal to faces (spatial): parallel
-    ones are one.
-    """
-
+    # (k + e, d) corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units
     points: Floats
-    count: int
-    size: float
-    aspect: float
-    reentrant: int
-    lines: int = 0
+    count: int  # number k of corners
+    size: float  # area (planar) or volume (spatial), scene units
+    aspect: float  # longest over shortest side of the smallest box around the block
+    reentrant: int  # planar: number of re-entrant corners. Spatial: 1 where the block is not convex, else 0.
+    lines: int = 0  # number of different lines along edges (planar) or normal to faces (spatial): parallel ones are one
 
     @property
     def faces(self) -> int:

@@ -27,15 +27,13 @@ from jld_core.geometry.stated_fit import NearMiss, Overlap, refuse_overlaps
 
 @dataclass(frozen=True)
 class PlanarContact:
-    """Straight contact of two polygons.
+    """Straight contact of two polygons."""
 
-    a, b: indices of the elements. ends: (2, 2) end points, scene units. normal: (2,) unit normal from a to b.
-    """
-
+    # a, b: indices of the elements
     a: int
     b: int
-    ends: Floats
-    normal: Floats
+    ends: Floats  # (2, 2) end points, scene units
+    normal: Floats  # (2,) unit normal from a to b
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
@@ -159,21 +157,15 @@ def _shapes(polygons: list[Floats]) -> Any:
 
 @dataclass(frozen=True)
 class _FacingEdges:
-    """Pairs of opposite edges of near polygons, with the length over which they overlap.
+    """Pairs of opposite edges of near polygons, with the length over which they overlap."""
 
-    pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
-    normal of that edge. offset: (k,) signed distance to the other edge, at the end of the overlap where it is larger in
-    magnitude. least: (k,) smaller distance of both ends, without sign; 0 where the edges cross. length: (k,) of the
-    shorter edge. between: (k, 2) point half-way between the edges, where they are at least a quarter of `offset` apart.
-    """
-
-    pair: Ints
-    ends: Floats
-    outward: Floats
-    offset: Floats
-    least: Floats
-    length: Floats
-    between: Floats
+    pair: Ints  # (k,) row of the pair of polygons
+    ends: Floats  # (k, 2, 2) of the overlap, on the edge of the first
+    outward: Floats  # (k, 2) normal of that edge
+    offset: Floats  # (k,) signed distance to the other edge, at the end of the overlap where it is larger in magnitude
+    least: Floats  # (k,) smaller distance of both ends, without sign; 0 where the edges cross
+    length: Floats  # (k,) of the shorter edge
+    between: Floats  # (k, 2) point half-way between the edges, where they are at least a quarter of `offset` apart
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:

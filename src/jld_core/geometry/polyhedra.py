@@ -32,20 +32,16 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Facets:
-    """Plane facets of all elements as a struct of arrays, in the order of the elements.
+    """Plane facets of all elements as a struct of arrays, in the order of the elements."""
 
-    element: (f,) index of the element that owns the facet. normal: (f, 3) outward unit normal. origin: (f, 3) point of
-    the plane: the mean of the outer corners, scene units. size: (f,) largest extent of the bounding box, scene units.
-    lower, upper: (f, 3) corners of the bounding box, scene units. loops: per facet its boundary, counter-clockwise
-    about the normal, then the boundaries of its holes, clockwise.
-    """
-
-    element: Ints
-    normal: Floats
-    origin: Floats
-    size: Floats
+    element: Ints  # (f,) index of the element that owns the facet
+    normal: Floats  # (f, 3) outward unit normal
+    origin: Floats  # (f, 3) point of the plane: the mean of the outer corners, scene units
+    size: Floats  # (f,) largest extent of the bounding box, scene units
+    # lower, upper: (f, 3) corners of the bounding box, scene units
     lower: Floats
     upper: Floats
+    # per facet its boundary, counter-clockwise about the normal, then the boundaries of its holes, clockwise
     loops: tuple[tuple[Floats, ...], ...]
 
     def __len__(self) -> int:
@@ -73,20 +69,17 @@ def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True)
 class Surface:
-    """Loops of all faces of all elements in flat arrays, with c corners.
+    """Loops of all faces of all elements in flat arrays, with c corners."""
 
-    points: (v, 3) vertices of all elements. vertex, after: (c,) vertex of each corner and the next vertex along its
-    loop. face: (c,) face of each corner. start, count: (faces,) first corner and number of corners of each face.
-    element: (faces,) element of each face.
-    """
-
-    points: Floats
+    points: Floats  # (v, 3) vertices of all elements
+    # vertex, after: (c,) vertex of each corner and the next vertex along its loop
     vertex: Ints
     after: Ints
-    face: Ints
+    face: Ints  # (c,) face of each corner
+    # start, count: (faces,) first corner and number of corners of each face
     start: Ints
     count: Ints
-    element: Ints
+    element: Ints  # (faces,) element of each face
 
 
 def lay_out(vertices: list[Floats], faces: list[Faces]) -> Surface:
@@ -366,15 +359,11 @@ PARALLEL: Final = 1e-9
 
 @dataclass(frozen=True)
 class FacetFrames:
-    """Two axes in the plane of each of f facets, and which facets are rectangles.
+    """Two axes in the plane of each of f facets, and which facets are rectangles."""
 
-    e1: (f, 3) unit vectors along the longest edge. e2: (f, 3) normal × e1. rectangle: (f,) True for rectangles without
-    holes, within the tolerance `PARALLEL`.
-    """
-
-    e1: Floats
-    e2: Floats
-    rectangle: Bools
+    e1: Floats  # (f, 3) unit vectors along the longest edge
+    e2: Floats  # (f, 3) normal × e1
+    rectangle: Bools  # (f,) True for rectangles without holes, within the tolerance `PARALLEL`
 
     @classmethod
     def on(cls, facets: Facets) -> FacetFrames:

@@ -30,16 +30,12 @@ _STRAIGHT: Final = 1e-9  # kink, relative to the edge, below which a node insert
 
 @dataclass(frozen=True)
 class Snapped:
-    """Paths after snapping, in the given order.
+    """Paths after snapping, in the given order."""
 
-    paths: corners of each path; empty where the path vanished. largest: largest displacement of a corner, length.
-    moved: number of corners that moved. collapsed: indices of closed paths with fewer than three corners and of open
-    paths with fewer than two.
-    """
-
-    paths: list[Floats]
-    largest: float
-    moved: int
+    paths: list[Floats]  # corners of each path; empty where the path vanished
+    largest: float  # largest displacement of a corner, length
+    moved: int  # number of corners that moved
+    # indices of closed paths with fewer than three corners and of open paths with fewer than two
     collapsed: tuple[int, ...]
 
 
@@ -290,14 +286,11 @@ _FAR: Final = 4.0
 
 @dataclass(frozen=True)
 class SnappedSolids:
-    """Solids after snapping, in the given order; faces keep their vertex indices.
+    """Solids after snapping, in the given order; faces keep their vertex indices."""
 
-    vertices: (k, 3) of each solid. largest: largest displacement of a vertex, length. moved: number of moved vertices.
-    """
-
-    vertices: list[Floats]
-    largest: float
-    moved: int
+    vertices: list[Floats]  # (k, 3) of each solid
+    largest: float  # largest displacement of a vertex, length
+    moved: int  # number of moved vertices
 
 
 def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: float) -> SnappedSolids:
@@ -342,12 +335,10 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
 
 @dataclass(frozen=True)
 class _Loops:
-    """Nodes of all faces in one array, face after face.
+    """Nodes of all faces in one array, face after face."""
 
-    node: (c,) node of each corner. start, count: (faces,) first corner and number of corners of each face.
-    """
-
-    node: Ints
+    node: Ints  # (c,) node of each corner
+    # start, count: (faces,) first corner and number of corners of each face
     start: Ints
     count: Ints
 

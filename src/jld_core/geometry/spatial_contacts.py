@@ -37,17 +37,14 @@ _AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of f
 
 @dataclass(frozen=True)
 class SpatialContact:
-    """Plane contact of two polyhedra.
+    """Plane contact of two polyhedra."""
 
-    a, b: indices of the elements. polygon: (k, 3) corners in order, scene units. normal: (3,) unit normal from a to b.
-    holes: corners of each hole, in the opposite sense of rotation.
-    """
-
+    # a, b: indices of the elements
     a: int
     b: int
-    polygon: Floats
-    normal: Floats
-    holes: tuple[Floats, ...] = ()
+    polygon: Floats  # (k, 3) corners in order, scene units
+    normal: Floats  # (3,) unit normal from a to b
+    holes: tuple[Floats, ...] = ()  # corners of each hole, in the opposite sense of rotation
 
 
 def near_pairs(

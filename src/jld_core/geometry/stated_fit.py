@@ -27,17 +27,13 @@ _OFF: Final = 0.1  # distance, relative to the contact's size, up to which a sta
 
 @dataclass(frozen=True)
 class Fit:
-    """Misfit of a stated contact and one of its elements, lengths in scene units.
+    """Misfit of a stated contact and one of its elements, lengths in scene units."""
 
-    size: largest extent of the contact. beyond: length or distance by which the contact exceeds the faces of the
-    element, see `fit_of_line` and `fit_of_polygon`. depth: largest distance of the contact inside the element. gap:
-    largest distance in front of the element.
-    """
-
-    size: float
+    size: float  # largest extent of the contact
+    # length or distance by which the contact exceeds the faces of the element, see `fit_of_line` and `fit_of_polygon`
     beyond: float
-    depth: float
-    gap: float
+    depth: float  # largest distance of the contact inside the element
+    gap: float  # largest distance in front of the element
 
 
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
@@ -182,30 +178,25 @@ _SHOWN: Final = 3  # largest number of pairs named in a warning
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two elements that share an area or a volume.
+    """Two elements that share an area or a volume."""
 
-    a, b: names of the elements. depth: depth of the overlap, length. place: (d,) a point of the overlap.
-    """
-
+    # a, b: names of the elements
     a: str
     b: str
-    depth: float
-    place: Floats
+    depth: float  # depth of the overlap, length
+    place: Floats  # (d,) a point of the overlap
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Two elements with faces that nearly touch.
+    """Two elements with faces that nearly touch."""
 
-    a, b: indices of the elements. gap: largest distance of the faces, length. place: (d,) a point between them.
-    angle: between faces that touch at one end and open towards the other, degrees; else 0.
-    """
-
+    # a, b: indices of the elements
     a: int
     b: int
-    gap: float
-    place: Floats
-    angle: float = 0.0
+    gap: float  # largest distance of the faces, length
+    place: Floats  # (d,) a point between them
+    angle: float = 0.0  # between faces that touch at one end and open towards the other, degrees; else 0
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:

@@ -33,26 +33,19 @@ _HAIR: Final = 1e-7  # relative shrinkage of holes before triangulation, so that
 
 @dataclass(frozen=True)
 class Region:
-    """Plane area with holes.
+    """Plane area with holes."""
 
-    shell: (k, 2) outer boundary, counter-clockwise, scene units. holes: boundaries of holes, clockwise.
-    """
-
-    shell: Floats
-    holes: tuple[Floats, ...] = ()
+    shell: Floats  # (k, 2) outer boundary, counter-clockwise, scene units
+    holes: tuple[Floats, ...] = ()  # boundaries of holes, clockwise
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Closed surface of plane faces, with a triangulation.
+    """Closed surface of plane faces, with a triangulation."""
 
-    points: (k, 3) vertices, scene units. faces: plane loops of vertex indices, outward. triangles: triangles of the
-    same surface, outward.
-    """
-
-    points: Floats
-    faces: Faces
-    triangles: tuple[tuple[int, int, int], ...]
+    points: Floats  # (k, 3) vertices, scene units
+    faces: Faces  # plane loops of vertex indices, outward
+    triangles: tuple[tuple[int, int, int], ...]  # triangles of the same surface, outward
 
 
 def union_outlines(outlines: Sequence[Floats]) -> list[Region]:

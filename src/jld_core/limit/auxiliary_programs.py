@@ -90,16 +90,13 @@ def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float
 
 @dataclass(frozen=True)
 class LargestSupport:
-    """Point of the recession cones at which as many rows as possible have positive slack.
+    """Point of the recession cones at which as many rows as possible have positive slack."""
 
-    point: (columns,) the point. slack: (linear rows + cones,) slack of each row of `slack_rows`: 1 where slack is
-    possible, else 0, up to the solver's residual. values: (rows,) values −M y of the program's matrix M at the point y,
-    which give its position in each cone.
-    """
-
-    point: Floats
+    point: Floats  # (columns,) the point
+    # (linear rows + cones,) slack of each row of `slack_rows`: 1 where slack is possible, else 0, up to the solver's
+    # residual
     slack: Floats
-    values: Floats
+    values: Floats  # (rows,) values −M y of the program's matrix M at the point y, which give its position in each cone
 
     def boundary_direction(self, start: int, size: int, least: float = 0.5) -> Floats | None:
         """Return the direction of the point in one second-order cone, if it lies on the boundary.

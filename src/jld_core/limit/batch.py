@@ -18,16 +18,13 @@ from jld_core.limit.options import Status
 
 @dataclass(frozen=True)
 class BatchBounds:
-    """Bounds and statuses that the batch solver settled for k labellings.
+    """Bounds and statuses that the batch solver settled for k labellings."""
 
-    settled: (k,) True where `status` is conclusive. falls: (k,) True where no λ ≥ 0 is admissible (unstable). locked:
-    (k,) True where λ is unbounded. low, high: (k,) bounds on λ, scaled. Both are NaN where a labelling is unstable; the
-    upper bound is NaN where it is locked.
-    """
-
-    settled: Bools
-    falls: Bools
-    locked: Bools
+    settled: Bools  # (k,) True where `status` is conclusive
+    falls: Bools  # (k,) True where no λ ≥ 0 is admissible (unstable)
+    locked: Bools  # (k,) True where λ is unbounded
+    # low, high: (k,) bounds on λ, scaled. Both are NaN where a labelling is unstable; the upper bound is NaN where it
+    # is locked.
     low: Floats
     high: Floats
 

@@ -38,14 +38,11 @@ class BlockFaces(Protocol):
 
 @dataclass(frozen=True)
 class YieldSetFaces:
-    """Margins and dissipation at faces of any yield set under one label; see `BlockFaces`.
+    """Margins and dissipation at faces of any yield set under one label; see `BlockFaces`."""
 
-    sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
-    """
-
-    sets: YieldSet
-    dry: bool
-    strengths: Floats
+    sets: YieldSet  # yield sets of m faces
+    dry: bool  # True for the dry label
+    strengths: Floats  # (m,) see `BlockFaces.strength`
 
     @classmethod
     def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
@@ -98,33 +95,32 @@ class BlockParts:
     All values are scaled as in `Template`. A part is an element of a block. A side is a part and a face around its
     block. A joint is a face inside a block. Counts: k parts, s sides, j joints, n free elements, f faces between two
     free elements; q = 3, in space 6.
-
-    blocks, elements, shared: counts p, n and f. part_block, part_element: (k,) block of each part, and index of its
-    element among the free elements. side_part, side_face, side_block: (s,) part, face and block of each side.
-    side_shared: (s,) index of the side's face among the f shared faces; −1 where the other side is a support. sign:
-    (s,) 1 where the part is element a of its face, −1 where it is element b. arm: (s, q, q) matrix from the resultants
-    of the face to the equilibrium of the part. joint_block, joint_face: (j,) block and face of each joint. joint_a,
-    joint_b: (j,) parts on either side of each joint. arm_a, arm_b: (j, q, q) matrices from the resultants of the joint
-    to the equilibrium of both parts. dead, live: (k, q) loads on the parts.
     """
 
+    # blocks, elements, shared: counts p, n and f
     blocks: int
     elements: int
     shared: int
+    # part_block, part_element: (k,) block of each part, and index of its element among the free elements
     part_block: Ints
     part_element: Ints
+    # side_part, side_face, side_block: (s,) part, face and block of each side
     side_part: Ints
     side_face: Ints
     side_block: Ints
-    side_shared: Ints
-    sign: Floats
-    arm: Floats
+    side_shared: Ints  # (s,) index of the side's face among the f shared faces; −1 where the other side is a support
+    sign: Floats  # (s,) 1 where the part is element a of its face, −1 where it is element b
+    arm: Floats  # (s, q, q) matrix from the resultants of the face to the equilibrium of the part
+    # joint_block, joint_face: (j,) block and face of each joint
     joint_block: Ints
     joint_face: Ints
+    # joint_a, joint_b: (j,) parts on either side of each joint
     joint_a: Ints
     joint_b: Ints
+    # arm_a, arm_b: (j, q, q) matrices from the resultants of the joint to the equilibrium of both parts
     arm_a: Floats
     arm_b: Floats
+    # dead, live: (k, q) loads on the parts
     dead: Floats
     live: Floats
 
@@ -576,16 +572,13 @@ class _Block:
 
 @dataclass(frozen=True)
 class _Copies:
-    """Copies of faces under one label, each for one block that the face touches.
+    """Copies of faces under one label, each for one block that the face touches."""
 
-    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) True if a
-    resultant is used.
-    """
-
+    # face, block: (k,) face and block of each copy
     face: Ints
     block: Ints
-    column: Ints
-    active: Bools
+    column: Ints  # (k, q) columns of its resultants
+    active: Bools  # (k, q) True if a resultant is used
 
 
 class ConeProgram(AllBlocksProgram):

@@ -55,31 +55,24 @@ class BlockMultipliers:
 
     The counts k (parts), f (shared faces), n (elements) and p (blocks) are those of `BlockParts`; all values are
     scaled.
-
-    velocity: (k, q) velocities of the parts. wall: (f, q) velocities of the shared faces. price, portion: (n,)
-    multipliers of each element: v of its cover row, docs/method.md (6.6), and σ of its row for the share of λ. share:
-    (p,) share x of every block. solved: True if the values are final; if False, a further solve may give a better
-    bound.
     """
 
-    velocity: Floats
-    wall: Floats
+    velocity: Floats  # (k, q) velocities of the parts
+    wall: Floats  # (f, q) velocities of the shared faces
+    # price, portion: (n,) multipliers of each element: v of its cover row, docs/method.md (6.6), and σ of its row for
+    # the share of λ
     price: Floats
     portion: Floats
-    share: Floats
-    solved: bool = True
+    share: Floats  # (p,) share x of every block
+    solved: bool = True  # True if the values are final; if False, a further solve may give a better bound
 
 
 @dataclass(frozen=True)
 class BlockMechanism:
-    """Velocities and multipliers of one block relaxation, which prove its bound.
+    """Velocities and multipliers of one block relaxation, which prove its bound."""
 
-    case: index of the load case. multipliers: values that the solver returned; `BlockRelaxation.evaluate` repairs them
-    before use.
-    """
-
-    case: int
-    multipliers: BlockMultipliers
+    case: int  # index of the load case
+    multipliers: BlockMultipliers  # values that the solver returned; `BlockRelaxation.evaluate` repairs them before use
 
 
 class BatchBlockProgram:
@@ -182,36 +175,28 @@ Asked = tuple[Bools, float, float]
 
 @dataclass(frozen=True)
 class Choice:
-    """Result of the block relaxation for the segmentations into allowed blocks.
+    """Result of the block relaxation for the segmentations into allowed blocks."""
 
-    bound: λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
-    comes from `CaseBlockRelaxation`. refuted: True if none of them reaches the threshold. share: (p,) values x of the
-    solver, in [0, 1]; without proof. inside: (p,) dissipation of the mechanism inside each block; without proof.
-    useless: (p,) blocks that occur in no segmentation that reaches the threshold. mechanisms: proof of the bound and of
-    the useless blocks: one mechanism for each load case that was solved.
-    """
-
+    # λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
+    # comes from `CaseBlockRelaxation`.
     bound: float
-    refuted: bool
-    share: Floats
-    inside: Floats
-    useless: Bools
+    refuted: bool  # True if none of them reaches the threshold
+    share: Floats  # (p,) values x of the solver, in [0, 1]; without proof
+    inside: Floats  # (p,) dissipation of the mechanism inside each block; without proof
+    useless: Bools  # (p,) blocks that occur in no segmentation that reaches the threshold
+    # proof of the bound and of the useless blocks: one mechanism for each load case that was solved
     mechanisms: tuple[BlockMechanism, ...] = ()
 
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Work and dissipation of one mechanism per block, and its multipliers per element.
+    """Work and dissipation of one mechanism per block, and its multipliers per element."""
 
-    live: (p,) work of the live load. cost: (p,) dissipation minus dead work. inside: (p,) dissipation inside the block.
-    size: (p,) sum of absolute terms, which bounds rounding. price, portion: (n,) multipliers v and σ, see
-    `BlockMultipliers`.
-    """
-
-    live: Floats
-    cost: Floats
-    inside: Floats
-    size: Floats
+    live: Floats  # (p,) work of the live load
+    cost: Floats  # (p,) dissipation minus dead work
+    inside: Floats  # (p,) dissipation inside the block
+    size: Floats  # (p,) sum of absolute terms, which bounds rounding
+    # price, portion: (n,) multipliers v and σ, see `BlockMultipliers`
     price: Floats
     portion: Floats
 

@@ -353,28 +353,20 @@ _RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
 
 @dataclass(frozen=True)
 class _Stage:
-    """Sequence of self-stresses, and the yield rows that they leave.
+    """Sequence of self-stresses, and the yield rows that they leave."""
 
-    stresses: each (columns,) scaled forces. before: rows of the program in which each was found. left: rows left by all
-    of them.
-    """
-
-    stresses: tuple[Floats, ...]
-    before: tuple[Reduced, ...]
-    left: Reduced
+    stresses: tuple[Floats, ...]  # each (columns,) scaled forces
+    before: tuple[Reduced, ...]  # rows of the program in which each was found
+    left: Reduced  # rows left by all of them
 
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Slacks of a vector in a set of yield rows.
+    """Slacks of a vector in a set of yield rows."""
 
-    linear: (k,) slacks of the linear rows. head: (c,) value of the first row of each cone. tail: (c, 2) values of its
-    other rows.
-    """
-
-    linear: Floats
-    head: Floats
-    tail: Floats
+    linear: Floats  # (k,) slacks of the linear rows
+    head: Floats  # (c,) value of the first row of each cone
+    tail: Floats  # (c, 2) values of its other rows
 
     @property
     def inside(self) -> Floats:

@@ -18,17 +18,13 @@ from jld_core.limit.proof_attempt import ProofAttempt
 
 @dataclass(frozen=True)
 class Fallback:
-    """One named solution method with the condition under which it is tried.
-
-    when: takes the `ProofAttempt`; returns True if the method is to be tried. run: takes the `ProofAttempt`, tries the
-    method and offers its bounds to `ProofAttempt.proof`. supplies: description of the bounds that the method may
-    supply.
-    """
+    """One named solution method with the condition under which it is tried."""
 
     name: str
-    when: Callable[[ProofAttempt], bool]
+    when: Callable[[ProofAttempt], bool]  # takes the `ProofAttempt`; returns True if the method is to be tried
+    # takes the `ProofAttempt`, tries the method and offers its bounds to `ProofAttempt.proof`
     run: Callable[[ProofAttempt], None]
-    supplies: str
+    supplies: str  # description of the bounds that the method may supply
 
 
 FALLBACKS: Final = (

@@ -36,30 +36,22 @@ _REACHES: Final = (2.0, 32.0, 1024.0)
 
 @dataclass(frozen=True)
 class ForceFunction:
-    """Linear function R(F) = Σ weights · F of the resultants at interfaces.
+    """Linear function R(F) = Σ weights · F of the resultants at interfaces."""
 
-    weights: (m, q) coefficient of each resultant; R is in scene units. unit: size of R for which R / unit is a force: 1
-    for forces, a length for moments, a speed for work rates.
-    """
-
-    weights: Floats
+    weights: Floats  # (m, q) coefficient of each resultant; R is in scene units
+    # size of R for which R / unit is a force: 1 for forces, a length for moments, a speed for work rates
     unit: float = 1.0
 
 
 @dataclass(frozen=True)
 class Thrust:
-    """Least or greatest value of a linear function of forces, such as a reaction.
+    """Least or greatest value of a linear function of forces, such as a reaction."""
 
-    value: R, scene units; NaN where there is no end. bracket: (float, float) proven bounds on R, NaN where unproven.
-    gap: width of the bracket over max(|R|, 1e-3 · weight · unit of the function). status: "certified" (both bounds are
-    proven), "unbounded" or "uncertified". state: forces at this end and the mechanism, moved supports included; its λ
-    is R. None where there is no end.
-    """
-
-    value: float
-    bracket: tuple[float, float]
-    gap: float
-    status: str
+    value: float  # R, scene units; NaN where there is no end
+    bracket: tuple[float, float]  # (float, float) proven bounds on R, NaN where unproven
+    gap: float  # width of the bracket over max(|R|, 1e-3 · weight · unit of the function)
+    status: str  # "certified" (both bounds are proven), "unbounded" or "uncertified"
+    # forces at this end and the mechanism, moved supports included; its λ is R. None where there is no end.
     state: LimitAnalysisResult | None
 
     def to_json(self) -> dict[str, Any]:

@@ -311,17 +311,15 @@ class CaseBounds:
 
 @dataclass(frozen=True)
 class Governing:
-    """Status and bounds of the governing factor of a structure.
+    """Status and bounds of the governing factor of a structure."""
 
-    status: outcome of the structure. low, high: proven bounds on the governing factor; NaN where a bound is missing.
-    load_factor: governing factor; NaN where there is none. case: index of the governing case. Of several cases with
-    overlapping brackets it is the first. Two solution methods that find the same λ thus name the same case.
-    """
-
-    status: Status
+    status: Status  # outcome of the structure
+    # low, high: proven bounds on the governing factor; NaN where a bound is missing
     low: float
     high: float
-    load_factor: float
+    load_factor: float  # governing factor; NaN where there is none
+    # index of the governing case. Of several cases with overlapping brackets it is the first. Two solution methods that
+    # find the same λ thus name the same case.
     case: int
 
 

@@ -33,25 +33,20 @@ EARLY_FROM: Final = 5000
 
 
 class Analysis(Protocol):
-    """Interface to those members of `LimitAnalysis` that `ProofAttempt` uses.
-
-    prover, repair: for `template`. first_solver: solver of the first attempt. reference: (m,) labelling, True = dry, on
-    which solvers are set up. margin: slack kept in every yield row while solving, scaled. gap: relative width
-    of brackets to aim at. load_scale: scaled λ below which differences are negligible. single_labelling: True
-    if only one labelling will be analysed. options: model and solver options; `seconds` ends the attempts.
-    """
+    """Interface to those members of `LimitAnalysis` that `ProofAttempt` uses."""
 
     assembly: Assembly
     template: Template
+    # prover, repair: for `template`
     prover: Prover
     repair: Repair
-    first_solver: Solver
-    reference: Bits
-    margin: float
-    gap: float
-    load_scale: float
-    single_labelling: bool
-    options: Model
+    first_solver: Solver  # solver of the first attempt
+    reference: Bits  # (m,) labelling, True = dry, on which solvers are set up
+    margin: float  # slack kept in every yield row while solving, scaled
+    gap: float  # relative width of brackets to aim at
+    load_scale: float  # scaled λ below which differences are negligible
+    single_labelling: bool  # True if only one labelling will be analysed
+    options: Model  # model and solver options; `seconds` ends the attempts
 
     @property
     def batch(self) -> BatchSolver | None:

@@ -21,14 +21,11 @@ class Reduced:
     """Yield rows of a program that are left after facial reduction.
 
     Only their multipliers may differ from zero beside a self-stress.
-
-    linear: (k,) linear inequalities that are kept, as rows of the program. cones: indices of the cones that are kept.
-    rays: for each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit
-    vector.
     """
 
-    linear: Ints
-    cones: tuple[int, ...]
+    linear: Ints  # (k,) linear inequalities that are kept, as rows of the program
+    cones: tuple[int, ...]  # indices of the cones that are kept
+    # for each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit vector
     rays: dict[int, Floats] = field(default_factory=dict)
 
 

@@ -39,28 +39,21 @@ _LOCAL: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
 
 @dataclass(frozen=True)
 class Resultant:
-    """One component of the resultant of some faces, as a function of the forces.
+    """One component of the resultant of some faces, as a function of the forces."""
 
-    place: name of the faces: "support NAME", "joint A, B" or "section x, y to x, y". component: fx, Fy, Fz, Mx, My, Mz
-    or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face. point: (d,) point about
-    which moments are taken, scene units. function: value of the component for any forces at the interfaces, scene
-    units.
-    """
-
-    place: str
+    place: str  # name of the faces: "support NAME", "joint A, B" or "section x, y to x, y"
+    # fx, Fy, Fz, Mx, My, Mz or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face
     component: str
-    point: Floats
-    function: ForceFunction
+    point: Floats  # (d,) point about which moments are taken, scene units
+    function: ForceFunction  # value of the component for any forces at the interfaces, scene units
 
 
 @dataclass(frozen=True)
 class ResultantRange:
-    """Least and greatest value of a resultant over all admissible states.
-
-    least, most: both ends, each with its bracket.
-    """
+    """Least and greatest value of a resultant over all admissible states."""
 
     resultant: Resultant
+    # least, most: both ends, each with its bracket
     least: Thrust
     most: Thrust
 
@@ -97,19 +90,14 @@ class ResultantRange:
 
 @dataclass(frozen=True)
 class ThrustRanges:
-    """Ranges of reactions and resultants of one structure under one load.
+    """Ranges of reactions and resultants of one structure under one load."""
 
-    assembly: the structure; its dead load holds the given part of the live load. labels: (m,) True = dry. load_factor:
-    factor of the live load that acts. stands: True if the structure stands under this load, False if not; None where
-    undecided. ranges: one per resultant; empty if the structure does not stand. seconds: wall-clock time.
-    """
-
-    assembly: Assembly
-    labels: Bits
-    load_factor: float
-    stands: bool | None
-    ranges: tuple[ResultantRange, ...]
-    seconds: float
+    assembly: Assembly  # the structure; its dead load holds the given part of the live load
+    labels: Bits  # (m,) True = dry
+    load_factor: float  # factor of the live load that acts
+    stands: bool | None  # True if the structure stands under this load, False if not; None where undecided
+    ranges: tuple[ResultantRange, ...]  # one per resultant; empty if the structure does not stand
+    seconds: float  # wall-clock time
 
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld thrust --json` prints for each load case.
@@ -300,19 +288,15 @@ _IDLE: Final = 1e-6  # shear over the largest force of the structure up to which
 
 @dataclass(frozen=True)
 class Reserve:
-    """State in which the faces use the least possible share of their capacity.
+    """State in which the faces use the least possible share of their capacity."""
 
-    bracket: (float, float) proven bounds on the share: with less than the first one there is no state, with the second
-    one there is. forces: (m, q) resultants of this state, scene units. share: (m,) share of its capacity that each face
-    uses, 0 to 1. bending: (m,) share of the eccentricity, tension or compression alone. slip: (m,) share of shear and
-    torsion alone; reserve against slip is 1 minus it.
-    """
-
+    # (float, float) proven bounds on the share: with less than the first one there is no state, with the second one
+    # there is
     bracket: tuple[float, float]
-    forces: Floats
-    share: Floats
-    bending: Floats
-    slip: Floats
+    forces: Floats  # (m, q) resultants of this state, scene units
+    share: Floats  # (m,) share of its capacity that each face uses, 0 to 1
+    bending: Floats  # (m,) share of the eccentricity, tension or compression alone
+    slip: Floats  # (m,) share of shear and torsion alone; reserve against slip is 1 minus it
 
 
 @one_thread()

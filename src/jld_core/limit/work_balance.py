@@ -22,19 +22,17 @@ class WorkBalance:
     """Work balances of k mechanisms, each for one partial labelling: λ · work ≤ total.
 
     The inequality holds for every labelling that agrees with the partial one on its decided faces.
-
-    velocities: (k, q·free) mechanisms, scaled: q velocities of each free element, with the opening motion that repairs
-    rounding errors. work: (k,) work of the live load, scaled. total: (k,) dissipation minus work of the dead load, plus
-    a bound on rounding errors, scaled; valid where `sound` is True. sound: (k,) True where the dissipation is finite
-    and the work not negative. own, either: (k, m) dissipation of each face, scaled, or inf. `either`: the larger of its
-    dissipations under the two labels. `own`: its dissipation under its own label; equal to `either` for undecided
-    faces.
     """
 
+    # (k, q·free) mechanisms, scaled: q velocities of each free element, with the opening motion that repairs rounding
+    # errors
     velocities: Floats
-    work: Floats
+    work: Floats  # (k,) work of the live load, scaled
+    # (k,) dissipation minus work of the dead load, plus a bound on rounding errors, scaled; valid where `sound` is True
     total: Floats
-    sound: Bools
+    sound: Bools  # (k,) True where the dissipation is finite and the work not negative
+    # own, either: (k, m) dissipation of each face, scaled, or inf. `either`: the larger of its dissipations under the
+    # two labels. `own`: its dissipation under its own label; equal to `either` for undecided faces.
     own: Floats
     either: Floats
 

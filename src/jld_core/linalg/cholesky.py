@@ -21,15 +21,11 @@ from jld_core.arrays import Bools, Floats, Ints
 
 @dataclass(frozen=True)
 class Dissection:
-    """Parts of a graph of n nodes in the order of elimination, children before their parents.
+    """Parts of a graph of n nodes in the order of elimination, children before their parents."""
 
-    order: (n,) nodes in order of elimination. start: (parts + 1,) part p is order[start[p] : start[p + 1]]; it may be
-    empty. parent: (parts,) parent of each part in the tree of separators, −1 for a root.
-    """
-
-    order: Ints
-    start: Ints
-    parent: Ints
+    order: Ints  # (n,) nodes in order of elimination
+    start: Ints  # (parts + 1,) part p is order[start[p] : start[p + 1]]; it may be empty
+    parent: Ints  # (parts,) parent of each part in the tree of separators, −1 for a root
 
 
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
@@ -151,16 +147,13 @@ _LEAF = 100  # number of unknowns up to which a part of the graph is one dense f
 
 
 class _Run(NamedTuple):
-    """Range of update-matrix rows of a child front that are consecutive rows of its parent.
+    """Range of update-matrix rows of a child front that are consecutive rows of its parent."""
 
-    first, last: range among the unknowns of the child's update matrix. place: first row in the parent. own: True if
-    `place` counts in the parent's pivot unknowns, False if in its update matrix.
-    """
-
+    # first, last: range among the unknowns of the child's update matrix
     first: int
     last: int
-    place: int
-    own: bool
+    place: int  # first row in the parent
+    own: bool  # True if `place` counts in the parent's pivot unknowns, False if in its update matrix
 
 
 class Fronts:

@@ -28,21 +28,19 @@ class Bending:
 
     With the scaled moments x = (m1, m2), a dry face requires c·x ≤ N for each of its rows c in `dry`. An inner face
     requires c·x ≤ N + σtA for each of its rows c in `inner`. Face f has the rows start[f] to start[f + 1] − 1.
-
-    start: (m + 1,) first row of each face, then the number of rows. dry, inner: (rows, 2) coefficients c of (m1, m2),
-    in order of angle. dry_corners, inner_corners: (rows, 2) corners of {x : c·x ≤ 1}, each between a row and the next.
-    crushed: faces whose inner set also has an upper limit, c·x ≥ N − σcA. crush_start: first corner of each crushed
-    face, then the number of corners. crush_corners: (corners, 3) corners (ν, x) of the solid of each crushed face,
-    where N = −σtA + ν (σcA + σtA) and x is divided by σcA + σtA.
     """
 
-    start: Ints
+    start: Ints  # (m + 1,) first row of each face, then the number of rows
+    # dry, inner: (rows, 2) coefficients c of (m1, m2), in order of angle
     dry: Floats
     inner: Floats
+    # dry_corners, inner_corners: (rows, 2) corners of {x : c·x ≤ 1}, each between a row and the next
     dry_corners: Floats
     inner_corners: Floats
-    crushed: Ints
-    crush_start: Ints
+    crushed: Ints  # faces whose inner set also has an upper limit, c·x ≥ N − σcA
+    crush_start: Ints  # first corner of each crushed face, then the number of corners
+    # (corners, 3) corners (ν, x) of the solid of each crushed face, where N = −σtA + ν (σcA + σtA) and x is divided by
+    # σcA + σtA
     crush_corners: Floats
 
     @property
@@ -175,16 +173,13 @@ def _solid(rows: Floats) -> Floats:
 class Frictional(Strengths):
     """Scaled strengths of m faces under either label, with Coulomb friction in shear.
 
-    Shear is limited by |V| ≤ c + μN, in space by |V| + |mT| ≤ c + μN, docs/method.md (2.4), (2.7).
-
-    friction, cohesion: (m,) μ and c of dry faces. inner_friction, shear: (m,) μ and c = τA of inner faces. tension:
-    (m,) σtA of inner faces, at most c/μ. crush_dry, crush_inner: (m,) σcA; inf where none is given. pattern: rows of
-    the program.
-
-    All values except μ are divided by the force scale.
+    Shear is limited by |V| ≤ c + μN, in space by |V| + |mT| ≤ c + μN, docs/method.md (2.4), (2.7). friction, cohesion:
+    (m,) μ and c of dry faces. inner_friction, shear: (m,) μ and c = τA of inner faces. tension: (m,) σtA of inner
+    faces, at most c/μ. crush_dry, crush_inner: (m,) σcA; inf where none is given. All values except μ are divided by
+    the force scale.
     """
 
-    pattern: RowPattern
+    pattern: RowPattern  # rows of the program
 
     @cached_property
     def has_inner_friction(self) -> bool:

@@ -43,19 +43,14 @@ class EffectiveAreas:
 class PrescribedFriction:
     """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas.
 
-    Bending and cohesion are those of `base`. Faces of both labels have friction.
-
-    base: set with associative friction. alpha: α, share of the present N: 1 is associative friction, 0 is friction
-    without dilation. previous: (m,) n_prev, scaled; raised to the least N that a face can carry. areas: None leaves the
-    torsion of dry faces as in `base`.
-
-    Source: Gilbert et al. 2006; docs/method.md (4.1).
+    Bending and cohesion are those of `base`. Faces of both labels have friction. Source: Gilbert et al. 2006;
+    docs/method.md (4.1).
     """
 
-    base: FrictionSet
-    alpha: float
-    previous: Floats
-    areas: EffectiveAreas | None = None
+    base: FrictionSet  # set with associative friction
+    alpha: float  # α, share of the present N: 1 is associative friction, 0 is friction without dilation
+    previous: Floats  # (m,) n_prev, scaled; raised to the least N that a face can carry
+    areas: EffectiveAreas | None = None  # None leaves the torsion of dry faces as in `base`
 
     @property
     def associative(self) -> FrictionSet:

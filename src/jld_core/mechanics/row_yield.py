@@ -154,23 +154,21 @@ _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strength
 class LabelRows:
     """Yield sets of m faces under one label, stated as rows, in stresses or scaled.
 
-    C: (m, r, 3) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear. k, c, mu:
-    (m, 2) factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion. coupled: (m,)
-    True where one gauge limits both; its numbers stand twice. vertices, rays: (m, p, 3) of the core, filled up with the
-    first vertex, and with zeros. kind: (m,) class of the core of each face: faces of one class have the same rows of
-    stresses.
+    C: (m, r, 3) rows of the core; zeros are idle.
     """
 
     C: Floats
-    d: Floats
+    d: Floats  # (m, r) constants. B: (m, 2, 2) of the gauge of shear.
     B: Floats
+    # k, c, mu: (m, 2) factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion
     k: Floats
     c: Floats
     mu: Floats
-    coupled: Bools
+    coupled: Bools  # (m,) True where one gauge limits both; its numbers stand twice
+    # vertices, rays: (m, p, 3) of the core, filled up with the first vertex, and with zeros
     vertices: Floats
     rays: Floats
-    kind: Ints
+    kind: Ints  # (m,) class of the core of each face: faces of one class have the same rows of stresses
 
     def scaled(self, unit: Floats) -> LabelRows:
         """Return the sets of resultants from those of stresses; unit: (m,) area over the force scale."""
@@ -219,17 +217,14 @@ def _either(labels: Bits, dry: Floats, inner: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RowYield:
-    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`.
+    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`."""
 
-    dimension: 2 or 3. dry, inner, enclosing: scaled sets of either label, and sets that enclose both, with as many rows
-    each. criteria: criteria of plug-ins among them, for messages.
-    """
-
-    dimension: int
+    dimension: int  # 2 or 3
+    # dry, inner, enclosing: scaled sets of either label, and sets that enclose both, with as many rows each
     dry: LabelRows
     inner: LabelRows
     enclosing: LabelRows
-    criteria: tuple[StatedCriterion, ...] = ()
+    criteria: tuple[StatedCriterion, ...] = ()  # criteria of plug-ins among them, for messages
 
     @property
     def _core(self) -> list[int]:

@@ -75,13 +75,11 @@ class Hull:
     """Yield rows of undecided faces: they enclose the dry and the inner yield set.
 
     Relaxations use them in the places of the rows of dry faces, see `hull_rows`.
-
-    pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
-    either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
     """
 
+    # yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
     pattern: RowPattern
-    either: Bools
+    either: Bools  # (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero
 
     def active(self, labels: Bits) -> Bools:
         """Return the mask `either` (m, q); the labels have no effect."""
@@ -96,16 +94,15 @@ class ParabolicBending:
     may interact, docs/method.md (6.3). An inner copy of the face then carries a share w of a corner (n, m) of the inner
     set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
     where v is the shear of the corner above the dry line.
-
-    crushed: (k,) faces. parabola: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line
-    −a N ± b M ≤ h that also bounds bending, with a = b = 0 where there is none. interaction: (k, 12) interaction of V
-    and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA,
-    N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
-    crushed: Ints
-    parabola: Floats
+    crushed: Ints  # (k,) faces
+    parabola: Floats  # (k, 2) c and n₀
+    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b
+    # = 0 where there is none
     rows: Floats
+    # (k, 12) interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c,
+    # μ and c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
     interaction: Floats | None = None
 
 
@@ -115,12 +112,11 @@ class CoulombWedge:
 
     Bending: bending·|m| ≤ N + tension; shear: |V| ≤ cohesion + friction·N. Directions of recession are N (1, ±μ,
     ±1/bending).
-
-    tension, friction, cohesion: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
     """
 
+    # tension, friction, cohesion: (m,) strengths
     tension: Floats
-    bending: float
+    bending: float  # 1 (dry) or 3 (inner), the same for all faces
     friction: Floats
     cohesion: Floats
 

@@ -28,20 +28,18 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 @dataclass
 class _RowCollector:
-    """Builder of a `RowPattern`, to which yield rows are added family by family.
+    """Builder of a `RowPattern`, to which yield rows are added family by family."""
 
-    faces: number m of faces. rows, extra: numbers of rows and of columns beyond the resultants so far. entries: for
-    each family its positions of rows, columns and faces, then dry and inner coefficients. sides: right-hand sides (k,
-    2) with their rows and faces. length: number of entries so far. capacity: positions of entries that hold −μ.
-    """
-
-    faces: int
+    faces: int  # number m of faces
+    # rows, extra: numbers of rows and of columns beyond the resultants so far
     rows: int = 0
     extra: int = 0
+    # for each family its positions of rows, columns and faces, then dry and inner coefficients
     entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = field(default_factory=list)
+    # right-hand sides (k, 2) with their rows and faces
     sides: list[tuple[Floats, Ints, Ints]] = field(default_factory=list)
-    length: int = 0
-    capacity: list[Ints] = field(default_factory=list)
+    length: int = 0  # number of entries so far
+    capacity: list[Ints] = field(default_factory=list)  # positions of entries that hold −μ
 
     def column(self, face: Ints, resultant: int) -> Ints:
         """Return the columns of one resultant of the faces (k,)."""
@@ -309,17 +307,14 @@ class SpatialYield(Frictional):
 
     Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc also N³ ≤ N_c (N − |m1|)(N − |m2|)
     (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, with the μ of inner faces.
-
     friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
     tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
-    none is given. pattern: rows of the program. point: (m,) faces that are points and have no moments
-    (`point_contact_assembly`); they are always dry. bending: rows and corners of the bending sets.
-
-    Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12); support functions (3.4), (3.5), (3.8).
+    none is given. pattern: rows of the program. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to
+    (2.12); support functions (3.4), (3.5), (3.8).
     """
 
-    point: Bools
-    bending: Bending
+    point: Bools  # (m,) faces that are points and have no moments (`point_contact_assembly`); they are always dry
+    bending: Bending  # rows and corners of the bending sets
 
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.

@@ -32,17 +32,13 @@ _LEAST_SECONDS: Final = 5.0
 
 @dataclass(frozen=True, repr=False)
 class FieldResult(Result):
-    """λ of one labelling by stress and velocity fields, with what every `Result` has.
+    """λ of one labelling by stress and velocity fields, with what every `Result` has."""
 
-    assembly: the structure analysed. labels: (m,) True = dry. cracks: the crack model, with the gap asked for. cases:
-    bounds of each load case by its name; a single load has the name "". seconds: wall-clock time: total, s.
-    """
-
-    assembly: Assembly
-    labels: Bits
-    cracks: FieldCracks
-    cases: dict[str, FieldBounds | SpatialBounds]
-    seconds: dict[str, float]
+    assembly: Assembly  # the structure analysed
+    labels: Bits  # (m,) True = dry
+    cracks: FieldCracks  # the crack model, with the gap asked for
+    cases: dict[str, FieldBounds | SpatialBounds]  # bounds of each load case by its name; a single load has the name ""
+    seconds: dict[str, float]  # wall-clock time: total, s
 
     shown_by: ClassVar[str] = "jld_core.views.field_notebook:FieldResultView"
     notes = ()

@@ -47,20 +47,14 @@ _FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a s
 
 @dataclass(frozen=True)
 class PathPoint:
-    """Primal and dual variables of one iterate.
+    """Primal and dual variables of one iterate."""
 
-    y: (n,) forces, further variables, and λ as the last entry, scaled. u: (equalities,) multipliers of equilibrium,
-    which are velocities. s: (rows,) slacks of the rows. z: (rows,) multipliers of the rows. gap: gap s·z. Where
-    residuals are zero, it bounds the distance of the frozen optimum above λ. residual: norm of the residuals of
-    equilibrium, rows and stationarity.
-    """
-
-    y: Floats
-    u: Floats
-    s: Floats
-    z: Floats
-    gap: float = np.inf
-    residual: float = np.inf
+    y: Floats  # (n,) forces, further variables, and λ as the last entry, scaled
+    u: Floats  # (equalities,) multipliers of equilibrium, which are velocities
+    s: Floats  # (rows,) slacks of the rows
+    z: Floats  # (rows,) multipliers of the rows
+    gap: float = np.inf  # gap s·z. Where residuals are zero, it bounds the distance of the frozen optimum above λ.
+    residual: float = np.inf  # norm of the residuals of equilibrium, rows and stationarity
 
     @property
     def load(self) -> float:
@@ -70,18 +64,13 @@ class PathPoint:
 
 @dataclass
 class CentralPath:
-    """Central path of a program whose rows depend on its own solution.
+    """Central path of a program whose rows depend on its own solution."""
 
-    rows: the program. weights: (rows,) weight of the barrier of each row; a cone has the weight of its first row. size:
-    size of normal forces, slacks and multipliers in the first iterate, scaled. most: largest number of steps. steps:
-    number of steps so far.
-    """
-
-    rows: MovingRows
-    weights: Floats
-    size: float = 10.0
-    most: int = 120
-    steps: int = field(default=0, init=False)
+    rows: MovingRows  # the program
+    weights: Floats  # (rows,) weight of the barrier of each row; a cone has the weight of its first row
+    size: float = 10.0  # size of normal forces, slacks and multipliers in the first iterate, scaled
+    most: int = 120  # largest number of steps
+    steps: int = field(default=0, init=False)  # number of steps so far
 
     def __post_init__(self) -> None:
         """Give all rows of a cone the same weight, and divide all weights by their mean."""
@@ -294,20 +283,14 @@ _PARALLEL: Final = 0.1  # sine of the angle below which two directions count as 
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """Forces, their effective areas, and a mechanism of the problem with these areas held constant.
+    """Forces, their effective areas, and a mechanism of the problem with these areas held constant."""
 
-    state: forces under the areas; a lower bound on λ of the problem with constant areas if admissible. areas: effective
-    areas of the forces. prover: prover of the problem with constant areas. motion: mechanism of that problem with
-    finite dissipation. width: relative width of the bracket; inf if an end is missing. starts: number of central paths
-    followed.
-    """
-
-    state: State
-    areas: EffectiveAreas
-    prover: Prover
-    motion: Motion | None
-    width: float
-    starts: int
+    state: State  # forces under the areas; a lower bound on λ of the problem with constant areas if admissible
+    areas: EffectiveAreas  # effective areas of the forces
+    prover: Prover  # prover of the problem with constant areas
+    motion: Motion | None  # mechanism of that problem with finite dissipation
+    width: float  # relative width of the bracket; inf if an end is missing
+    starts: int  # number of central paths followed
 
 
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:

@@ -31,14 +31,12 @@ LONG: Final = 5.0
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """Expected time and memory to evaluate one labelling.
+    """Expected time and memory to evaluate one labelling."""
 
-    seconds: time on one core, in seconds. memory: memory of one process, in bytes. seconds: time on one core, in
-    seconds. memory: memory of one process, in bytes.
-    """
-
-    seconds: float
-    memory: float
+    # time on one core, in seconds
+    seconds: float  # time on one core, in seconds
+    # memory of one process, in bytes
+    memory: float  # memory of one process, in bytes
 
     @property
     def long(self) -> str | None:

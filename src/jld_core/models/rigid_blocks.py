@@ -52,16 +52,11 @@ _ROUNDS = 4  # maximum number of rounds of taking blocks apart; beyond that the 
 
 @dataclass(frozen=True)
 class RigidBlocks:
-    """Assembly of rigid blocks, with its relation to the full assembly.
+    """Assembly of rigid blocks, with its relation to the full assembly."""
 
-    assembly: condensed assembly. Its element k contains the elements of the full assembly with group == k. group: (n,)
-    rigid block of each element of the full assembly. face: (m',) interface of the full assembly for each interface of
-    the condensed one.
-    """
-
-    assembly: Assembly
-    group: Ints
-    face: Ints
+    assembly: Assembly  # condensed assembly. Its element k contains the elements of the full assembly with group == k.
+    group: Ints  # (n,) rigid block of each element of the full assembly
+    face: Ints  # (m',) interface of the full assembly for each interface of the condensed one
 
 
 def worth_condensing(template: Template, labels: Bits) -> bool:

@@ -59,15 +59,11 @@ _BENT: Final = 1e-2  # relative difference of the two chord slopes of a program 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Rate of change of λ with one parameter.
+    """Rate of change of λ with one parameter."""
 
-    derivative: two-sided rate; NaN where λ has a kink, or where the rate is not known well enough. left: rate for a
-    decrease of the parameter, NaN where unknown. right: rate for an increase of the parameter, NaN where unknown.
-    """
-
-    derivative: float
-    left: float
-    right: float
+    derivative: float  # two-sided rate; NaN where λ has a kink, or where the rate is not known well enough
+    left: float  # rate for a decrease of the parameter, NaN where unknown
+    right: float  # rate for an increase of the parameter, NaN where unknown
     unit: str
 
     def to_json(self) -> dict[str, float | str | None]:
@@ -123,14 +119,10 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
 
 @dataclass(frozen=True)
 class _Change:
-    """One parameter of an assembly that can be increased by a step.
+    """One parameter of an assembly that can be increased by a step."""
 
-    size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: field of
-    `Strengths`; "" for weight.
-    """
-
-    size: float
-    strength: str = ""
+    size: float  # scale of the parameter, to which steps are relative: the least strength, or 1 for weight
+    strength: str = ""  # field of `Strengths`; "" for weight
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
         """Return an assembly with the parameter increased by `step`.
@@ -294,13 +286,11 @@ class GeometrySensitivities:
     """Derivatives of λ by the positions of the v vertices of a structure.
 
     Elements and interfaces that share a vertex move together with it. Loads with a stated place stay there.
-
-    vertices: (v, d) positions, scene units. derivative: (v, d) ∂λ/∂(position), 1/length; NaN where λ has a kink. left,
-    right: (v, d) rates for a decrease and for an increase of each coordinate; NaN where unknown.
     """
 
-    vertices: Floats
-    derivative: Floats
+    vertices: Floats  # (v, d) positions, scene units
+    derivative: Floats  # (v, d) ∂λ/∂(position), 1/length; NaN where λ has a kink
+    # left, right: (v, d) rates for a decrease and for an increase of each coordinate; NaN where unknown
     left: Floats
     right: Floats
 

@@ -21,14 +21,11 @@ from jld_core.mechanics import Scaling
 
 @dataclass(frozen=True)
 class Bodies:
-    """Blocks that a labelling makes of an assembly; computed where a solver asks for them.
+    """Blocks that a labelling makes of an assembly; computed where a solver asks for them."""
 
-    assembly: elements and interfaces. labels: (m,) True = dry.
-    """
-
-    assembly: Assembly
+    assembly: Assembly  # elements and interfaces
     scaling: Scaling
-    labels: Bits
+    labels: Bits  # (m,) True = dry
 
     @cached_property
     def root(self) -> Ints:

@@ -37,12 +37,10 @@ _ROUTE: Final = Route("programs", STANDARD | CRITERIA)
 
 @dataclass(frozen=True)
 class Beside:
-    """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0.
+    """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0."""
 
-    row: (q·m,) coefficients of the resultants. dead, live: constant term and coefficient of λ.
-    """
-
-    row: Floats
+    row: Floats  # (q·m,) coefficients of the resultants
+    # dead, live: constant term and coefficient of λ
     dead: float
     live: float
 

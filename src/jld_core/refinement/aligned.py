@@ -44,27 +44,20 @@ _ON: Final = 1e-7  # distance from the outline, relative to the structure, up to
 
 @dataclass(frozen=True)
 class AlignedCells:
-    """Cells whose joints follow the principal stresses of a body.
+    """Cells whose joints follow the principal stresses of a body."""
 
-    cells: cells that cover the body. deviation: mean angle between the normals of head joints and the compression,
-    weighted by length and stress, radians.
-    """
-
-    cells: list[shapely.Polygon]
+    cells: list[shapely.Polygon]  # cells that cover the body
+    # mean angle between the normals of head joints and the compression, weighted by length and stress, radians
     deviation: float
 
 
 @dataclass(frozen=True)
 class TriangleStresses:
-    """Stresses on the triangles of a planar body.
+    """Stresses on the triangles of a planar body."""
 
-    points: (p, 2) nodes, length. triangles: (t, 3) nodes of each triangle, counter-clockwise. stress: (t, 3) mean σx,
-    σy, τxy in each triangle, tension positive.
-    """
-
-    points: Floats
-    triangles: Ints
-    stress: Floats
+    points: Floats  # (p, 2) nodes, length
+    triangles: Ints  # (t, 3) nodes of each triangle, counter-clockwise
+    stress: Floats  # (t, 3) mean σx, σy, τxy in each triangle, tension positive
 
     @property
     def gradients(self) -> tuple[Floats, Floats]:

@@ -21,14 +21,11 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class CrackCells:
-    """Assembly of finer cells, with the joint-grid face that each of its faces is part of.
+    """Assembly of finer cells, with the joint-grid face that each of its faces is part of."""
 
-    fine: the cells, with M interfaces; the assembly of the joint grid itself where no element is larger than a cell.
-    face: (M,) face of the joint grid that each face of the cells is a piece of, −1 inside an element.
-    """
-
+    # the cells, with M interfaces; the assembly of the joint grid itself where no element is larger than a cell
     fine: Assembly
-    face: Ints
+    face: Ints  # (M,) face of the joint grid that each face of the cells is a piece of, −1 inside an element
 
     def labels(self, labels: Bits) -> Bits:
         """Return the labels of the cells' faces."""

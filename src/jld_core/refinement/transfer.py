@@ -21,13 +21,10 @@ from jld_core.scene.loads import FaceLoad, FacePlace
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of an element after the split.
+    """Part of an element after the split."""
 
-    keys: geometry keys of its scene entry. share: its volume over that of the element.
-    """
-
-    keys: dict[str, Any]
-    share: float
+    keys: dict[str, Any]  # geometry keys of its scene entry
+    share: float  # its volume over that of the element
 
     @property
     def loops(self) -> tuple[tuple[int, ...], ...]:

@@ -27,17 +27,13 @@ _SWEEP: Final = np.radians(8.0)
 
 @dataclass(frozen=True)
 class Arc:
-    """Circular arc of an outline.
+    """Circular arc of an outline."""
 
-    centre: (2,) centre of the circle, scene units. radius: radius of the circle, scene units. angles: (k,) angles of
-    the corners about the centre, ascending, radians; the first and the last are its ends. hollow: True if the material
-    lies outside the circle, as at an intrados.
-    """
-
-    centre: Floats
-    radius: float
+    centre: Floats  # (2,) centre of the circle, scene units
+    radius: float  # radius of the circle, scene units
+    # (k,) angles of the corners about the centre, ascending, radians; the first and the last are its ends
     angles: Floats
-    hollow: bool
+    hollow: bool  # True if the material lies outside the circle, as at an intrados
 
     @property
     def sweep(self) -> float:
@@ -124,36 +120,27 @@ _COVERS: Final = 0.6  # share of an intrados that an arc must lie above to be it
 
 @dataclass(frozen=True)
 class VoussoirCells:
-    """Cells that cover a structure by voussoirs, and by courses beside them.
+    """Cells that cover a structure by voussoirs, and by courses beside them."""
 
-    cells: cells; those of voussoirs come first. width: length of a voussoir at the intrados. depth: depth of a ring at
-    the crown.
-    """
-
-    cells: list[shapely.Polygon]
-    width: float
-    depth: float
+    cells: list[shapely.Polygon]  # cells; those of voussoirs come first
+    width: float  # length of a voussoir at the intrados
+    depth: float  # depth of a ring at the crown
 
 
 @dataclass(frozen=True)
 class _Fan:
-    """Rays from one centre that bound the voussoirs of an arc, with the rings' end distances.
-
-    directions: (s, 2) unit vectors of rays, and of corners between them. ray: indices of those directions that are
-    joints. distance: (k, s) from the centre to the end of each ring but the last, which ends far outside. first, last:
-    springings (2,). width: of a voussoir at the intrados. depth: of a ring at the crown. opening: number of the
-    opening, which may have several arcs.
-    """
+    """Rays from one centre that bound the voussoirs of an arc, with the rings' end distances."""
 
     centre: Floats
-    directions: Floats
-    ray: list[int]
-    distance: Floats
+    directions: Floats  # (s, 2) unit vectors of rays, and of corners between them
+    ray: list[int]  # indices of those directions that are joints
+    distance: Floats  # (k, s) from the centre to the end of each ring but the last, which ends far outside
+    # first, last: springings (2,)
     first: Floats
     last: Floats
-    width: float
-    depth: float
-    opening: int = 0
+    width: float  # of a voussoir at the intrados
+    depth: float  # of a ring at the crown
+    opening: int = 0  # number of the opening, which may have several arcs
 
     def cells(self, far: float) -> list[shapely.Polygon]:
         """Return the cells between the rays, ring by ring; the last ring ends beyond `far`."""

@@ -155,16 +155,12 @@ def _sections(name: str, facets: Facets, heights: Floats) -> list[shapely.Geomet
 
 @dataclass(frozen=True)
 class Prism:
-    """Solid between two parallel plane caps of the same outline.
+    """Solid between two parallel plane caps of the same outline."""
 
-    origin: (3,) point of the lower cap. axes: (3, 3) two axes of the profile and the axis of the prism, as rows.
-    profile: outline in the first two axes, from the origin. length: distance of the caps.
-    """
-
-    origin: Floats
-    axes: Floats
-    profile: shapely.Polygon
-    length: float
+    origin: Floats  # (3,) point of the lower cap
+    axes: Floats  # (3, 3) two axes of the profile and the axis of the prism, as rows
+    profile: shapely.Polygon  # outline in the first two axes, from the origin
+    length: float  # distance of the caps
 
     def part(self, outline: Floats, low: float, high: float) -> tuple[Floats, Faces]:
         """Return vertices and outward faces of a part of the prism.

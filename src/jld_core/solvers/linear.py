@@ -20,16 +20,13 @@ _FEASIBLE: Final[dict[str, Any]] = {"primal_feasibility_tolerance": 1e-9, "dual_
 
 @dataclass(frozen=True)
 class LinearAnswer:
-    """Unverified solution of a linear program.
+    """Unverified solution of a linear program."""
 
-    found: True if the solver reports an optimum. Otherwise the other values may be arbitrarily wrong. point: (columns,)
-    solution x. dual: (rows,) multipliers with objective = Rᵀ dual on free columns; ≥ 0 where the lower bound of a row
-    binds in a minimisation.
-    """
-
-    found: bool
+    found: bool  # True if the solver reports an optimum. Otherwise the other values may be arbitrarily wrong.
     value: float
-    point: Floats
+    point: Floats  # (columns,) solution x
+    # (rows,) multipliers with objective = Rᵀ dual on free columns; ≥ 0 where the lower bound of a row binds in a
+    # minimisation
     dual: Floats
 
 

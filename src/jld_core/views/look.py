@@ -76,15 +76,13 @@ _MARKERS: Final[dict[Shape, str]] = {
 
 @dataclass(frozen=True)
 class Mark:
-    """Marker that figures and pages draw alike, with its legend text.
+    """Marker that figures and pages draw alike, with its legend text."""
 
-    shape: name of the shape. fill, edge: colours #rrggbb. meaning: legend text.
-    """
-
-    shape: Shape
+    shape: Shape  # name of the shape
+    # fill, edge: colours #rrggbb
     fill: str
     edge: str
-    meaning: str
+    meaning: str  # legend text
 
     @property
     def style(self) -> dict[str, Any]:

@@ -19,17 +19,14 @@ _HIGHEST: Final = 6.0  # largest λ that is drawn, over the least one
 
 @dataclass(frozen=True)
 class PathValue:
-    """Load factor at one position of a moving load.
+    """Load factor at one position of a moving load."""
 
-    vehicle: name of the moving load, with its direction. distance: distance of the first axle along the path, length.
-    low, high: proven bounds on λ; NaN where one is missing. required: required factor.
-    """
-
-    vehicle: str
-    distance: float
+    vehicle: str  # name of the moving load, with its direction
+    distance: float  # distance of the first axle along the path, length
+    # low, high: proven bounds on λ; NaN where one is missing
     low: float
     high: float
-    required: float
+    required: float  # required factor
 
     @property
     def middle(self) -> float:

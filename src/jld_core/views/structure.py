@@ -36,14 +36,10 @@ DOTTED: Final = (0, INNER_DASH)
 
 @dataclass(frozen=True)
 class Projection:
-    """Linear projection of the scene onto the paper; call it with points or vectors.
+    """Linear projection of the scene onto the paper; call it with points or vectors."""
 
-    across: (d, 2) its columns are the directions right and up on the paper. toward: (d,) unit vector to the viewer;
-    zero in the plane.
-    """
-
-    across: Floats
-    toward: Floats
+    across: Floats  # (d, 2) its columns are the directions right and up on the paper
+    toward: Floats  # (d,) unit vector to the viewer; zero in the plane
 
     def __call__(self, points: Floats) -> Floats:
         """Project points or vectors (k, d) to (k, 2), in the scene's unit of length."""
@@ -52,15 +48,11 @@ class Projection:
 
 @dataclass(frozen=True)
 class LineStyle:
-    """Style in which the m interfaces are drawn.
+    """Style in which the m interfaces are drawn."""
 
-    colours: one matplotlib colour per interface. widths: (m,) points. tick: half length of ticks on dry faces, scene
-    units, 0 for none.
-    """
-
-    colours: list[Any]
-    widths: Floats
-    tick: float = 0.0
+    colours: list[Any]  # one matplotlib colour per interface
+    widths: Floats  # (m,) points
+    tick: float = 0.0  # half length of ticks on dry faces, scene units, 0 for none
 
 
 def projection_of(assembly: Assembly) -> Projection:

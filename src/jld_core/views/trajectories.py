@@ -36,16 +36,12 @@ _PIECES: Final = 4  # parts of each edge of a triangle: stresses are sampled at 
 
 @dataclass(frozen=True)
 class AveragedStresses:
-    """Stresses averaged on a regular grid of ny × nx points.
+    """Stresses averaged on a regular grid of ny × nx points."""
 
-    origin: (2,) first grid point. spacing: of grid points, length. stress: (ny, nx, 3) σx, σy, τxy, tension positive.
-    inside: (ny, nx) True within free elements.
-    """
-
-    origin: Floats
-    spacing: float
-    stress: Floats
-    inside: Bools
+    origin: Floats  # (2,) first grid point
+    spacing: float  # of grid points, length
+    stress: Floats  # (ny, nx, 3) σx, σy, τxy, tension positive
+    inside: Bools  # (ny, nx) True within free elements
 
     def at(self, points: Floats) -> Floats:
         """Return the stresses (k, 3) at points (k, 2), interpolated linearly between grid points."""
@@ -65,13 +61,10 @@ class AveragedStresses:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One trajectory of principal stress.
+    """One trajectory of principal stress."""
 
-    points: (k, 2) along it, scene units. stress: (k,) magnitude of the principal stress there.
-    """
-
-    points: Floats
-    stress: Floats
+    points: Floats  # (k, 2) along it, scene units
+    stress: Floats  # (k,) magnitude of the principal stress there
 
 
 def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:

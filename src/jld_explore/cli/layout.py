@@ -40,16 +40,13 @@ def start_of_design(source: Path) -> LayingStart:
 
 
 class LaidOut(NamedTuple):
-    """Layout that a command refers to, and the model that its source states.
-
-    assembly: its structure, with the crack model of the source; low values of materials where a search was robust.
-    labels: (m,) True = dry. model: model of the search; of a scene the default.
-    """
+    """Layout that a command refers to, and the model that its source states."""
 
     scene: Scene
+    # its structure, with the crack model of the source; low values of materials where a search was robust
     assembly: Assembly
-    labels: Bits
-    model: Model
+    labels: Bits  # (m,) True = dry
+    model: Model  # model of the search; of a scene the default
 
 
 def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> LaidOut:

@@ -61,19 +61,14 @@ _NO_LOAD_FACTOR: Final = 1e300
 
 @dataclass
 class _Chain:
-    """State of one annealing chain.
+    """State of one annealing chain."""
 
-    labelling: (m,) current labelling, True = dry; None before the first one is evaluated. energy: −λ of the current
-    labelling. case: index of its governing load case. parts: its partition into blocks; None until needed. moving: (m,)
-    relative motion of each face in its mechanism; None until needed. changes: energy, load case and labels of the
-    changes evaluated since.
-    """
-
-    labelling: Bits | None = None
-    energy: float = math.inf
-    case: int = 0
-    parts: list[int] | None = None
-    moving: Floats | None = None
+    labelling: Bits | None = None  # (m,) current labelling, True = dry; None before the first one is evaluated
+    energy: float = math.inf  # −λ of the current labelling
+    case: int = 0  # index of its governing load case
+    parts: list[int] | None = None  # its partition into blocks; None until needed
+    moving: Floats | None = None  # (m,) relative motion of each face in its mechanism; None until needed
+    # energy, load case and labels of the changes evaluated since
     changes: list[tuple[float, int, Bits]] = field(default_factory=list)
 
     def move_to(self, labelling: Bits, energy: float, case: int) -> None:
@@ -82,11 +77,9 @@ class _Chain:
 
 
 class AnnealOptions(DriverOptions):
-    """Options of the anneal driver on the command line.
+    """Options of the anneal driver on the command line."""
 
-    chains: number of annealing chains, 1 to 100 000.
-    """
-
+    # number of annealing chains, 1 to 100 000
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 

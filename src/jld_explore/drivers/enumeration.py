@@ -80,29 +80,21 @@ _SLACK: Final = 1e-9
 
 @dataclass(frozen=True)
 class Tally:
-    """Numbers of labellings and classes of a space.
+    """Numbers of labellings and classes of a space."""
 
-    labellings: number of labellings. classes: number of labellings that differ by more than symmetry.
-    """
-
-    labellings: int
-    classes: int
+    labellings: int  # number of labellings
+    classes: int  # number of labellings that differ by more than symmetry
 
 
 @dataclass(frozen=True)
 class _Frontier:
-    """Partial labellings of one level, stored by columns.
+    """Partial labellings of one level, stored by columns."""
 
-    level: number of faces decided. block: (n, r) block of each place, named by its smallest place. label: (c, r)
-    decided labels, True = dry; only where they do not follow from the blocks. closed: (r,) number of blocks that can no
-    longer grow. dry: (c, r) number of dry faces that each limit on a number of faces counts.
-    """
-
-    level: int
-    block: Names
-    label: Bits
-    closed: Ints
-    dry: Ints
+    level: int  # number of faces decided
+    block: Names  # (n, r) block of each place, named by its smallest place
+    label: Bits  # (c, r) decided labels, True = dry; only where they do not follow from the blocks
+    closed: Ints  # (r,) number of blocks that can no longer grow
+    dry: Ints  # (c, r) number of dry faces that each limit on a number of faces counts
 
     def take(self, rows: Ints | slice) -> _Frontier:
         """Return some of the rows."""

@@ -28,15 +28,11 @@ class ProofAim(Protocol):
     The proof asks for `target` and `goal`, refutes, and calls `next` with the bound it reached. When `next` returns
     None, the `claims` are checked. `best` maps each count to the largest governing factor that a layout of that count
     is proven to carry.
-
-    count: count whose values are the targets; None where all labellings are one target. gap: relative distance between
-    the best lower bound and the bound at which a target is reached. in_steps: whether a bound far above the goal is
-    lowered in steps.
     """
 
-    count: Count | None
-    gap: float
-    in_steps: bool
+    count: Count | None  # count whose values are the targets; None where all labellings are one target
+    gap: float  # relative distance between the best lower bound and the bound at which a target is reached
+    in_steps: bool  # whether a bound far above the goal is lowered in steps
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
         """Return the count of the labellings to refute now.

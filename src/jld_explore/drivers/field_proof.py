@@ -161,17 +161,13 @@ _kept = _Kept()
 
 @dataclass(frozen=True)
 class ProofSetup:
-    """Data that all tasks of a proof share.
+    """Data that all tasks of a proof share."""
 
-    name: name of the proof, unlike that of any other; each process keeps relaxations by it. settings: setting of each
-    load case. required: required factor of each load case. free: (m,) faces that may take either label. levels: meshes
-    that all labellings share, from coarse to fine: each level has one mesh for each load case.
-    """
-
-    name: str
-    settings: tuple[FieldSetting, ...]
-    required: tuple[float, ...]
-    free: Bools
+    name: str  # name of the proof, unlike that of any other; each process keeps relaxations by it
+    settings: tuple[FieldSetting, ...]  # setting of each load case
+    required: tuple[float, ...]  # required factor of each load case
+    free: Bools  # (m,) faces that may take either label
+    # meshes that all labellings share, from coarse to fine: each level has one mesh for each load case
     levels: tuple[tuple[Mesh, ...], ...]
 
     def problems(self, level: int) -> list[FieldProblem]:
@@ -182,17 +178,13 @@ class ProofSetup:
 
 @dataclass(frozen=True)
 class LevelConflict:
-    """Result of refuting one labelling on the meshes that all labellings share.
+    """Result of refuting one labelling on the meshes that all labellings share."""
 
-    first: level (position in `ProofSetup.levels`) that refutes the labelling first, −1 for none. level: level whose
-    meshes the mechanism of the conflict belongs to, −1 for none. conflict: the conflict; `Mechanism.case` is the load
-    case. None where no level refutes the labelling. solves: programs solved.
-    """
-
-    first: int
-    level: int
+    first: int  # level (position in `ProofSetup.levels`) that refutes the labelling first, −1 for none
+    level: int  # level whose meshes the mechanism of the conflict belongs to, −1 for none
+    # the conflict; `Mechanism.case` is the load case. None where no level refutes the labelling.
     conflict: Conflict | None
-    solves: int
+    solves: int  # programs solved
 
 
 @one_thread()

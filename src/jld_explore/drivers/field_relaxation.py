@@ -34,15 +34,11 @@ _KEPT: Final = 4  # meshes, beside those that refute, whose problems are kept in
 
 @dataclass(frozen=True)
 class FieldProblem:
-    """Mesh on which velocity fields refute load factors under one load case.
+    """Mesh on which velocity fields refute load factors under one load case."""
 
-    setting: data that all meshes of the load case share. mesh: the mesh, scene units. required: required factor of the
-    load case.
-    """
-
-    setting: FieldSetting
-    mesh: Mesh
-    required: float
+    setting: FieldSetting  # data that all meshes of the load case share
+    mesh: Mesh  # the mesh, scene units
+    required: float  # required factor of the load case
 
 
 class FieldRelaxation:
@@ -182,16 +178,12 @@ def raised(bound: float) -> float:
 
 @dataclass(frozen=True)
 class FieldProofContext:
-    """Data that stay fixed during a proof by fields, for its check.
+    """Data that stay fixed during a proof by fields, for its check."""
 
-    relaxation: relaxation that refutes labellings and evaluates mechanisms. blocks: possible blocks, where they are
-    listed. free: (m,) faces that may take either label in some labelling.
-    """
-
-    relaxation: FieldRelaxation
+    relaxation: FieldRelaxation  # relaxation that refutes labellings and evaluates mechanisms
     space: SearchSpace
-    blocks: PossibleBlocks | None
-    free: Bools
+    blocks: PossibleBlocks | None  # possible blocks, where they are listed
+    free: Bools  # (m,) faces that may take either label in some labelling
 
     @property
     def labels(self) -> Bits:
@@ -210,14 +202,11 @@ _SHARED: Final = (3.5, 8.0)
 
 @dataclass(frozen=True)
 class CommonBound:
-    """Bound on all labellings under one load case.
-
-    found: velocity field with the factor that no labelling exceeds. bound: governing factor that no labelling exceeds.
-    """
+    """Bound on all labellings under one load case."""
 
     mesh: Mesh
-    found: WeighedField
-    bound: float
+    found: WeighedField  # velocity field with the factor that no labelling exceeds
+    bound: float  # governing factor that no labelling exceeds
 
 
 class CommonMeshes:

@@ -141,12 +141,11 @@ _RESOLUTION: Final = 2.0**20  # reciprocal of the relative resolution that disti
 
 
 class GeneticOptions(DriverOptions):
-    """Options of the genetic driver.
+    """Options of the genetic driver."""
 
-    population: population size. aim: search for the largest λ, or for the largest λ for every value of the count.
-    """
-
+    # population size
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
+    # search for the largest λ, or for the largest λ for every value of the count
     aim: Aim = Field("front", description="best, or front (the best for every count)")
 
 

@@ -24,23 +24,17 @@ _EVERY_RUN = -1  # owner index of the labelling at which all runs start
 
 @dataclass
 class _Run:
-    """State of one run.
+    """State of one run."""
 
-    labelling: (m,) current labelling, True = dry; None before its start is evaluated. sort_key: sort key of the current
-    labelling, from `sort_key`; less is better. stalled: rounds without improvement.
-    """
-
-    labelling: Bits | None = None
-    sort_key: tuple[int, float] = (99, 0.0)
-    stalled: int = 0
+    labelling: Bits | None = None  # (m,) current labelling, True = dry; None before its start is evaluated
+    sort_key: tuple[int, float] = (99, 0.0)  # sort key of the current labelling, from `sort_key`; less is better
+    stalled: int = 0  # rounds without improvement
 
 
 class HillClimbOptions(DriverOptions):
-    """Options of the hillclimb driver.
+    """Options of the hillclimb driver."""
 
-    start: letters d and i of the labelling at which all runs start.
-    """
-
+    # letters d and i of the labelling at which all runs start
     start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
 
 

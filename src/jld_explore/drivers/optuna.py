@@ -97,12 +97,10 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
 
 
 class OptunaOptions(DriverOptions):
-    """Options of the optuna driver.
+    """Options of the optuna driver."""
 
-    sampler: name of the sampler. storage: URL of a database; None for a file in the folder of the study.
-    """
-
-    sampler: str = Field("TPE", description="its sampler, by name")
+    sampler: str = Field("TPE", description="its sampler, by name")  # name of the sampler
+    # URL of a database; None for a file in the folder of the study
     storage: str | None = Field(None, description="URL of its database; default: a file in the folder")
 
 

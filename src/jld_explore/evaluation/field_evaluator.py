@@ -112,12 +112,9 @@ class FieldEvaluator(LabellingEvaluator):
 
 @dataclass(frozen=True)
 class MakeCellEvaluator:
-    """Maker of evaluators on finer cells, which can be sent to the workers of a study.
+    """Maker of evaluators on finer cells, which can be sent to the workers of a study."""
 
-    cells: the cells, and the joint face of each of their faces.
-    """
-
-    cells: CrackCells
+    cells: CrackCells  # the cells, and the joint face of each of their faces
 
     def __call__(self, assembly: Assembly, settings: EvaluatorSettings) -> LabellingEvaluator:
         """Return an evaluator of labellings of the joint grid that solves the finer cells."""

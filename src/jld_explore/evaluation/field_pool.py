@@ -32,20 +32,16 @@ _PATIENCE: Final = 6  # meshes after which a layout without one of the bounds is
 
 @dataclass(frozen=True)
 class FieldStep:
-    """Bounds that one mesh proves for one labelling under one load case.
+    """Bounds that one mesh proves for one labelling under one load case."""
 
-    bounds: (float, float) lower and upper bound on λ of the labelling, scene units; infinite where there is none.
-    stresses, mechanism: fields of the mesh, which bound other labellings as well. finer: the next mesh, None where
-    refinement ends. seconds: wall-clock time, s. more: additional result of the function that made the step, None if
-    there is none.
-    """
-
+    # (float, float) lower and upper bound on λ of the labelling, scene units; infinite where there is none
     bounds: tuple[float, float]
+    # stresses, mechanism: fields of the mesh, which bound other labellings as well
     stresses: FieldStresses | None
     mechanism: FieldMechanism | None
-    finer: Mesh | None
-    seconds: float
-    more: Any = None
+    finer: Mesh | None  # the next mesh, None where refinement ends
+    seconds: float  # wall-clock time, s
+    more: Any = None  # additional result of the function that made the step, None if there is none
 
 
 def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:

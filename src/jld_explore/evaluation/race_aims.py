@@ -133,23 +133,17 @@ def _near(best: Floats, most: Floats, gap: float) -> Bools:
 
 @dataclass(frozen=True)
 class RaceResult:
-    """Bounds on the governing factor of raced layouts.
+    """Bounds on the governing factor of raced layouts."""
 
-    low, high: (k, c) bounds on λ of each layout under each load case, scene units; infinite where there is none. gap:
-    relative distance between the best lower and the greatest upper bound on the governing factor. refined: number of
-    layouts that were refined. programs: number of cone programs solved. decided: True if the aim asks for no further
-    refinement. best: (float, float) greatest lower and greatest upper bound on the governing factor. rivals: number of
-    layouts whose upper bound is at least the best lower bound, the best layout included.
-    """
-
+    # low, high: (k, c) bounds on λ of each layout under each load case, scene units; infinite where there is none
     low: Floats
     high: Floats
-    gap: float
-    refined: int
-    programs: int
-    decided: bool
-    best: tuple[float, float]
-    rivals: int
+    gap: float  # relative distance between the best lower and the greatest upper bound on the governing factor
+    refined: int  # number of layouts that were refined
+    programs: int  # number of cone programs solved
+    decided: bool  # True if the aim asks for no further refinement
+    best: tuple[float, float]  # (float, float) greatest lower and greatest upper bound on the governing factor
+    rivals: int  # number of layouts whose upper bound is at least the best lower bound, the best layout included
 
 
 class FieldRace:

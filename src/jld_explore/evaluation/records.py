@@ -549,18 +549,13 @@ class Records:
 
 @dataclass(frozen=True)
 class PendingEvaluations:
-    """Labellings under evaluation.
+    """Labellings under evaluation."""
 
-    labellings: (k, m) True = dry. found: evaluations known so far, one entry per labelling. missing: (j,) positions of
-    the labellings sent to the workers. run: run of the workers; None if no labelling was sent. required: True if the
-    first labelling sent is evaluated whatever the deadline.
-    """
-
-    labellings: Bits
-    found: list[Evaluation | None]
-    missing: Ints
-    run: Run | None
-    required: bool = False
+    labellings: Bits  # (k, m) True = dry
+    found: list[Evaluation | None]  # evaluations known so far, one entry per labelling
+    missing: Ints  # (j,) positions of the labellings sent to the workers
+    run: Run | None  # run of the workers; None if no labelling was sent
+    required: bool = False  # True if the first labelling sent is evaluated whatever the deadline
 
 
 class RecordedEvaluator:

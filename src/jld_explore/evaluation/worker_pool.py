@@ -280,17 +280,12 @@ _of_process: Final[
 
 @dataclass(frozen=True)
 class WorkerSpec:
-    """Pickled data from which a worker makes its evaluator.
+    """Pickled data from which a worker makes its evaluator."""
 
-    content: pickle of the function that makes the evaluator, the assembly and the settings. digest: SHA-256 of the
-    content and the name of the batch solver. parent: process id of the process that made this specification. version:
-    version of jld that made it; a worker of a cluster may have another one.
-    """
-
-    content: bytes
-    digest: str
-    parent: int
-    version: str = __version__
+    content: bytes  # pickle of the function that makes the evaluator, the assembly and the settings
+    digest: str  # SHA-256 of the content and the name of the batch solver
+    parent: int  # process id of the process that made this specification
+    version: str = __version__  # version of jld that made it; a worker of a cluster may have another one
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:

@@ -44,13 +44,10 @@ class ExplorationView:
 
 @dataclass(frozen=True)
 class Page:
-    """Interactive page of a search, which a notebook shows in a frame.
+    """Interactive page of a search, which a notebook shows in a frame."""
 
-    text: HTML of the page. height: height of the frame, pixels.
-    """
-
-    text: str
-    height: int = 900
+    text: str  # HTML of the page
+    height: int = 900  # height of the frame, pixels
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, as Jupyter calls for it."""

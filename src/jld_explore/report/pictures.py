@@ -259,16 +259,12 @@ def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int
 
 @dataclass(frozen=True)
 class Gallery:
-    """Layouts in one or two rows along the bottom of a figure.
+    """Layouts in one or two rows along the bottom of a figure."""
 
-    count: number of layouts. columns: number of layouts per row. cell: width and height of each layout, inches. width:
-    width of the figure, inches.
-    """
-
-    count: int
-    columns: int
-    cell: tuple[float, float]
-    width: float
+    count: int  # number of layouts
+    columns: int  # number of layouts per row
+    cell: tuple[float, float]  # width and height of each layout, inches
+    width: float  # width of the figure, inches
 
     @classmethod
     def of(cls, count: int, assembly: Assembly, width: float) -> Gallery:

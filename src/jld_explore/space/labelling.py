@@ -143,19 +143,15 @@ def from_string(text: str) -> Bits:
 
 @dataclass(frozen=True)
 class Connectivity:
-    """Element graph as arcs into each element, its own arc first, for `blocks_of`.
+    """Element graph as arcs into each element, its own arc first, for `blocks_of`."""
 
-    a, b: (m,) elements of each face. touching: (t, 2) pairs of supports that share a face. source: (arcs,) element from
-    which an arc comes. face: (arcs,) face that an arc crosses; m for arcs that are always open. start: (n,) position of
-    the first arc into each element.
-    """
-
+    # a, b: (m,) elements of each face
     a: Ints
     b: Ints
-    touching: Ints
-    source: Ints
-    face: Ints
-    start: Ints
+    touching: Ints  # (t, 2) pairs of supports that share a face
+    source: Ints  # (arcs,) element from which an arc comes
+    face: Ints  # (arcs,) face that an arc crosses; m for arcs that are always open
+    start: Ints  # (n,) position of the first arc into each element
 
     @cached_property
     def compiled(self) -> Graph:

@@ -26,14 +26,12 @@ from jld_explore.space.shapes import BlockShapes
 
 @dataclass(frozen=True)
 class Range:
-    """Inclusive bounds as a scene gives them, with a tolerance for rounding.
+    """Inclusive bounds as a scene gives them, with a tolerance for rounding."""
 
-    low, high: bounds as given, None for no bound. least, most: bounds with tolerance for comparisons, ±inf for no
-    bound.
-    """
-
+    # low, high: bounds as given, None for no bound
     low: float | None
     high: float | None
+    # least, most: bounds with tolerance for comparisons, ±inf for no bound
     least: float
     most: float
 
@@ -71,14 +69,12 @@ class Measure:
     """Measure of the size of a block over its free elements, in scene units.
 
     The size of a part of a block never exceeds the size of the block.
-
-    key: key of its limit under "search". words: words after a size in messages. whole: True for whole numbers. of:
-    function that returns the contribution of each element (n,). None for the longest side of the bounding box.
     """
 
-    key: str
-    words: str
-    whole: bool
+    key: str  # key of its limit under "search"
+    words: str  # words after a size in messages
+    whole: bool  # True for whole numbers
+    # function that returns the contribution of each element (n,). None for the longest side of the bounding box.
     of: Callable[[Elements], Floats] | None
 
 
@@ -106,14 +102,10 @@ SizeOf = Callable[[Measure], Floats]
 
 @dataclass(frozen=True)
 class Sized:
-    """Sizes of n elements, or sets of elements, by every measure.
+    """Sizes of n elements, or sets of elements, by every measure."""
 
-    adds: contributions to each additive measure, by its key. corner: (n, 2 d) upper corner of the bounding box,
-    followed by the negative lower corner.
-    """
-
-    adds: dict[str, Floats]
-    corner: Floats
+    adds: dict[str, Floats]  # contributions to each additive measure, by its key
+    corner: Floats  # (n, 2 d) upper corner of the bounding box, followed by the negative lower corner
 
     @classmethod
     def elements(cls, elements: Elements, excepted: Bools) -> Sized:
@@ -209,13 +201,10 @@ _MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the 
 
 @dataclass(frozen=True)
 class Limits:
-    """All limits of a search over an assembly.
+    """All limits of a search over an assembly."""
 
-    assembly: structure with n elements and m faces. search: section "search" of a scene.
-    """
-
-    assembly: Assembly
-    search: Search
+    assembly: Assembly  # structure with n elements and m faces
+    search: Search  # section "search" of a scene
 
     @cached_property
     def on_blocks(self) -> tuple[tuple[Measure, Range], ...]:

@@ -28,13 +28,11 @@ _TOTAL: Final = 1e-8  # relative rounding allowed where the number of blocks fol
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Least and largest number of blocks that limits allow, and the limits that decide them.
-
-    least_key, most_key: keys under "search", "" where elements and fixed labels alone decide.
-    """
+    """Least and largest number of blocks that limits allow, and the limits that decide them."""
 
     least: int
     most: int
+    # least_key, most_key: keys under "search", "" where elements and fixed labels alone decide
     least_key: str = ""
     most_key: str = ""
 

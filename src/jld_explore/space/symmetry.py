@@ -39,31 +39,25 @@ Tag = tuple[Hashable, ...]
 
 @dataclass(frozen=True)
 class Mark:
-    """One fact with a place, of which a symmetry needs an image.
+    """One fact with a place, of which a symmetry needs an image."""
 
-    kind: facts that must be the same at the image. element: its index, −1 for none. items: (k, d + v) points in any
-    order, with v values each. vectors: (j, d), turned with the structure. turns: (t, 1 or 3) moments.
-    """
-
-    kind: Tag
-    element: int
-    items: Floats
-    vectors: Floats
-    turns: Floats
+    kind: Tag  # facts that must be the same at the image
+    element: int  # its index, −1 for none
+    items: Floats  # (k, d + v) points in any order, with v values each
+    vectors: Floats  # (j, d), turned with the structure
+    turns: Floats  # (t, 1 or 3) moments
 
 
 @dataclass(frozen=True)
 class Signature:
-    """Facts that a symmetry must map onto themselves, beside geometry, strengths and resultants.
+    """Facts that a symmetry must map onto themselves, beside geometry, strengths and resultants."""
 
-    elements, faces, members: tag of each. dead: marks of all cases. cases: marks of each load case.
-    """
-
+    # elements, faces, members: tag of each
     elements: tuple[Tag, ...]
     faces: tuple[Tag, ...]
     members: tuple[Tag, ...]
-    dead: tuple[Mark, ...]
-    cases: tuple[tuple[Mark, ...], ...]
+    dead: tuple[Mark, ...]  # marks of all cases
+    cases: tuple[tuple[Mark, ...], ...]  # marks of each load case
 
 
 class Unknown(Exception):
@@ -240,14 +234,11 @@ class SymmetryGroup:
     """Isometries that map the scene onto itself, the identity first.
 
     Each isometry permutes the faces differently. The images of a labelling are `labelling[faces]`.
-
-    matrices: (g, d, d) orthogonal matrices about the mean of the elements' centroids. elements: (g, n) element onto
-    which each element is mapped. faces: (g, m) face onto which each face is mapped.
     """
 
-    matrices: Floats
-    elements: Ints
-    faces: Ints
+    matrices: Floats  # (g, d, d) orthogonal matrices about the mean of the elements' centroids
+    elements: Ints  # (g, n) element onto which each element is mapped
+    faces: Ints  # (g, m) face onto which each face is mapped
 
     def __len__(self) -> int:
         """Return the number of isometries."""

@@ -34,13 +34,10 @@ class Void:
     """Cells that may be left out, represented by faces to one added support, the sink.
 
     A labelling has m + c labels: those of the m faces of `real`, then one for each cell, True = the cell stays.
-
-    real: structure without the sink, with m faces and n elements. cells: (c,) elements that may be left out, in the
-    order of their faces to the sink.
     """
 
-    real: Assembly
-    cells: Ints
+    real: Assembly  # structure without the sink, with m faces and n elements
+    cells: Ints  # (c,) elements that may be left out, in the order of their faces to the sink
 
     def gone(self, labellings: Bits) -> Bools:
         """Return (k, n) mask of the elements that labellings (k, m + c) leave out."""

@@ -31,13 +31,10 @@ _PARTS: Final = 24  # denominator of dissipation, so that halves, sixths and twe
 
 @dataclass(frozen=True)
 class Balance:
-    """Work balance of a mechanism, λ · work ≤ spent, that holds for a set of labellings.
+    """Work balance of a mechanism, λ · work ≤ spent, that holds for a set of labellings."""
 
-    work: power of the live load at λ = 1. spent: dissipation minus power of the dead load; None if unbounded.
-    """
-
-    work: Fraction
-    spent: Fraction | None
+    work: Fraction  # power of the live load at λ = 1
+    spent: Fraction | None  # dissipation minus power of the dead load; None if unbounded
 
     def proves(self, bound: Fraction) -> bool:
         """Return True if the balance excludes every λ ≥ 0 above the bound.

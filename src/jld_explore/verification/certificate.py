@@ -30,57 +30,42 @@ _EXPECTED: Final = "a certificate as jld explore --certificate writes it"
 
 @dataclass(frozen=True)
 class Claim:
-    """Statement of a certificate: no labelling of the scene carries more than `bound`.
+    """Statement of a certificate: no labelling of the scene carries more than `bound`."""
 
-    scene: scene as JSON, not validated. bound: upper bound on λ, scene units; with load cases on the governing factor.
-    labelling: best labelling found, letters 'd' and 'i'. load_factor: λ that `labelling` carries; None if no labelling
-    was found. made_by: name of the program that wrote the certificate.
-    """
-
-    scene: dict[str, Any]
-    bound: float
-    labelling: str | None = None
-    load_factor: float | None = None
-    made_by: str = ""
+    scene: dict[str, Any]  # scene as JSON, not validated
+    bound: float  # upper bound on λ, scene units; with load cases on the governing factor
+    labelling: str | None = None  # best labelling found, letters 'd' and 'i'
+    load_factor: float | None = None  # λ that `labelling` carries; None if no labelling was found
+    made_by: str = ""  # name of the program that wrote the certificate
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Reason: a mechanism by which no labelling with these labels carries more than the bound.
+    """Reason: a mechanism by which no labelling with these labels carries more than the bound."""
 
-    dry: faces that are dry. inner: faces that are inner. case: position of the load case. digits: binary digits of the
-    velocities after the point. moves: velocities of elements, as integers over 2**digits.
-    """
-
-    dry: tuple[int, ...]
-    inner: tuple[int, ...]
-    case: int
-    digits: int
-    moves: dict[int, tuple[int, ...]]
+    dry: tuple[int, ...]  # faces that are dry
+    inner: tuple[int, ...]  # faces that are inner
+    case: int  # position of the load case
+    digits: int  # binary digits of the velocities after the point
+    moves: dict[int, tuple[int, ...]]  # velocities of elements, as integers over 2**digits
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Reason: a rule of the scene that excludes labellings.
+    """Reason: a rule of the scene that excludes labellings."""
 
-    kind: "slit", "large" or "small". numbers: for "slit" a dry face, then the inner faces that join its two sides. For
-    "large" inner faces that join a block above a limit. For "small" elements enclosed by dry faces whose block is below
-    a limit.
-    """
-
-    kind: str
+    kind: str  # "slit", "large" or "small"
+    # for "slit" a dry face, then the inner faces that join its two sides. For "large" inner faces that join a block
+    # above a limit. For "small" elements enclosed by dry faces whose block is below a limit.
     numbers: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Lemma:
-    """Reason: a clause that follows from earlier clauses by unit propagation.
-
-    by: numbers of the clauses used, in order.
-    """
+    """Reason: a clause that follows from earlier clauses by unit propagation."""
 
     literals: tuple[int, ...]
-    by: tuple[int, ...]
+    by: tuple[int, ...]  # numbers of the clauses used, in order
 
 
 Reason = Mechanism | Rule | Lemma

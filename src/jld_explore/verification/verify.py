@@ -43,19 +43,16 @@ def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Seque
 
 @dataclass(frozen=True)
 class Verified:
-    """Result of a successful check: no labelling of the scene carries a λ above `claim.bound`.
+    """Result of a successful check: no labelling of the scene carries a λ above `claim.bound`."""
 
-    claim: statement of the certificate. scene: scene that the certificate holds. mechanisms, rules, lemmas: number of
-    reasons of each kind. size: size of the file, bytes. seconds: time of the check, s.
-    """
-
-    claim: Claim
-    scene: Scene
+    claim: Claim  # statement of the certificate
+    scene: Scene  # scene that the certificate holds
+    # mechanisms, rules, lemmas: number of reasons of each kind
     mechanisms: int
     rules: int
     lemmas: int
-    size: int
-    seconds: float
+    size: int  # size of the file, bytes
+    seconds: float  # time of the check, s
 
 
 def verify(path: Path, scene: Scene | None = None) -> Verified:

@@ -31,29 +31,23 @@ _ON: Final = 1e-6  # distance from a line, circle or support, relative to the st
 
 @dataclass(frozen=True)
 class Edge:
-    """Edge of a free element that carries a load.
+    """Edge of a free element that carries a load."""
 
-    element: index of the element. low, high: places of both ends along the side or line, length. p, q: (2,) its corners
-    at these places.
-    """
-
-    element: int
+    element: int  # index of the element
+    # low, high: places of both ends along the side or line, length
     low: float
     high: float
+    # p, q: (2,) its corners at these places
     p: Floats
     q: Floats
 
 
 @dataclass(frozen=True)
 class LoadedLine:
-    """Edges along which a load acts, with the direction in which the outermost one counts.
+    """Edges along which a load acts, with the direction in which the outermost one counts."""
 
-    edges: all edges that face the side, element by element. facing: (2,) unit vector out of the structure; 0 where
-    edges do not cover one another.
-    """
-
-    edges: list[Edge]
-    facing: Floats
+    edges: list[Edge]  # all edges that face the side, element by element
+    facing: Floats  # (2,) unit vector out of the structure; 0 where edges do not cover one another
 
     @property
     def ends(self) -> tuple[float, float]:

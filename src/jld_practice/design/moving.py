@@ -54,16 +54,12 @@ _GAIN: Final = 0.01  # relative rise of the lower bound below which a round impr
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Layout whose joints are to be moved.
+    """Layout whose joints are to be moved."""
 
-    tessellation: name of its tessellation. scene: scene with the materials as stated. labels: (m,) True = dry. words:
-    where the layout comes from.
-    """
-
-    tessellation: str
-    scene: Scene
-    labels: Bits
-    words: str
+    tessellation: str  # name of its tessellation
+    scene: Scene  # scene with the materials as stated
+    labels: Bits  # (m,) True = dry
+    words: str  # where the layout comes from
 
 
 def best_labels(done: Exploration, count: int) -> list[Bits]:

@@ -26,40 +26,34 @@ class DesignOptions:
     """Limits, loads, materials and resources that a user states for a design.
 
     None keeps the value of the outline's file.
-
-    block_mass: largest mass of a block, kg with m and N. shapes: largest number of different blocks, that is, of
-    moulds. load: force that acts downwards, as "10 kN"; each place is a load case. along: part of the outline on which
-    the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that is round upwards), or two points
-    of an edge as "X,Y,X,Y". places: number of places of the load at equal distances, or their shares of the length, as
-    "0.25,0.5". width: length over which the load is spread; None for a tenth of the length that it acts along. push:
-    horizontal load to either side, as a share of the weight; each side is a load case. friction, friction_low: friction
-    coefficient of joints, and the low value at which the winner is checked. density, tension, shear: density, tensile
-    and shear strength of the stone, in the units of the scene (kg/m³, Pa). thickness: out-of-plane thickness of a
-    drawing. unit: unit of length of a drawing. support: layers of supports of a drawing, or "lowest". laid: name of one
-    of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every stage stands.
-    seconds: time limit of the whole design, s. jobs: number of worker processes. seed: seed of searches and of random
-    cells.
     """
 
-    block_mass: float | None = None
-    shapes: int | None = None
-    load: str | None = None
+    block_mass: float | None = None  # largest mass of a block, kg with m and N
+    shapes: int | None = None  # largest number of different blocks, that is, of moulds
+    load: str | None = None  # force that acts downwards, as "10 kN"; each place is a load case
+    # part of the outline on which the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that is
+    # round upwards), or two points of an edge as "X,Y,X,Y"
     along: str = "top"
-    places: str = "1"
+    places: str = "1"  # number of places of the load at equal distances, or their shares of the length, as "0.25,0.5"
+    # length over which the load is spread; None for a tenth of the length that it acts along
     width: float | None = None
-    push: float | None = None
+    push: float | None = None  # horizontal load to either side, as a share of the weight; each side is a load case
+    # friction, friction_low: friction coefficient of joints, and the low value at which the winner is checked
     friction: float | None = None
     friction_low: float | None = None
+    # density, tension, shear: density, tensile and shear strength of the stone, in the units of the scene (kg/m³, Pa)
     density: float | None = None
     tension: float | None = None
     shear: float | None = None
-    thickness: float | None = None
-    unit: str | None = None
-    support: tuple[str, ...] = ()
+    thickness: float | None = None  # out-of-plane thickness of a drawing
+    unit: str | None = None  # unit of length of a drawing
+    support: tuple[str, ...] = ()  # layers of supports of a drawing, or "lowest"
+    # name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every stage
+    # stands
     laid: str | None = None
-    seconds: float = 300.0
-    jobs: int = os.cpu_count() or 1
-    seed: int = 0
+    seconds: float = 300.0  # time limit of the whole design, s
+    jobs: int = os.cpu_count() or 1  # number of worker processes
+    seed: int = 0  # seed of searches and of random cells
 
     def __post_init__(self) -> None:
         for name in ("block_mass", "push", "friction", "friction_low", "density", "tension", "shear", "width"):

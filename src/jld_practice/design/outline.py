@@ -41,14 +41,10 @@ _FOOT: Final = 0.05  # height of supports that are added, relative to the size
 
 @dataclass(frozen=True)
 class Outline:
-    """Scene of an outline to be cut, with the values that were assumed.
+    """Scene of an outline to be cut, with the values that were assumed."""
 
-    scene: scene with the outline as its free elements, and the loads that its file states. assumed: values and choices
-    that the file does not state, one phrase each.
-    """
-
-    scene: Scene
-    assumed: tuple[str, ...]
+    scene: Scene  # scene with the outline as its free elements, and the loads that its file states
+    assumed: tuple[str, ...]  # values and choices that the file does not state, one phrase each
 
 
 def read_outline(file: File, options: DesignOptions) -> Outline:

@@ -42,16 +42,12 @@ _TRIES: Final = 12  # number of sizes that are tried for a tessellation
 
 @dataclass(frozen=True)
 class Tessellation:
-    """One way to cut an outline into cells, with its scene.
+    """One way to cut an outline into cells, with its scene."""
 
-    name: short name, also of its folder. words: description. scene: scene of the cells with loads; None if the outline
-    cannot be cut in this way. problem: reason why it cannot be cut; "" if it can.
-    """
-
-    name: str
-    words: str
-    scene: Scene | None
-    problem: str = ""
+    name: str  # short name, also of its folder
+    words: str  # description
+    scene: Scene | None  # scene of the cells with loads; None if the outline cannot be cut in this way
+    problem: str = ""  # reason why it cannot be cut; "" if it can
 
 
 def tessellations(

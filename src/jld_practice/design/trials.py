@@ -39,17 +39,13 @@ _MESHES: Final = 2.0  # time of bounds by fields, as a multiple of that of the c
 
 @dataclass(frozen=True)
 class Screening:
-    """Strongest of a few layouts of a tessellation.
+    """Strongest of a few layouts of a tessellation."""
 
-    assembly: assembly that was searched. labels: (m,) labels of the strongest layout, True = dry; None if none was
-    found that stands. load_factor: λ of this layout, −inf without one. count: number of layouts solved. search_seconds:
-    least time of a search of this tessellation that is worth its while, with bounds by fields on λ of its best, s.
-    """
-
-    assembly: Assembly
-    labels: Bits | None
-    load_factor: float
-    count: int
+    assembly: Assembly  # assembly that was searched
+    labels: Bits | None  # (m,) labels of the strongest layout, True = dry; None if none was found that stands
+    load_factor: float  # λ of this layout, −inf without one
+    count: int  # number of layouts solved
+    # least time of a search of this tessellation that is worth its while, with bounds by fields on λ of its best, s
     search_seconds: float
 
 
@@ -103,23 +99,20 @@ NONE: Bounds = (-math.inf, math.inf)
 
 @dataclass(frozen=True)
 class Trial:
-    """One labelling of one tessellation, with its bounds on λ.
+    """One labelling of one tessellation, with its bounds on λ."""
 
-    tessellation: name of the tessellation. kind: "stated": labels that the tessellation states. "searched": best of a
-    search of labels. "moved": labels searched and joints moved. scene: scene whose own labels are the layout.
-    load_factor: λ by faces, NaN where unknown. faces, fields: (float, float) proven bounds on λ: with cracks along
-    faces, and with cracks anywhere in the blocks; infinite where unproven. words: how it was found. allowed: True if it
-    keeps the limits of the options. A stated layout may break them.
-    """
-
-    tessellation: str
+    tessellation: str  # name of the tessellation
+    # "stated": labels that the tessellation states. "searched": best of a search of labels. "moved": labels searched
+    # and joints moved.
     kind: str
-    scene: Scene
-    load_factor: float
+    scene: Scene  # scene whose own labels are the layout
+    load_factor: float  # λ by faces, NaN where unknown
+    # faces, fields: (float, float) proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks;
+    # infinite where unproven
     faces: Bounds
     fields: Bounds
-    words: str
-    allowed: bool = True
+    words: str  # how it was found
+    allowed: bool = True  # True if it keeps the limits of the options. A stated layout may break them.
 
     @property
     def proven(self) -> float:
@@ -162,38 +155,31 @@ class Trial:
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check of the winning layout.
-
-    words: outcome, in a sentence. values: numbers for summary.json.
-    """
+    """Result of one check of the winning layout."""
 
     name: str
-    words: str
-    values: dict[str, Any] = field(default_factory=dict)
+    words: str  # outcome, in a sentence
+    values: dict[str, Any] = field(default_factory=dict)  # numbers for summary.json
 
 
 @dataclass
 class Design:
-    """State of a design run, which can be written to disk at any time.
+    """State of a design run, which can be written to disk at any time."""
 
-    options: options that the user states. outline: outline to be cut, with the values assumed. folder: results folder.
-    tessellations: all tessellations, also those that do not fit. trials: all layouts found. screened: strongest of a
-    few layouts of each tessellation, by its name. layouts: labels of the best layouts of the search of each
-    tessellation, the best first. searched: outcome of the search of each tessellation, in words, by its name. stop:
-    reason why the design ended. seconds: time so far, s.
-    """
-
-    options: DesignOptions
-    outline: Outline
-    folder: Path
-    tessellations: list[Tessellation] = field(default_factory=list)
-    trials: list[Trial] = field(default_factory=list)
+    options: DesignOptions  # options that the user states
+    outline: Outline  # outline to be cut, with the values assumed
+    folder: Path  # results folder
+    tessellations: list[Tessellation] = field(default_factory=list)  # all tessellations, also those that do not fit
+    trials: list[Trial] = field(default_factory=list)  # all layouts found
+    # strongest of a few layouts of each tessellation, by its name
     screened: dict[str, Screening] = field(default_factory=dict)
+    # labels of the best layouts of the search of each tessellation, the best first
     layouts: dict[str, list[Bits]] = field(default_factory=dict)
+    # outcome of the search of each tessellation, in words, by its name
     searched: dict[str, str] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
-    stop: str = "time limit"
-    seconds: float = 0.0
+    stop: str = "time limit"  # reason why the design ended
+    seconds: float = 0.0  # time so far, s
 
     @property
     def allowed(self) -> list[Trial]:

@@ -52,16 +52,14 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """Choice between the factors of each permanent action.
+    """Choice between the factors of each permanent action."""
 
-    self_weight, dead, prestressing: factors that are taken for self-weight, stated dead loads and prestress. heavier:
-    parts of permanent loads with the unfavourable factor, where parts are individual actions; others have the
-    favourable one.
-    """
-
+    # self_weight, dead, prestressing: factors that are taken for self-weight, stated dead loads and prestress
     self_weight: Effect
     dead: Effect
     prestressing: Effect
+    # parts of permanent loads with the unfavourable factor, where parts are individual actions; others have the
+    # favourable one
     heavier: tuple[str, ...] = ()
 
     def factors(self, partial: PartialFactors) -> dict[str, float]:
@@ -147,15 +145,12 @@ Assess = Callable[[int, float, float], bool | None]
 
 @dataclass(frozen=True)
 class Loaded:
-    """Structure under one load case and one combination, at design values.
+    """Structure under one load case and one combination, at design values."""
 
-    number: position of the case. required: its required factor.
-    """
-
-    number: int
+    number: int  # position of the case
     structure: Assembly
     labels: Bits
-    required: float
+    required: float  # its required factor
     combination: Combination
 
 
@@ -213,15 +208,12 @@ _SAFE: Final = 1e-6  # relative share of a lower bound from affine forces that i
 
 @dataclass(frozen=True)
 class WorstParts:
-    """Worst assignment found for one load case: its combination and structure, and proven bounds of all assignments.
-
-    stands: True if every assignment stands without live load, False if one does not, None if undecided.
-    """
+    """Worst assignment found for one load case: its combination and structure, and proven bounds of all assignments."""
 
     combination: Combination
     structure: Assembly
     bounds: CaseBounds
-    stands: bool | None
+    stands: bool | None  # True if every assignment stands without live load, False if one does not, None if undecided
 
 
 def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> WorstParts:
@@ -413,21 +405,15 @@ Solution = LimitAnalysisResult | FieldResult
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """Utilisation of one load case under one combination.
+    """Utilisation of one load case under one combination."""
 
-    name: name of the load case; "" for a single load. required: required factor of the case, 1 if the scene states
-    none. structure: the structure under the design loads of the case and the combination. bounds: status and bounds of
-    λ, the factor of the design live load. stands: True if the structure stands without live load, which may be absent;
-    None if undecided. place: (str, float) path of a moving load and distance of its first axle along it; None for other
-    cases.
-    """
-
-    name: str
-    required: float
+    name: str  # name of the load case; "" for a single load
+    required: float  # required factor of the case, 1 if the scene states none
     combination: Combination
-    structure: Assembly
-    bounds: CaseBounds
-    stands: bool | None
+    structure: Assembly  # the structure under the design loads of the case and the combination
+    bounds: CaseBounds  # status and bounds of λ, the factor of the design live load
+    stands: bool | None  # True if the structure stands without live load, which may be absent; None if undecided
+    # (str, float) path of a moving load and distance of its first axle along it; None for other cases
     place: tuple[str, float] | None = None
 
     @property
@@ -477,27 +463,21 @@ class CaseCheck:
 
 @dataclass(frozen=True)
 class DesignCheck:
-    """Design check of one layout.
+    """Design check of one layout."""
 
-    scene: scene with characteristic values. assembly: structure at characteristic values. labels: (m,) labels of the
-    structure that is solved, True = dry. factors: partial factors. cases: every load case under its worst combination.
-    tried: every load case under each combination. solved: solution of the governing case under its worst combination;
-    None for fields. reactions: ranges of the reactions of supports under the design loads of the governing case.
-    reserve: state under these loads in which faces use the least share of their capacity. anywhere: every load case
-    under its worst combination where blocks may crack anywhere; empty if that is not checked. not_anywhere: why it is
-    not: "rigid" without strengths of blocks, "equilibrium" for EQU, or a reason in words; "" if it is.
-    """
-
-    scene: Scene
-    assembly: Assembly
-    labels: Bits
-    factors: PartialFactors
-    cases: tuple[CaseCheck, ...]
-    tried: tuple[tuple[CaseCheck, ...], ...]
-    solved: LimitAnalysisResult | None
+    scene: Scene  # scene with characteristic values
+    assembly: Assembly  # structure at characteristic values
+    labels: Bits  # (m,) labels of the structure that is solved, True = dry
+    factors: PartialFactors  # partial factors
+    cases: tuple[CaseCheck, ...]  # every load case under its worst combination
+    tried: tuple[tuple[CaseCheck, ...], ...]  # every load case under each combination
+    solved: LimitAnalysisResult | None  # solution of the governing case under its worst combination; None for fields
+    # ranges of the reactions of supports under the design loads of the governing case
     reactions: tuple[ResultantRange, ...]
-    reserve: Reserve | None
+    reserve: Reserve | None  # state under these loads in which faces use the least share of their capacity
+    # every load case under its worst combination where blocks may crack anywhere; empty if that is not checked
     anywhere: tuple[CaseCheck, ...] = ()
+    # why it is not: "rigid" without strengths of blocks, "equilibrium" for EQU, or a reason in words; "" if it is
     not_anywhere: str = ""
 
     @property

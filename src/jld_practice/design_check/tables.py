@@ -256,15 +256,12 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
 
 @dataclass(frozen=True)
 class Table:
-    """Table of a page: title, head and rows of texts; `more` counts rows that are left out.
-
-    widths: shares of the page's width.
-    """
+    """Table of a page: title, head and rows of texts; `more` counts rows that are left out."""
 
     title: str
     head: list[str]
     rows: list[list[str]]
-    widths: list[float]
+    widths: list[float]  # shares of the page's width
     more: int = 0
 
 

@@ -116,15 +116,12 @@ _NEARER: Final = 1e-3
 
 @dataclass(frozen=True)
 class ReliabilityOptions:
-    """Options of a reliability analysis.
+    """Options of a reliability analysis."""
 
-    required: governing load factor below which the structure fails. jobs: threads; they change no result.
-    """
-
-    required: float = 1.0
+    required: float = 1.0  # governing load factor below which the structure fails
     samples: int = SAMPLES
     seed: int = 0
-    jobs: int = 1
+    jobs: int = 1  # threads; they change no result
 
     def __post_init__(self) -> None:
         if not 0.0 < self.required < float("inf"):
@@ -139,18 +136,14 @@ class ReliabilityOptions:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Reliability of one layout by both methods.
+    """Reliability of one layout by both methods."""
 
-    variables: random variables of the structure. form: result of the first-order method. simulation: result of the
-    simulation. points: design points of several mechanisms, nearest first, around which rare failures are sampled.
-    options: options of both.
-    """
-
-    variables: Variables
-    form: Form
-    simulation: MonteCarlo
+    variables: Variables  # random variables of the structure
+    form: Form  # result of the first-order method
+    simulation: MonteCarlo  # result of the simulation
+    # design points of several mechanisms, nearest first, around which rare failures are sampled
     points: tuple[Form, ...]
-    options: ReliabilityOptions
+    options: ReliabilityOptions  # options of both
 
     @property
     def design_values(self) -> Floats | None:

@@ -25,12 +25,10 @@ _OPTIONS = SolveOptions()  # model of all samples: associative friction, convex 
 
 @dataclass(frozen=True)
 class GoverningBounds:
-    """Bounds on the governing factor of k samples: least λ / required of all load cases.
+    """Bounds on the governing factor of k samples: least λ / required of all load cases."""
 
-    low, high: (k,) proven bounds. Both are −inf where no λ ≥ 0 is admissible, +inf where λ is unbounded; the upper one
-    is +inf where the lower one is known to suffice.
-    """
-
+    # low, high: (k,) proven bounds. Both are −inf where no λ ≥ 0 is admissible, +inf where λ is unbounded; the upper
+    # one is +inf where the lower one is known to suffice.
     low: Floats
     high: Floats
 

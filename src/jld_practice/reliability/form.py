@@ -41,14 +41,10 @@ _DIFFERENCE: Final = 1e-6
 
 @dataclass(frozen=True)
 class Limit:
-    """Value and gradient of the limit function at a point of the standard normal space.
+    """Value and gradient of the limit function at a point of the standard normal space."""
 
-    value: governing factor less the required one; +inf where λ is unbounded. gradient: (v,) gradient by the standard
-    normal variables; None where it is unknown.
-    """
-
-    value: float
-    gradient: Floats | None
+    value: float  # governing factor less the required one; +inf where λ is unbounded
+    gradient: Floats | None  # (v,) gradient by the standard normal variables; None where it is unknown
 
     @property
     def distance(self) -> float:
@@ -61,20 +57,14 @@ class Limit:
 
 @dataclass(frozen=True)
 class Form:
-    """Result of the first-order method.
+    """Result of the first-order method."""
 
-    beta: reliability index; NaN where the iteration found no design point. point: (v,) design point in standard normal
-    space. steps: iterations. kink: True if the design point lies on a kink of λ, between one-sided gradients. problem:
-    why there is no design point; "" where there is one. far: True if there is none since failures are too far from the
-    means.
-    """
-
-    beta: float
-    point: Floats
-    steps: int
-    kink: bool = False
-    problem: str = ""
-    far: bool = False
+    beta: float  # reliability index; NaN where the iteration found no design point
+    point: Floats  # (v,) design point in standard normal space
+    steps: int  # iterations
+    kink: bool = False  # True if the design point lies on a kink of λ, between one-sided gradients
+    problem: str = ""  # why there is no design point; "" where there is one
+    far: bool = False  # True if there is none since failures are too far from the means
 
     @property
     def found(self) -> bool:

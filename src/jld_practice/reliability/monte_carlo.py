@@ -34,25 +34,21 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Result of a simulation.
+    """Result of a simulation."""
 
-    samples, failures, resolved, undecided: samples; those that surely fail; those that the batch solver left open and
-    another route solved; those that stay open, which count as failures. probability: estimated probability of failure.
-    interval: (float, float) confidence interval of it; its lower end counts undecided samples as safe, its upper end
-    what was not seen. importance: True for importance sampling. nearest: (v,) failing sample nearest to the means, in
-    standard normal space; None where none fails. unseen: what the upper end of the interval counts for failures away
-    from all design points.
-    """
-
+    # samples, failures, resolved, undecided: samples; those that surely fail; those that the batch solver left open and
+    # another route solved; those that stay open, which count as failures
     samples: int
     failures: int
     resolved: int
     undecided: int
-    probability: float
+    probability: float  # estimated probability of failure
+    # (float, float) confidence interval of it; its lower end counts undecided samples as safe, its upper end what was
+    # not seen
     interval: tuple[float, float]
-    importance: bool
-    nearest: Floats | None
-    unseen: float = 0.0
+    importance: bool  # True for importance sampling
+    nearest: Floats | None  # (v,) failing sample nearest to the means, in standard normal space; None where none fails
+    unseen: float = 0.0  # what the upper end of the interval counts for failures away from all design points
 
     @property
     def beta(self) -> float | None:
@@ -72,17 +68,15 @@ def index_of(probability: float) -> float | None:
 
 @dataclass(frozen=True)
 class _Part:
-    """Counts of a portion of the samples.
-
-    weights, squares: sums over failing, then over undecided samples. nearest: see `MonteCarlo`.
-    """
+    """Counts of a portion of the samples."""
 
     failures: int
     resolved: int
     undecided: int
+    # weights, squares: sums over failing, then over undecided samples
     weights: Floats
     squares: Floats
-    nearest: Floats | None
+    nearest: Floats | None  # see `MonteCarlo`
 
 
 def is_rare(points: Sequence[Form], samples: int) -> bool:
@@ -138,15 +132,13 @@ class _Drawing:
     """Samples in standard normal space, portion by portion.
 
     A portion has random numbers of its own, so that neither threads nor their number change them.
-
-    counts: (c,) number of samples around each centre. Samples of one centre follow one another. centres: (c, v) points
-    around which samples are drawn; the first one is the means. along: (c, v) direction in which the samples of each
-    centre are stratified, one in each of as many strata of equal probability; 0 for independent samples.
     """
 
     seed: int
-    counts: Ints
-    centres: Floats
+    counts: Ints  # (c,) number of samples around each centre. Samples of one centre follow one another.
+    centres: Floats  # (c, v) points around which samples are drawn; the first one is the means
+    # (c, v) direction in which the samples of each centre are stratified, one in each of as many strata of equal
+    # probability; 0 for independent samples
     along: Floats
 
     @classmethod
@@ -230,12 +222,10 @@ def _normal_interval(weight: Any, square: Any, samples: int) -> tuple[float, flo
 
 @dataclass(frozen=True)
 class Comparison:
-    """Which of two layouts of a structure carries more, over samples of their common values.
+    """Which of two layouts of a structure carries more, over samples of their common values."""
 
-    samples, stronger, weaker, undecided: samples; those in which the first layout surely carries more; surely less; and
-    all others, in which both carry alike or bounds overlap.
-    """
-
+    # samples, stronger, weaker, undecided: samples; those in which the first layout surely carries more; surely less;
+    # and all others, in which both carry alike or bounds overlap
     samples: int
     stronger: int
     weaker: int

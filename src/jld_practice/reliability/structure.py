@@ -31,17 +31,15 @@ _FACTOR: Final = 12.0  # natural logarithm of the largest factor on the median o
 class Variables:
     """Independent normal and lognormal random variables.
 
-    names: key of each in the scene, with the face or element where each has its own. mean, deviation: (v,) means and
-    standard deviations, in the units of the scene. lognormal: (v,) True where |x| is lognormal, else x is normal.
-
     docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with ζ² = ln(1 +
     s²/m²) and ν = ln |m| − ζ²/2.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # key of each in the scene, with the face or element where each has its own
+    # mean, deviation: (v,) means and standard deviations, in the units of the scene
     mean: Floats
     deviation: Floats
-    lognormal: Bools
+    lognormal: Bools  # (v,) True where |x| is lognormal, else x is normal
 
     def __len__(self) -> int:
         return len(self.names)
@@ -82,42 +80,36 @@ _FIELDS: Final = ("friction", "tension", "shear", "crush_dry", "crush_inner", "c
 
 @dataclass(frozen=True)
 class _Follower:
-    """Strengths that follow random variables: base + T(x) − T(mean), at least 0.
+    """Strengths that follow random variables: base + T(x) − T(mean), at least 0."""
 
-    field: of `Strengths`. faces, variables: (k,) faces and the variable of each. angle: True if x is an angle of
-    friction in degrees, so that T is its tangent.
-    """
-
-    field: str
+    field: str  # of `Strengths`
+    # faces, variables: (k,) faces and the variable of each
     faces: Ints
     variables: Ints
-    angle: bool
+    angle: bool  # True if x is an angle of friction in degrees, so that T is its tangent
 
 
 @dataclass(frozen=True)
 class Growth:
     """Loads of one case that grow with random variables: Π (x − mean) times loads.
 
-    The product is over `variables`. variables: one or two. dead, live: (n, q) loads.
+    The product is over `variables`.
     """
 
-    variables: tuple[int, ...]
+    variables: tuple[int, ...]  # one or two
+    # dead, live: (n, q) loads
     dead: Floats
     live: Floats
 
 
 @dataclass(frozen=True)
 class RandomStructure:
-    """Assembly at the means of its uncertain values, and how it depends on them.
+    """Assembly at the means of its uncertain values, and how it depends on them."""
 
-    assembly: structure at the means. variables: random variables. followers: strengths that follow variables. growths:
-    for each load case, loads that grow with variables.
-    """
-
-    assembly: Assembly
-    variables: Variables
-    followers: tuple[_Follower, ...]
-    growths: tuple[tuple[Growth, ...], ...]
+    assembly: Assembly  # structure at the means
+    variables: Variables  # random variables
+    followers: tuple[_Follower, ...]  # strengths that follow variables
+    growths: tuple[tuple[Growth, ...], ...]  # for each load case, loads that grow with variables
 
     @cached_property
     def cases(self) -> tuple[Assembly, ...]:

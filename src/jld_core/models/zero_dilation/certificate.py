@@ -40,12 +40,10 @@ class BinaryFractions:
     """Matrix of binary fractions of any length, for sums and products without rounding.
 
     The operators +, − and @ are exact.
-
-    values: (r, c) integers of any length. scale: each entry is its integer divided by 2^scale.
     """
 
-    values: Any
-    scale: int
+    values: Any  # (r, c) integers of any length
+    scale: int  # each entry is its integer divided by 2^scale
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:

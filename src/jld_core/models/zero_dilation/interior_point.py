@@ -67,34 +67,26 @@ class ProductProgram:
     """Program over products of forces and velocities: min cost·(Z, T) + (1 − b_λ·u)⁺.
 
     Products y_k z_l of `space` are zero, or not negative, where the masks say so.
-
-    space: map from the unknowns (Z, T) to the products (r, forms). equal, positive: (r, forms) products that are zero,
-    and products that are not negative. cost: (Z, T) coefficients of the objective, in the shape of a point. groups:
-    (w,) number of the group in which each velocity is eliminated.
     """
 
-    space: ProductSpace
+    space: ProductSpace  # map from the unknowns (Z, T) to the products (r, forms)
+    # equal, positive: (r, forms) products that are zero, and products that are not negative
     equal: Bools
     positive: Bools
-    cost: Point
-    groups: Ints
+    cost: Point  # (Z, T) coefficients of the objective, in the shape of a point
+    groups: Ints  # (w,) number of the group in which each velocity is eliminated
 
 
 @dataclass(frozen=True)
 class ProductSolution:
-    """Result of the interior-point method for one program over products.
+    """Result of the interior-point method for one program over products."""
 
-    point: (Z, T) best point found. multipliers: (r, forms) multipliers of the products, ≥ 0 for positive ones, 0 for
-    those not in the program. bound: multiplier of b_λ·u = 1, at most 1. error: largest one of residuals and
-    complementarity, all of order one. steps: number of steps taken. accurate: True if `error` is near the tolerance.
-    """
-
-    point: Point
-    multipliers: Floats
-    bound: float
-    error: float
-    steps: int
-    accurate: bool
+    point: Point  # (Z, T) best point found
+    multipliers: Floats  # (r, forms) multipliers of the products, ≥ 0 for positive ones, 0 for those not in the program
+    bound: float  # multiplier of b_λ·u = 1, at most 1
+    error: float  # largest one of residuals and complementarity, all of order one
+    steps: int  # number of steps taken
+    accurate: bool  # True if `error` is near the tolerance
 
 
 def minimise_product_program(

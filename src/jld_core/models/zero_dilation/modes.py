@@ -142,20 +142,17 @@ class LinearModes:
     0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0, and y_k z_k = 0. A row y is the slack of a yield condition, and its mode
     z the rate of a hinge or a slide. Crushing is excluded. There are q resultants, k rows, m faces. All values are
     scaled.
-
-    matrix: (equations, q) a. dead: (equations,) b. live_rate: (w,) coefficients of b_λ·u in w. rows, constants: (k, q)
-    c and d. rates: (k, w) h. capacities: (m, q + 2) shear capacity of each face, μN or τA, as a linear form of (F, λ,
-    1). adjacent: (m, m) True for faces that meet at an element, and on the diagonal.
     """
 
-    matrix: Floats
-    dead: Floats
-    live_rate: Floats
+    matrix: Floats  # (equations, q) a
+    dead: Floats  # (equations,) b
+    live_rate: Floats  # (w,) coefficients of b_λ·u in w
+    # rows, constants: (k, q) c and d
     rows: Floats
     constants: Floats
-    rates: Floats
-    capacities: Floats
-    adjacent: Bools
+    rates: Floats  # (k, w) h
+    capacities: Floats  # (m, q + 2) shear capacity of each face, μN or τA, as a linear form of (F, λ, 1)
+    adjacent: Bools  # (m, m) True for faces that meet at an element, and on the diagonal
 
     @property
     def faces(self) -> int:
@@ -437,16 +434,13 @@ def _by_weight(ways: Floats) -> list[int]:
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the solutions on which a bound is proven.
+    """Part of the solutions on which a bound is proven."""
 
-    low, high: ends of the interval of scaled λ. closed: (4m,) closed modes, with the rate z = 0. held: (4m,) held
-    modes, with the yield slack y = 0.
-    """
-
+    # low, high: ends of the interval of scaled λ
     low: float
     high: float
-    closed: Bools
-    held: Bools
+    closed: Bools  # (4m,) closed modes, with the rate z = 0
+    held: Bools  # (4m,) held modes, with the yield slack y = 0
 
     def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
         """Split the region at the mode that most violates y z = 0; None if no mode violates it.
@@ -470,14 +464,11 @@ class BoundedModes:
     """Complementarity problem of a planar labelling, with bounds that all its solutions keep.
 
     Every step of a lower-bound search takes this one description of the problem.
-
-    modes: the complementarity problem. force_bounds: (3m + 2,) upper bounds on |F|, |λ| and 1, see
-    `Statics.force_bounds`. velocity_bounds: (3n + m,) upper bounds on velocities and slides per unit of cost, see
-    `bound_velocities`; None if not proven.
     """
 
-    modes: Modes
-    force_bounds: Floats
+    modes: Modes  # the complementarity problem
+    force_bounds: Floats  # (3m + 2,) upper bounds on |F|, |λ| and 1, see `Statics.force_bounds`
+    # (3n + m,) upper bounds on velocities and slides per unit of cost, see `bound_velocities`; None if not proven
     velocity_bounds: Floats | None
 
     @classmethod

@@ -36,22 +36,16 @@ class ProductSpace:
     equilibrium; Z (k, w) holds its coefficients in a basis. A lone face has a rate of slip t that needs its own forces
     only. T (f, 4) holds the products of this t with the forces N, V, m and 1, in place of a column. The slides of a
     lone face, modes 4f + 2 and 4f + 3, are t and t + s, with the slip s.
-
-    facts: (r, p) linear forms of Φ: the yield slacks y, then others, the last of them 1. rates: (forms, w) linear forms
-    of the velocities: the mode rates z, then the sums around loops. bases: bases of the states that velocities
-    multiply. Z has as many rows as the widest. of: (w,) basis of each velocity. lone: (f,) lone faces. own: (f, 5, 4)
-    matrix from the products of each lone face in T to those of t with its four slacks and 1. at: (f, 4) places of its
-    N, V, m and of 1 in Φ. live: (w,) coefficients of b_λ·u.
     """
 
-    facts: Floats
-    rates: Floats
-    bases: tuple[Floats, ...]
-    of: Ints
-    lone: Ints
-    own: Floats
-    at: Ints
-    live: Floats
+    facts: Floats  # (r, p) linear forms of Φ: the yield slacks y, then others, the last of them 1
+    rates: Floats  # (forms, w) linear forms of the velocities: the mode rates z, then the sums around loops
+    bases: tuple[Floats, ...]  # bases of the states that velocities multiply. Z has as many rows as the widest.
+    of: Ints  # (w,) basis of each velocity
+    lone: Ints  # (f,) lone faces
+    own: Floats  # (f, 5, 4) matrix from the products of each lone face in T to those of t with its four slacks and 1
+    at: Ints  # (f, 4) places of its N, V, m and of 1 in Φ
+    live: Floats  # (w,) coefficients of b_λ·u
 
     def expand(self, z: Floats) -> Floats:
         """Return the products X (p, w) of the states whose basis coefficients are Z.
@@ -243,17 +237,13 @@ class Velocities:
     The bounds on the slides of a lone face require its own forces only. Its t therefore has four products and no
     equilibrium, see `ProductSpace`. On walls this removes a third of X, and no case was found where it lowers the
     bound.
-
-    space: products of the velocities that have columns, and of the lone faces. basis: (3n + m, v) basis of all v free
-    velocities. whole: (v,) True for the w velocities that have columns in `space`. at: (f,) free velocity that is the t
-    of each lone face. groups: (w,) number of the group in which each velocity with a column is eliminated.
     """
 
-    space: ProductSpace
-    basis: Floats
-    whole: Bools
-    at: Ints
-    groups: Ints
+    space: ProductSpace  # products of the velocities that have columns, and of the lone faces
+    basis: Floats  # (3n + m, v) basis of all v free velocities
+    whole: Bools  # (v,) True for the w velocities that have columns in `space`
+    at: Ints  # (f,) free velocity that is the t of each lone face
+    groups: Ints  # (w,) number of the group in which each velocity with a column is eliminated
 
     def split(self, form: Floats) -> Point:
         """Convert coefficients of a linear form of X to those of the unknowns (Z, T).
@@ -317,26 +307,18 @@ class PrimalDualPair:
     """Forces and velocities evaluated as one candidate solution, scaled.
 
     A frozen problem is one whose friction is fixed at μN of the state, docs/method.md (4.1).
-
-    state: forces in equilibrium. They lie inside the true friction cone if repairs succeeded. motion: mechanism of the
-    frozen problem; None if none has finite dissipation. locked: True if the frozen problem has no finite λ. violation:
-    largest excess of friction (|V| − μN)⁺ over the largest N. dilation: largest dilation of pressed faces over the
-    largest slip; inf without a mechanism. gap: complementarity gap Γ, docs/method.md (4.3); inf without a mechanism.
-    dissipation: σ D_N(J), docs/method.md (4.5). area_change: change of effective areas that the forces require; 0
-    without effective areas. load_scale: scaled λ below which λ counts as zero. settled: True if λ of the last two
-    programs agree: minimisation of Γ, and frozen problem.
     """
 
-    state: State
-    motion: Motion | None
-    locked: bool
-    violation: float
-    dilation: float
-    gap: float
-    dissipation: float
-    area_change: float
-    load_scale: float
-    settled: bool
+    state: State  # forces in equilibrium. They lie inside the true friction cone if repairs succeeded.
+    motion: Motion | None  # mechanism of the frozen problem; None if none has finite dissipation
+    locked: bool  # True if the frozen problem has no finite λ
+    violation: float  # largest excess of friction (|V| − μN)⁺ over the largest N
+    dilation: float  # largest dilation of pressed faces over the largest slip; inf without a mechanism
+    gap: float  # complementarity gap Γ, docs/method.md (4.3); inf without a mechanism
+    dissipation: float  # σ D_N(J), docs/method.md (4.5)
+    area_change: float  # change of effective areas that the forces require; 0 without effective areas
+    load_scale: float  # scaled λ below which λ counts as zero
+    settled: bool  # True if λ of the last two programs agree: minimisation of Γ, and frozen problem
 
     @property
     def relative_gap(self) -> float:

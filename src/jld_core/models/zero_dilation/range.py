@@ -54,13 +54,10 @@ _DEPTH: Final = 6  # maximum depth of branching
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Lower bounds on scaled λ of the solutions in one region.
+    """Lower bounds on scaled λ of the solutions in one region."""
 
-    proven: by certificates. believed: the highest one, which may rely on the solver.
-    """
-
-    proven: float
-    believed: float
+    proven: float  # by certificates
+    believed: float  # the highest one, which may rely on the solver
 
     def with_(self, proven: float, believed: float) -> _Bounds:
         """Return a copy with each bound raised to the given value, if that is higher."""
@@ -174,16 +171,13 @@ BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBoun
 
 @dataclass(frozen=True)
 class RangeOptions:
-    """Parameters of the search for the range of collapse loads without dilation.
+    """Parameters of the search for the range of collapse loads without dilation."""
 
-    seconds: processor time in seconds after which no further step of the lower bound begins; 0 omits the bound.
-    sufficient_load: λ in scene units. The search ends once a solution at or below this value is found. bound: function
-    that searches for the lower bound. Default: that of planar scenes; it gives no bound for spatial scenes and with
-    crushing.
-    """
-
-    seconds: float
+    seconds: float  # processor time in seconds after which no further step of the lower bound begins; 0 omits the bound
+    # λ in scene units. The search ends once a solution at or below this value is found.
     sufficient_load: float = -math.inf
+    # function that searches for the lower bound. Default: that of planar scenes; it gives no bound for spatial scenes
+    # and with crushing.
     bound: BoundSearch | None = None
 
 

@@ -41,15 +41,11 @@ class Multipliers:
     forces are the 4m yield slacks y, λ − L, U − λ and 1, where L ≤ λ ≤ U is the region. The forms of velocities are the
     4m mode rates z and the 2e sums around loops (`Modes.forms`). Mode k has slack y_k and rate z_k. Held modes
     (`Region.held`) have y_k = 0.
-
-    products: (4m + 3, 4m + 2e) multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes.
-    live_work: (4m + 2,) multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes. bound:
-    bound that the solver claims, scaled λ.
     """
 
-    products: Floats
-    live_work: Floats
-    bound: float
+    products: Floats  # (4m + 3, 4m + 2e) multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes
+    live_work: Floats  # (4m + 2,) multipliers of the forms of forces, without 1, times b_λ·u; ≥ 0 except for held modes
+    bound: float  # bound that the solver claims, scaled λ
 
 
 @dataclass(frozen=True)
@@ -59,37 +55,32 @@ class RltSolution:
     X holds the products of forces and velocities of a planar structure with m faces, docs/method.md (4.7); 2e is the
     number of sums around loops. Only `multipliers` prove a bound. The other arrays suggest where to search for a
     solution and which mode to split.
-
-    states: (k, 3m + 1) forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates.
-    rates, slacks: (4m,) mean mode rates z and mean yield slacks y. violated: (4m, 4m + 2e) True for products y_k h_l
-    outside the program that are negative in X; None if unknown. accurate: True if the solver reports an optimum;
-    otherwise the multipliers may still prove a bound.
     """
 
     multipliers: Multipliers
+    # (k, 3m + 1) forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates
     states: Floats
+    # rates, slacks: (4m,) mean mode rates z and mean yield slacks y
     rates: Floats
     slacks: Floats
+    # (4m, 4m + 2e) True for products y_k h_l outside the program that are negative in X; None if unknown
     violated: Bools | None = None
-    accurate: bool = True
+    accurate: bool = True  # True if the solver reports an optimum; otherwise the multipliers may still prove a bound
 
 
 @dataclass(frozen=True)
 class RltOptions:
-    """Parameters of one RLT program.
+    """Parameters of one RLT program."""
 
-    pairs: (4m, 4m + 2e) rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities. slack: σ,
-    decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs. seconds:
-    time limit: wall-clock time of HiGHS, processor time of the solver by matrix blocks. distance: number of faces
-    within which a velocity is multiplied with forces and equilibrium; None: all of them. Used by the solver by matrix
-    blocks only. tolerance: residual and complementarity of the solver by matrix blocks; None: its default. With a large
-    tolerance multipliers are larger and easier to make exact.
-    """
-
-    pairs: Bools
+    pairs: Bools  # (4m, 4m + 2e) rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities
+    # σ, decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs.
     slack: float
-    seconds: float = np.inf
+    seconds: float = np.inf  # time limit: wall-clock time of HiGHS, processor time of the solver by matrix blocks
+    # number of faces within which a velocity is multiplied with forces and equilibrium; None: all of them. Used by the
+    # solver by matrix blocks only.
     distance: int | None = None
+    # residual and complementarity of the solver by matrix blocks; None: its default. With a large tolerance multipliers
+    # are larger and easier to make exact.
     tolerance: float | None = None
 
 
@@ -338,20 +329,15 @@ _TRUSTED: Final = 1e-7  # relative reduction of an unproven bound; it exceeds th
 
 @dataclass(frozen=True)
 class LowerBound:
-    """Lower bounds on λ of all non-dilatant solutions with λ ≥ 0, scaled.
+    """Lower bounds on λ of all non-dilatant solutions with λ ≥ 0, scaled."""
 
-    proven: bound by certificates only. bound: highest bound, valid within `tolerance`. tolerance: relative; 0 if
-    `bound` is proven, otherwise it covers the error of the solver. closed: True if `bound` meets the lowest solution
-    found. programs: number of programs solved. seconds: processor time, s. solve_log: steps in order.
-    """
-
-    proven: float
-    bound: float
-    tolerance: float
-    closed: bool
-    programs: int
-    seconds: float
-    solve_log: tuple[str, ...]
+    proven: float  # bound by certificates only
+    bound: float  # highest bound, valid within `tolerance`
+    tolerance: float  # relative; 0 if `bound` is proven, otherwise it covers the error of the solver
+    closed: bool  # True if `bound` meets the lowest solution found
+    programs: int  # number of programs solved
+    seconds: float  # processor time, s
+    solve_log: tuple[str, ...]  # steps in order
 
 
 class LowerBoundProblem:

@@ -350,20 +350,15 @@ _TRIES: Final = 6  # number of consecutive tries without gain in a descent from 
 
 @dataclass
 class Found:
-    """Certified solutions of one labelling found so far, scaled.
+    """Certified solutions of one labelling found so far, scaled."""
 
-    width: relative width of the bracket up to which a pair counts as a solution. zero_load: λ below which λ is rounding
-    of zero. lowest: solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no
-    other. highest: solution of largest λ. best: best pair offered, certified or not. loads: λ of all certified
-    solutions.
-    """
-
-    width: float
-    zero_load: float
+    width: float  # relative width of the bracket up to which a pair counts as a solution
+    zero_load: float  # λ below which λ is rounding of zero
+    # solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no other.
     lowest: PrimalDualPair | None = None
-    highest: PrimalDualPair | None = None
-    best: PrimalDualPair | None = None
-    loads: list[float] = field(default_factory=list)
+    highest: PrimalDualPair | None = None  # solution of largest λ
+    best: PrimalDualPair | None = None  # best pair offered, certified or not
+    loads: list[float] = field(default_factory=list)  # λ of all certified solutions
 
     @property
     def lowest_load(self) -> float:

@@ -232,20 +232,17 @@ _MOST = 60  # largest number of columns of a matrix block; larger ones mean that
 
 @dataclass(frozen=True)
 class Family:
-    """Data positions of m faces whose matrix blocks have equal sizes, as stacked arrays.
+    """Data positions of m faces whose matrix blocks have equal sizes, as stacked arrays."""
 
-    columns: (m, k) program columns of each face. rows: (m, rows) yield rows of each face, numbered after the equations,
-    half-lines first. equations: (m, r) equations that each face enters. linear, cones: number of half-lines and of
-    cones per face. g, a, edge: (int array, int array) entries of the program's data, and their positions in a flat
-    array. The arrays are: `g` (m, rows, k) of yield rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield
-    rows in border columns.
-    """
-
-    columns: Ints
-    rows: Ints
-    equations: Ints
+    columns: Ints  # (m, k) program columns of each face
+    rows: Ints  # (m, rows) yield rows of each face, numbered after the equations, half-lines first
+    equations: Ints  # (m, r) equations that each face enters
+    # linear, cones: number of half-lines and of cones per face
     linear: int
     cones: int
+    # g, a, edge: (int array, int array) entries of the program's data, and their positions in a flat array. The arrays
+    # are: `g` (m, rows, k) of yield rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield rows in border
+    # columns.
     g: tuple[Ints, Ints]
     a: tuple[Ints, Ints]
     edge: tuple[Ints, Ints]
@@ -253,20 +250,15 @@ class Family:
 
 @dataclass(frozen=True)
 class FaceBlocks:
-    """Rows and columns of a program grouped by face, as positions in the program's data.
+    """Rows and columns of a program grouped by face, as positions in the program's data."""
 
-    cones: product of cones of the yield rows. families: faces, grouped by size. border: (border,) columns that belong
-    to no face. idle: columns without yield rows; no program may have entries in them. loose: data entries in yield rows
-    of border columns alone, with their yield row and border column. edge: data entries in equations of border columns,
-    with their equation and border column.
-    """
-
-    cones: Cones
-    families: tuple[Family, ...]
-    border: Ints
-    idle: Ints
+    cones: Cones  # product of cones of the yield rows
+    families: tuple[Family, ...]  # faces, grouped by size
+    border: Ints  # (border,) columns that belong to no face
+    idle: Ints  # columns without yield rows; no program may have entries in them
+    # data entries in yield rows of border columns alone, with their yield row and border column
     loose: tuple[Ints, Ints, Ints]
-    edge: tuple[Ints, Ints, Ints]
+    edge: tuple[Ints, Ints, Ints]  # data entries in equations of border columns, with their equation and border column
 
 
 def face_blocks(structure: Structure) -> FaceBlocks:

@@ -310,16 +310,14 @@ _LONGER = 1.5, 0.1  # step for which a centrality corrector aims: factor of the 
 
 @dataclass
 class Iterate:
-    """Iterate of the homogeneous self-dual embedding of a program.
+    """Iterate of the homogeneous self-dual embedding of a program."""
 
-    x: values of the columns. u: multipliers of the equations. s, v: slacks and multipliers of the yield rows. tau,
-    kappa: the scalars τ and κ of the embedding.
-    """
-
-    x: Floats
-    u: Floats
+    x: Floats  # values of the columns
+    u: Floats  # multipliers of the equations
+    # s, v: slacks and multipliers of the yield rows
     s: Floats
     v: Floats
+    # tau, kappa: the scalars τ and κ of the embedding
     tau: float = 1.0
     kappa: float = 1.0
 

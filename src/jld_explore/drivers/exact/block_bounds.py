@@ -210,14 +210,11 @@ _TIME_SHARE: Final = 0.5  # share of the remaining time that the programs may ta
 
 @dataclass(frozen=True)
 class TightenedBound:
-    """Result of `BlockBoundTightening.tighten`.
+    """Result of `BlockBoundTightening.tighten`."""
 
-    bound: scaled λ that no labelling exceeds. conflicts: one conflict for each refuted block. proof: mechanisms of all
-    programs so far, which prove the bound.
-    """
-
-    bound: float
-    conflicts: tuple[Conflict, ...]
+    bound: float  # scaled λ that no labelling exceeds
+    conflicts: tuple[Conflict, ...]  # one conflict for each refuted block
+    # mechanisms of all programs so far, which prove the bound
     proof: tuple[BlockEvidence, ...] = field(default=(), compare=False, repr=False)
 
 

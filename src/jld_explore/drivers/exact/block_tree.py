@@ -39,18 +39,14 @@ Possible = Callable[[Ints, Bits], bool]
 
 @dataclass(frozen=True)
 class Node:
-    """Node of the tree: a partial labelling and its block relaxation.
+    """Node of the tree: a partial labelling and its block relaxation."""
 
-    faces, labels: (k,) decided faces and their labels, True = dry. allowed: (p,) blocks that are left. choice: result
-    of the block relaxation over those blocks. proof: mechanisms of the node and of the nodes above it, from the root
-    on.
-    """
-
+    # faces, labels: (k,) decided faces and their labels, True = dry
     faces: Ints
     labels: Bits
-    allowed: Bools
-    choice: Choice
-    proof: tuple[BlockEvidence, ...]
+    allowed: Bools  # (p,) blocks that are left
+    choice: Choice  # result of the block relaxation over those blocks
+    proof: tuple[BlockEvidence, ...]  # mechanisms of the node and of the nodes above it, from the root on
 
     def solved(self, choice: Choice) -> Node:
         """Return a copy of the node with the result of its own block relaxation and its proof."""
@@ -83,28 +79,22 @@ UnsolvedChild = tuple[tuple[int, bool], Node]
 
 @dataclass(frozen=True)
 class Branching:
-    """Arguments of branching at one node.
-
-    allowed: (p,) blocks left at the node. threshold: scaled λ to reach.
-    """
+    """Arguments of branching at one node."""
 
     node: Node
-    allowed: Bools
-    threshold: float
+    allowed: Bools  # (p,) blocks left at the node
+    threshold: float  # scaled λ to reach
     possible: Possible
     time_is_up: Callable[[], bool]
 
 
 @dataclass(frozen=True)
 class TreeStep:
-    """Result of `BlockTree.step`.
+    """Result of `BlockTree.step`."""
 
-    node: the node that was processed. conflicts: conflicts found. labelling: (m,) labelling of a node without undecided
-    faces, which the caller must check; True = dry.
-    """
-
-    node: Node
-    conflicts: tuple[Conflict, ...] = ()
+    node: Node  # the node that was processed
+    conflicts: tuple[Conflict, ...] = ()  # conflicts found
+    # (m,) labelling of a node without undecided faces, which the caller must check; True = dry
     labelling: Bits | None = None
 
 
@@ -375,15 +365,11 @@ _LABELLINGS_PER_PROGRAM: Final = 30
 
 @dataclass(frozen=True)
 class BlockStep:
-    """Result of one step of `BlockSearch`.
+    """Result of one step of `BlockSearch`."""
 
-    conflicts: conflicts found in the step. complete: (m,) labelling of a node without undecided faces, True = dry.
-    promising: (m,) labelling that may exceed the best one known, True = dry.
-    """
-
-    conflicts: tuple[Conflict, ...]
-    complete: Bits | None = None
-    promising: Bits | None = None
+    conflicts: tuple[Conflict, ...]  # conflicts found in the step
+    complete: Bits | None = None  # (m,) labelling of a node without undecided faces, True = dry
+    promising: Bits | None = None  # (m,) labelling that may exceed the best one known, True = dry
 
 
 class BlockSearch:

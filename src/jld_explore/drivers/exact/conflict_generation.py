@@ -184,15 +184,11 @@ _DRY_PROBABILITY: Final = 0.3  # probability that a drawn labelling prefers a fa
 
 @dataclass
 class ConflictBatch:
-    """Result of one step of `ConflictGenerator`.
+    """Result of one step of `ConflictGenerator`."""
 
-    conflicts: conflicts found. unrefuted: labellings that no mechanism refutes, True = dry. exhausted: whether no
-    labelling is left, in the cube if one was given.
-    """
-
-    conflicts: list[Conflict] = field(default_factory=list)
-    unrefuted: list[Bits] = field(default_factory=list)
-    exhausted: bool = False
+    conflicts: list[Conflict] = field(default_factory=list)  # conflicts found
+    unrefuted: list[Bits] = field(default_factory=list)  # labellings that no mechanism refutes, True = dry
+    exhausted: bool = False  # whether no labelling is left, in the cube if one was given
 
 
 class ConflictGenerator:

@@ -90,18 +90,14 @@ class CheckedProof(Protocol):
 
 @dataclass(frozen=True)
 class ProofContext:
-    """Space of a proof by conflicts, with its possible blocks, analyses and relaxation.
-
-    blocks: possible blocks, where they are listed. free: (m,) faces that may take either label in some labelling.
-    analyses: analyses of the load cases, in their order. relaxation: relaxation face by face, which refutes labellings
-    and evaluates mechanisms. It counts its solves.
-    """
+    """Space of a proof by conflicts, with its possible blocks, analyses and relaxation."""
 
     space: SearchSpace
-    blocks: PossibleBlocks | None
-    free: Bools
+    blocks: PossibleBlocks | None  # possible blocks, where they are listed
+    free: Bools  # (m,) faces that may take either label in some labelling
     seed: int
-    analyses: tuple[LimitAnalysis, ...]
+    analyses: tuple[LimitAnalysis, ...]  # analyses of the load cases, in their order
+    # relaxation face by face, which refutes labellings and evaluates mechanisms. It counts its solves.
     relaxation: AnyRelaxation
 
     @classmethod
@@ -256,13 +252,10 @@ _MORE_CONFLICTS: Final = 4
 
 @dataclass(frozen=True)
 class ScheduledStep:
-    """One λ to refute on the way to the best λ of a target.
+    """One λ to refute on the way to the best λ of a target."""
 
-    threshold: the λ, scene units. conflicts: number of conflicts known when the step began.
-    """
-
-    threshold: float
-    conflicts: int
+    threshold: float  # the λ, scene units
+    conflicts: int  # number of conflicts known when the step began
 
 
 class TargetSchedule:

@@ -40,42 +40,30 @@ _MOST_PROOFS: Final = 4
 
 @dataclass(frozen=True)
 class Task:
-    """Task of a worker: refute labellings of a cube for a limited time.
+    """Task of a worker: refute labellings of a cube for a limited time."""
 
-    worker: name of the worker. number: number of tasks that the worker received before. context: packed `ProofContext`,
-    with the first task only. new_conflicts: conflicts since the last task. handed_over: (k, m) labellings since the
-    last task that no conflict refutes and that are given to evaluation. target: number of the target; each has its own
-    aim of the formula. count: count as in `Formula.aim`. threshold: scaled λ to refute, never lower within a step.
-    cube: labels that all drawn labellings have. seconds: time for the task, s.
-    """
-
-    worker: str
-    number: int
-    context: bytes | None
-    new_conflicts: tuple[Conflict, ...]
-    handed_over: Bits
-    target: int
-    count: int | Range | None
-    threshold: float
-    cube: Cube
-    seconds: float
+    worker: str  # name of the worker
+    number: int  # number of tasks that the worker received before
+    context: bytes | None  # packed `ProofContext`, with the first task only
+    new_conflicts: tuple[Conflict, ...]  # conflicts since the last task
+    handed_over: Bits  # (k, m) labellings since the last task that no conflict refutes and that are given to evaluation
+    target: int  # number of the target; each has its own aim of the formula
+    count: int | Range | None  # count as in `Formula.aim`
+    threshold: float  # scaled λ to refute, never lower within a step
+    cube: Cube  # labels that all drawn labellings have
+    seconds: float  # time for the task, s
 
 
 @dataclass
 class TaskResult:
-    """Result of a task.
+    """Result of a task."""
 
-    conflicts: conflicts found. unrefuted: labellings that no mechanism refutes. closed: whether no labelling of the
-    cube is left. solves: number of relaxations solved. seconds: processor time of the worker, s. forgotten: whether the
-    worker lacks the state of earlier tasks and did nothing.
-    """
-
-    conflicts: list[Conflict] = field(default_factory=list)
-    unrefuted: list[Bits] = field(default_factory=list)
-    closed: bool = False
-    solves: int = 0
-    seconds: float = 0.0
-    forgotten: bool = False
+    conflicts: list[Conflict] = field(default_factory=list)  # conflicts found
+    unrefuted: list[Bits] = field(default_factory=list)  # labellings that no mechanism refutes
+    closed: bool = False  # whether no labelling of the cube is left
+    solves: int = 0  # number of relaxations solved
+    seconds: float = 0.0  # processor time of the worker, s
+    forgotten: bool = False  # whether the worker lacks the state of earlier tasks and did nothing
 
 
 class _WorkerProof:
@@ -157,15 +145,13 @@ _WAIT_SECONDS: Final = 0.1  # longest time, s, that this process waits for worke
 
 @dataclass
 class _WorkerState:
-    """Counts of what a worker was sent, and of its results.
+    """Counts of what a worker was sent, and of its results."""
 
-    tasks: tasks sent. conflicts, handed_over: conflicts and handed-over labellings sent. results: results received.
-    """
-
-    tasks: int = 0
+    tasks: int = 0  # tasks sent
+    # conflicts, handed_over: conflicts and handed-over labellings sent
     conflicts: int = 0
     handed_over: int = 0
-    results: int = 0
+    results: int = 0  # results received
 
 
 @dataclass(frozen=True)
@@ -386,15 +372,11 @@ def delay_point(place: str) -> None:
 
 @dataclass
 class _Target:
-    """Current target of refutation.
+    """Current target of refutation."""
 
-    count: count as in `Formula.aim`. threshold: scaled λ to refute. exhausted: whether no labelling is left above the
-    threshold.
-    """
-
-    count: int | Range | None
-    threshold: float
-    exhausted: bool = False
+    count: int | Range | None  # count as in `Formula.aim`
+    threshold: float  # scaled λ to refute
+    exhausted: bool = False  # whether no labelling is left above the threshold
 
 
 class _GeneratorThread:

@@ -20,13 +20,10 @@ _LOOKED_AT: Final = 16
 
 @dataclass(frozen=True)
 class Cube:
-    """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry.
-
-    labels: their labels, True = dry.
-    """
+    """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry."""
 
     faces: tuple[int, ...] = ()
-    labels: tuple[bool, ...] = ()
+    labels: tuple[bool, ...] = ()  # their labels, True = dry
 
     def and_face(self, face: int, *, dry: bool) -> Cube:
         """Return the part of the cube with the label `dry` on one more face."""

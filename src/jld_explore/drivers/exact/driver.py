@@ -48,11 +48,9 @@ _CORRECTIONS: Final = 3  # number of times that a proof goes on after its check 
 
 
 class ExactOptions(DriverOptions):
-    """Options of the exact driver.
+    """Options of the exact driver."""
 
-    aim: prove the largest load factor, or the largest for every value of the count.
-    """
-
+    # prove the largest load factor, or the largest for every value of the count
     aim: Aim = Field("best", description="best, or front (the best for every count)")
 
 

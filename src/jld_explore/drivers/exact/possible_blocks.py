@@ -27,13 +27,10 @@ _GROWN: Final = 4  # sets, as a multiple of `MOST`, above which sets of one size
 
 @dataclass(frozen=True)
 class PossibleBlocks:
-    """List of p possible blocks.
+    """List of p possible blocks."""
 
-    members: elements of each block, ascending. inside: faces with both sides in the block, ascending.
-    """
-
-    members: tuple[tuple[int, ...], ...]
-    inside: tuple[tuple[int, ...], ...]
+    members: tuple[tuple[int, ...], ...]  # elements of each block, ascending
+    inside: tuple[tuple[int, ...], ...]  # faces with both sides in the block, ascending
 
     def __len__(self) -> int:
         return len(self.members)

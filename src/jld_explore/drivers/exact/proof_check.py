@@ -49,30 +49,24 @@ class Claim:
     """Claim that no labelling with a count exceeds a threshold.
 
     Labellings that were handed over and evaluated are excepted.
-
-    count: value of the count of the front, bounds on it, or None for all labellings. threshold: scaled λ.
     """
 
-    count: int | Range | None
-    threshold: float
+    count: int | Range | None  # value of the count of the front, bounds on it, or None for all labellings
+    threshold: float  # scaled λ
 
 
 @dataclass(frozen=True)
 class ProofCheck:
-    """Result of checking a proof.
+    """Result of checking a proof."""
 
-    problem: problem in one line, "" if the proof passed. seconds: time of the check, s. conflicts: number of conflicts
-    that the claims rest on. weighed: number of those whose mechanism was evaluated, or that were refuted, again.
-    corrected: conflicts whose mechanism keeps λ at more than was recorded, with the bound that it does prove. holds:
-    claims that the corrected conflicts prove in place of those checked; empty where nothing is corrected, or where they
-    do not prove these either.
-    """
-
-    problem: str
-    seconds: float
-    conflicts: int = 0
-    weighed: int = 0
+    problem: str  # problem in one line, "" if the proof passed
+    seconds: float  # time of the check, s
+    conflicts: int = 0  # number of conflicts that the claims rest on
+    weighed: int = 0  # number of those whose mechanism was evaluated, or that were refuted, again
+    # conflicts whose mechanism keeps λ at more than was recorded, with the bound that it does prove
     corrected: tuple[Conflict, ...] = ()
+    # claims that the corrected conflicts prove in place of those checked; empty where nothing is corrected, or where
+    # they do not prove these either
     holds: tuple[Claim, ...] = ()
 
     @property
@@ -266,13 +260,10 @@ _LOGGING = "cadical195"  # satisfiability solver that logs its proof
 
 @dataclass(frozen=True)
 class Refutation:
-    """Proof that clauses contradict each other.
+    """Proof that clauses contradict each other."""
 
-    needed: positions of the clauses that are used, ascending. lemmas: literals of each lemma, and its reasons:
-    positions of clauses, or number of clauses + position of a lemma.
-    """
-
-    needed: tuple[int, ...]
+    needed: tuple[int, ...]  # positions of the clauses that are used, ascending
+    # literals of each lemma, and its reasons: positions of clauses, or number of clauses + position of a lemma
     lemmas: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
 
 

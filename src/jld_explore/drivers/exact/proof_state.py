@@ -39,41 +39,31 @@ class Evidence(IntEnum):
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Mechanism that proves a conflict.
+    """Mechanism that proves a conflict."""
 
-    case: index of the load case. velocity: (q · free,) scaled velocities of the free elements.
-    """
-
-    case: int
-    velocity: Floats
+    case: int  # index of the load case
+    velocity: Floats  # (q · free,) scaled velocities of the free elements
 
 
 @dataclass(frozen=True)
 class BlockEvidence:
-    """Mechanism of one block relaxation, as part of the proof of a conflict.
-
-    blocks: (k,) indices of the possible blocks that the relaxation had; None for all of them.
-    """
+    """Mechanism of one block relaxation, as part of the proof of a conflict."""
 
     mechanism: BlockMechanism
-    blocks: Ints | None = None
+    blocks: Ints | None = None  # (k,) indices of the possible blocks that the relaxation had; None for all of them
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """Labels on some faces that no labelling above a scaled λ has together.
+    """Labels on some faces that no labelling above a scaled λ has together."""
 
-    faces: (k,) faces of the conflict. labels: (k,) labels of those faces, True = dry. bound: scaled λ that no labelling
-    with these labels exceeds. evidence: kind of proof. mechanism: the proof, where it is a mechanism that is still in
-    memory. by_blocks: the proof, where it comes from block relaxations that are still in memory: each excludes blocks,
-    in this order.
-    """
-
-    faces: Ints
-    labels: Bits
-    bound: float
-    evidence: Evidence = Evidence.MECHANISM
+    faces: Ints  # (k,) faces of the conflict
+    labels: Bits  # (k,) labels of those faces, True = dry
+    bound: float  # scaled λ that no labelling with these labels exceeds
+    evidence: Evidence = Evidence.MECHANISM  # kind of proof
+    # the proof, where it is a mechanism that is still in memory
     mechanism: Mechanism | None = field(default=None, compare=False, repr=False)
+    # the proof, where it comes from block relaxations that are still in memory: each excludes blocks, in this order
     by_blocks: tuple[BlockEvidence, ...] = field(default=(), compare=False, repr=False)
 
     @property

@@ -100,16 +100,13 @@ class Best:
     """Best λ found and proven bound of the labellings with one count, or of all.
 
     Labellings that are locked, or fall under their dead load alone, count as without λ and are excluded.
-
-    count: value of the count; None for all labellings. load_factor: largest λ found, scene units; NaN if there is none.
-    bound: proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
-    load_scale: λ below which differences do not matter, scene units.
     """
 
-    count: int | None
-    load_factor: float
+    count: int | None  # value of the count; None for all labellings
+    load_factor: float  # largest λ found, scene units; NaN if there is none
+    # proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known
     bound: float
-    load_scale: float = 0.0
+    load_scale: float = 0.0  # λ below which differences do not matter, scene units
 
     @property
     def proven(self) -> bool:

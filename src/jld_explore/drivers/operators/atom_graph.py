@@ -77,16 +77,12 @@ Seams = list[tuple[int, int, int]]
 
 @dataclass(frozen=True)
 class Sink:
-    """Part of a partition that collects the cells left out of the structure.
+    """Part of a partition that collects the cells left out of the structure."""
 
-    atom: atom that represents the part; it is no cell. may: atoms that may be left out. volume: volume of each atom,
-    scene units. most: largest total volume left out.
-    """
-
-    atom: int
-    may: frozenset[int]
-    volume: list[float]
-    most: float
+    atom: int  # atom that represents the part; it is no cell
+    may: frozenset[int]  # atoms that may be left out
+    volume: list[float]  # volume of each atom, scene units
+    most: float  # largest total volume left out
 
     def takes(self, members: list[int]) -> bool:
         """Return True if all atoms of the part that contains the sink may be left out together."""
@@ -99,18 +95,16 @@ class PartLimits:
     """Limits of a search as operators handle them.
 
     `feasible` checks the limits on counts that are no sums of ones.
-
-    sizes: limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
-    cells are converted to limits on cells. parts: least and largest number of parts. seams: for each limited count of
-    dry faces: its seams, its least and its largest value. exempt: atoms whose parts are exempt from limits on single
-    parts. sink: part of the cells left out of the structure, None if all cells stay.
     """
 
+    # limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
+    # cells are converted to limits on cells.
     sizes: dict[str, Range]
-    parts: tuple[float, float]
+    parts: tuple[float, float]  # least and largest number of parts
+    # for each limited count of dry faces: its seams, its least and its largest value
     seams: tuple[tuple[Seams, float, float], ...]
-    exempt: frozenset[int] = frozenset()
-    sink: Sink | None = None
+    exempt: frozenset[int] = frozenset()  # atoms whose parts are exempt from limits on single parts
+    sink: Sink | None = None  # part of the cells left out of the structure, None if all cells stay
 
     @property
     def cells(self) -> tuple[int, float]:
@@ -126,25 +120,18 @@ class PartLimits:
 
 @dataclass(frozen=True)
 class AtomGraph:
-    """Graph of the atoms of a search space: groups of elements that no labelling separates.
+    """Graph of the atoms of a search space: groups of elements that no labelling separates."""
 
-    of_element: (n,) atom of each element. first: (atoms,) one element of each atom. cells: number of free elements of
-    each atom. sized: all sizes of the atoms. pairs: pairs of atoms that may be joined. links: for each atom its
-    neighbours, as (neighbour, index of the pair). walls: for each atom the atoms that a face fixed dry separates from
-    it. seams: pairs of atoms that touch by faces between free elements, as (a, b, number of these faces). lines: for
-    each pair the straight lines (spatial: planes) of its candidate faces, by number. face_a, face_b: (m,) atoms on both
-    sides of each face.
-    """
-
-    of_element: Ints
-    first: Ints
-    cells: list[int]
-    sized: Sized
-    pairs: list[tuple[int, int]]
-    links: list[list[tuple[int, int]]]
-    walls: list[list[int]]
-    seams: Seams
-    lines: list[list[int]]
+    of_element: Ints  # (n,) atom of each element
+    first: Ints  # (atoms,) one element of each atom
+    cells: list[int]  # number of free elements of each atom
+    sized: Sized  # all sizes of the atoms
+    pairs: list[tuple[int, int]]  # pairs of atoms that may be joined
+    links: list[list[tuple[int, int]]]  # for each atom its neighbours, as (neighbour, index of the pair)
+    walls: list[list[int]]  # for each atom the atoms that a face fixed dry separates from it
+    seams: Seams  # pairs of atoms that touch by faces between free elements, as (a, b, number of these faces)
+    lines: list[list[int]]  # for each pair the straight lines (spatial: planes) of its candidate faces, by number
+    # face_a, face_b: (m,) atoms on both sides of each face
     face_a: Ints
     face_b: Ints
 

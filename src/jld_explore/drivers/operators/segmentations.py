@@ -582,18 +582,15 @@ class Operators(Protocol):
 
     Labellings are rows (k, m), True = dry. Results (j, m) hold at most one row per requested one: those are left out
     that cannot be made to keep the limits. They may be neither canonical nor new.
-
-    keys: number of keys that `read` takes. offspring_factor: number of children to make for each evaluated one.
-    always_feasible: whether every row is feasible without a check.
     """
 
-    keys: int
+    keys: int  # number of keys that `read` takes
     """Number of keys that `read` takes."""
 
-    offspring_factor: int
+    offspring_factor: int  # number of children to make for each evaluated one
     """Number of children that are cheap enough to make for each evaluated one."""
 
-    always_feasible: bool
+    always_feasible: bool  # whether every row is feasible without a check
     """True if every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
