@@ -163,7 +163,8 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
             document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
     if found.marks and not found.facts.get("loads"):
         marks = [mark.scaled(scale) for mark in found.marks]
-        document["loads"] = solid_loads(marks, names, whole, supports, options, notes)
+        reach = max(2.0 * tolerance, 1e-7 * size)
+        document["loads"] = solid_loads(marks, names, whole, faces, supports, reach, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
