@@ -128,11 +128,13 @@ def _united(scene: Scene, notes: Notes) -> Scene:
     shapes = [shapely.Polygon(part.shell) for part in parts]
 
     def moved(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return a load that refers to an outline."""
+        """Return a load that refers to the outline that its element is part of, wherever it acts."""
         if "element" not in entry:
             return entry
-        at = entry.get("at") or elements.centroid[elements.index[entry["element"]]].tolist()
-        number = int(np.argmin([shape.distance(shapely.Point(at)) for shape in shapes]))
+        k = elements.index[entry["element"]]
+        inside = shapely.Polygon(elements.shape[k]).representative_point()
+        number = int(np.argmin(shapely.distance(shapes, inside)))
+        at = entry.get("at") or elements.centroid[k].tolist()
         return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
 
     for owner in (document["loads"], *document["loads"].get("cases", [])):
