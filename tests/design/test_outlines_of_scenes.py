@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from jld_core import InputError
 from jld_explore.design.options import DesignOptions
 from jld_explore.design.outline import read_outline
 
@@ -36,3 +37,29 @@ def test_a_load_stays_on_the_outline_of_its_element(column: int, at: list[float]
     (polygon,) = (entry["polygon"] for entry in document["elements"] if entry["id"] == loaded)
     low, high = np.min(polygon, axis=0)[0], np.max(polygon, axis=0)[0]
     assert low < column + 0.5 < high
+
+
+@pytest.mark.parametrize(
+    ("live", "more", "where"),
+    [
+        ({"face": {"between": ["c1r0", "outside"]}, "pressure": 1e3}, {}, "loads"),
+        (
+            {"body": [1, 0]},
+            {
+                "members": [
+                    {
+                        "kind": "tie",
+                        "from": {"element": "c0r0", "at": [0.5, 2.5]},
+                        "to": {"element": "c1r0", "at": [1.5, 2.5]},
+                        "tension": 1e3,
+                    }
+                ]
+            },
+            "members",
+        ),
+    ],
+)
+def test_what_names_cells_of_an_outline_is_refused(live: Any, more: Any, where: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="become one outline") as complaint:
+        outline(["aa", "##"], [live], tmp_path / "s.json", **more)
+    assert complaint.value.where.endswith(where)
