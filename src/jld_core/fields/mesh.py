@@ -379,7 +379,8 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     Returns
     -------
     Mesh
-        Triangles at such a node are bisected there; others are split only where conformity asks for it.
+        Triangles at such a node are bisected there, at two of them split at the centroid; others are split only where
+        conformity asks for it.
     """
     if not len(ends):
         return mesh
@@ -393,5 +394,21 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     few = np.zeros(len(mesh.points), dtype=bool)
     few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
     at = few[mesh.triangles]
-    marked = np.asarray(at.any(axis=1))
-    return refine(mesh, marked, np.where(marked, at.argmax(axis=1), -1)) if marked.any() else mesh
+    if not at.any():
+        return mesh
+    # one with two such corners is split at its centroid: to choose between them would be to go by their order
+    whole, both = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
+    centre = len(mesh.points) + np.repeat(np.arange(len(both)), 3)
+    ends_of = np.stack([mesh.triangles[both], np.roll(mesh.triangles[both], -1, axis=1)], axis=-1).reshape(-1, 2)
+    order = np.concatenate([whole, np.repeat(both, 3)])
+    split = replace(
+        mesh,
+        points=np.concatenate([mesh.points, corners[both].mean(axis=1)]),
+        triangles=np.concatenate([mesh.triangles[whole], np.column_stack([ends_of, centre])]),
+        cell=mesh.cell[order],
+        root=mesh.root[order],
+    )
+    marked = np.append(at[whole].any(axis=1), np.zeros(3 * len(both), dtype=bool))
+    return refine(
+        split, marked, np.where(marked, np.append(at[whole].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1)
+    )
