@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from jld_core import tolerances
 from jld_core.limit.status import Status
 
 
@@ -42,8 +43,8 @@ class Governing:
     load_factor : float
         Governing factor; NaN where there is none.
     case : int
-        Index of the governing case. Of several cases with overlapping brackets it is the first.
-        Two solution methods that find the same λ thus name the same case.
+        Index of the governing case: the one of least upper bound. Of several with the same, as far as brackets tell, it
+        is the first. Two solution methods that find the same λ thus name the same case.
     """
 
     status: Status
@@ -93,9 +94,10 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
     low, high = lows[first], highs[position]
     proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
     if proven[first] and math.isfinite(low) and math.isfinite(high):
-        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high)
+        near = high + (high - low) + tolerances.GAP * abs(high)
+        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high and highs[k] <= near)
         value = min((value for value in values if not math.isnan(value)), default=low)
-        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike))
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, first))
     known = [value for value in values if not math.isnan(value)]
     both = math.isfinite(low) and math.isfinite(high)
     guess = 0.5 * (low + high) if both else min(known, default=nan)
