@@ -44,6 +44,12 @@ class Run:
         return self.code == 2 and self.err.count("\n") == 1 and "Traceback" not in self.err
 
     @property
+    def verdict(self) -> str:
+        """Return the line that says whether a design is verified, or else the last one."""
+        lines = [line for line in self.out.splitlines() if "verified" in line.lower()]
+        return " ".join(lines[0].split())[:110] if lines else self.last[:110]
+
+    @property
     def last(self) -> str:
         """Return the last line of what was said."""
         lines = (self.err or self.out).strip().splitlines()
@@ -133,7 +139,7 @@ def t5() -> Answer:
     content["design"] = {"set": "EN 1990"}
     run = jld("check-design", saved(content), "--cracks", "fields", "--out", folder())
     said = run.out + run.err
-    return run.last, "not verified" in said.lower() or run.refused
+    return run.verdict, "not verified" in said.lower() or run.refused
 
 
 def t6() -> Answer:
@@ -148,16 +154,6 @@ def t6() -> Answer:
         f"best {shown(best.get('best'))}; a layout and its mirror image {shown(mirrored[0])}, {shown(mirrored[1])}",
         alike,
     )
-
-
-def t7() -> Answer:
-    from jld_core import solve
-
-    run = jld("explore", scene("cells_space_labels"), "--out", folder(), "--json", "--driver", "enumeration")
-    del solve
-    rows = _results(run)
-    value = next((float(row["load_factor"]) for row in rows if row["labelling"] == "di" and row["load_factor"]), None)
-    return shown(value), near(value, 2.41131, 1e-5)
 
 
 def _results(run: Run) -> list[dict[str, str]]:
@@ -178,7 +174,7 @@ def explored(path: Path, *options: object) -> tuple[Run, Path]:
     return jld("explore", path, "--out", LAST[0], "--json", *options), LAST[0]
 
 
-def t7_() -> Answer:
+def t7() -> Answer:
     run, _ = explored(scene("cells_space_labels"), "--driver", "enumeration")
     rows = _results(run)
     value = next((float(row["load_factor"]) for row in rows if row["labelling"] == "di" and row["load_factor"]), None)
@@ -192,17 +188,14 @@ def t8() -> Answer:
 
 def t9() -> Answer:
     found = jld("reliability", scene("reliability_ten_blocks"), "--json").json
-    text = json.dumps(found)
-    interval = found.get("failure_interval") or found.get("interval") or found.get("confidence")
-    low, high = interval if isinstance(interval, list) else (None, None)
-    inside = low is not None and high is not None and low <= 7.28e-6 <= high
-    return f"interval {interval} ({text[:0]}{shown(found.get('beta_monte_carlo'))})", inside
+    low, high = found["probability_interval"]
+    return f"{shown(found['probability'])} in [{shown(low)}, {shown(high)}]", low <= 7.28e-6 <= high
 
 
 def t10() -> Answer:
     run = jld("check-design", scene("design_equ_parts"), "--out", folder())
     said = (run.out + run.err).lower()
-    return run.out.strip().splitlines()[0] if run.out else run.last, "not verified" in said
+    return run.verdict, "not verified" in said
 
 
 def t11(name: str) -> Callable[[], Answer]:
@@ -283,7 +276,7 @@ def t20() -> Answer:
 
 def t21() -> Answer:
     run = jld("check-design", scene("design_low_values"), "--out", folder())
-    return run.out.strip().splitlines()[0] if run.out else run.last, "not verified" in (run.out + run.err).lower()
+    return run.verdict, "not verified" in (run.out + run.err).lower()
 
 
 def t22() -> Answer:
@@ -324,6 +317,45 @@ def t17() -> Answer:
     return f"exit code {run.code}: {run.last[:90]}", run.code == 0 or run.refused
 
 
+def t26() -> Answer:
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    elements = [
+        {
+            "id": name,
+            "vertices": [[x, y, z + height] for z in (0, 1) for y in (0, 1) for x in (0, 1)],
+            "faces": faces,
+            "support": name == "S",
+        }
+        for height, name in enumerate("SBC", -1)
+    ]
+    inner = {"tensile_strength": 1e5, "shear_strength": 1e5}
+    materials = {"density": 2000, "dry": {"friction_coefficient": 0.6}, "inner": inner}
+    live = [{"element": name, "force": [1, 0, 0]} for name in "BC"]
+    labels = {"inner": [["S", "B"]]}
+    path = saved({"elements": elements, "materials": materials, "loads": {"live": live}, "labels": labels})
+    run = jld("export", path, "--format", "compas", "-o", path.parent / "blocks.json")
+    return run.last.replace(str(path), "scene.json")[:110], run.refused
+
+
+def t30() -> Answer:
+    content = {
+        "grid": {"cell": [0.2, 0.2], "thickness": 0.1, "rows": ["aaa", "###"]},
+        "materials": {
+            "density": 1800,
+            "dry": {"friction_coefficient": 1.2, "compressive_strength": 1e6},
+            "inner": {"tensile_strength": 1e3, "shear_strength": 2e3, "friction_coefficient": 1.0},
+        },
+        "loads": {"live": [{"element": "c2r0", "force": [0, -1e3]}]},
+        "search": {"candidates": "all+supports", "segmentation": False},
+        "cracks": {"kind": "cells", "cell": 0.1},
+    }
+    run, _ = explored(saved(content), "--driver", "enumeration")
+    counts = run.json.get("counts_by_status", {})
+    return ", ".join(f"{name}: {count}" for name, count in counts.items() if count), bool(counts) and not counts.get(
+        "uncertified"
+    )
+
+
 def t29() -> Answer:
     run, _ = explored(scene("proof_check_fails"), "--driver", "exact", "--seconds", 60, "--jobs", 2)
     return f"proven {run.json.get('proven')}, check {run.json.get('proof_check')}", bool(run.json.get("proven"))
@@ -331,8 +363,7 @@ def t29() -> Answer:
 
 def v1() -> Answer:
     run = jld("check-design", scene("jackc"), "--out", folder())
-    said = run.out.strip().splitlines()
-    return said[0][:110] if said else run.last, "not verified" in (run.out + run.err).lower()
+    return run.verdict, "not verified" in (run.out + run.err).lower()
 
 
 def v3() -> Answer:
@@ -342,7 +373,23 @@ def v3() -> Answer:
 
 def v4() -> Answer:
     run = jld("check-design", scene("design_mean_live"), "--out", folder())
-    return run.out.strip().splitlines()[0][:110] if run.out else run.last, "not verified" in (run.out + run.err).lower()
+    return run.verdict, "not verified" in (run.out + run.err).lower()
+
+
+def v6() -> Answer:
+    from benchmarks.claims import Tally, refined
+
+    tally = Tally("")
+    wrong = [problem for seed in (28, 42, 76, 134, 147) if (problem := refined.case(seed, tally))]
+    counts = ", ".join(f"{name}: {count}" for name, count in tally.notes.items())
+    return counts, not wrong and list(tally.notes) == ["collapse"]
+
+
+def v9() -> Answer:
+    out = folder()
+    run = jld("explore", scene("kn"), "--out", out, "--seconds", 30)
+    lines = [line for line in (run.out + run.err).splitlines() if "fields" in line]
+    return " ".join(" ".join(lines[:1]).split())[:110], bool(lines) and "falls" in lines[0] and "% less" not in lines[0]
 
 
 def v7() -> Answer:
@@ -376,7 +423,7 @@ ROWS: Final[dict[str, tuple[str, str, str, Callable[[], Answer]]]] = {
     "T4": ("patch in space", "≥ .135", "≤ .048", upper("space_patch_at_midspan", 0.048)),
     "T5": ("design check by fields", "verified", "not verified", t5),
     "T6": ("force at a corner of cells", "155.3 proven, 190.6 exists", "mirror images alike", t6),
-    "T7": ("labels of pieces in space", "3.048", "2.41131", t7_),
+    "T7": ("labels of pieces in space", "3.048", "2.41131", t7),
     "T8": ("axle on a joint", ".799", ".5326", t8),
     "T9": ("rare failures", "7.28e-7", "7.28e-6 in the interval", t9),
     "T10": ("EQU by parts", "verified .27", "not verified", t10),
@@ -397,18 +444,29 @@ ROWS: Final[dict[str, tuple[str, str, str, Callable[[], Answer]]]] = {
     "T23": ("laying by cells", "stands", "falls or refused", t23),
     "T24": ("insensitive reliability", "traceback", "an answer", t24),
     "T25": ("export of stated values", "1.27 for .95", "kept or refused", t16("export_stated_values", "dxf")),
+    "T26": ("a load on a block glued to a support", "exported, not read", "either both or neither", t26),
     "T27": ("labels.default glues supports", "no word", "said", t27),
     "T28": ("picture of laying in space", "traceback", "a picture", t28),
     "T29": ("end check of a proof", "unproven", "proven", t29),
+    "T30": ("layouts that are only pressed, by cells", "72 of 74 uncertified", "locked", t30),
     "V1": ("one verdict", "verified .171", "not verified", v1),
     "V3": ("Python says by which model", "λ = 379, proven", "by faces, said", v3),
     "V4": ("live loads with a distribution", "at their mean", "upper value", v4),
+    "V6": ("strong stone, refined", "uncertified", "narrow brackets", v6),
     "V7": ("joints that crush", "uncertified", "certified", v7),
     "V8": ("mechanism of instability", "null", "given", v8),
+    "V9": ("a negative bound by fields", "at most −73.48, 104 % less", "said as a fall", v9),
     "V11": ("JSON alone on stdout", "a banner", "JSON", v11),
     "P": ("plot in a fresh process", "KeyError", "drawn", p1),
 }
 """Finding → what it is about, the answer of version 0.3, what is right, and how it is computed now."""
+
+
+REMARKS: Final = """
+T15, V2, V5, V10 and R1 to R6 have no row: pages, orders of laying and doors, which tests hold. In T27 "inner" as default
+glues supports on purpose, as the contract says; `jld check` says how many. T4 has a bracket that stays wide in space.
+"""
+"""What the table does not show."""
 
 
 def main() -> None:
@@ -425,7 +483,7 @@ def main() -> None:
         print("  ".join(rows[-1]), flush=True)
     if len(names) == len(ROWS):
         head = ["finding", "about", "version 0.3", "right", "now", "mended"]
-        write("findings", "# Findings of version 0.3\n\n" + table(head, rows))
+        write("findings", "# Findings of version 0.3\n\n" + table(head, rows) + REMARKS)
 
 
 if __name__ == "__main__":

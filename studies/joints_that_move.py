@@ -118,7 +118,7 @@ def keys(coarse: bool) -> pd.DataFrame:
             result = keyed(depth, flank)
             row = {"flank": flank, "depth": depth, "load_factor": result.load_factor}
             if not coarse:
-                found = solve_by_fields(result.assembly, result.labels, gap=0.1, seconds=FIELDS).governing
+                found = solve_by_fields(result.assembly, result.labels, gap=0.1, seconds=FIELDS).decided
                 row |= {"fields_lo": found.low, "fields_hi": found.high}
             rows.append(row)
     return pd.DataFrame(rows)

@@ -181,10 +181,14 @@ class FieldStudy(Study):
         high = np.where(unstable, _UNSTABLE, rows["high"])
         known = dict(zip(keys_of(rows), zip(rows["low"].tolist(), high.tolist(), strict=True), strict=True))
         nothing = (math.nan, math.nan)
-        bounds = np.array([known.get(key, nothing) for key in keys(labellings)]).reshape(-1, 2)
+        order = keys(labellings)
+        bounds = np.array([known.get(key, nothing) for key in order]).reshape(-1, 2)
+        count = len(self.assembly.cases)
+        lows = dict(zip(keys_of(rows), rows["cases"][:, :count], strict=True))
+        cases = np.array([lows.get(key, np.full(count, np.nan)) for key in order]).reshape(-1, count) if count else None
         pool = FieldPool(self.assembly, np.empty((0, labellings.shape[1]), dtype=bool), self.deadline)
         pool.tasks.jobs = self.settings.jobs
-        pool.add(labellings, bounds[:, 0], bounds[:, 1])
+        pool.add(labellings, bounds[:, 0], bounds[:, 1], cases)
         return pool
 
     # --- what is told -----------------------------------------------------------------------------------
@@ -287,12 +291,12 @@ class FieldStudy(Study):
         # New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside
         # them.
         labellings, required = pool.labellings, self.assembly.required
-        low, most = pool.bounds[0], pool.high()[:, None] * required
         enough = self._aim(labellings).enough(pool.low())
         nominal = self._nominal(pool) if self.assembly.has_low_values else [None] * len(labellings)
-        rows = zip(low, most, enough.tolist(), nominal, strict=True)
+        rows = zip(*pool.bounds, pool.high().tolist(), enough.tolist(), nominal, strict=True)
         found: list[Evaluation] = [
-            field_evaluation(least, high, required, best=best, nominal=value) for least, high, best, value in rows
+            field_evaluation(low, high, required, most=most, best=best, nominal=value)
+            for low, high, most, best, value in rows
         ]
         sizes = orbit_sizes(labellings, self.space.group).tolist()
         before = len(self.records)

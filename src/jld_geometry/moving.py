@@ -227,7 +227,7 @@ def _check_by_fields(
     try:
         for left, name, one in ((2, "before", assembly), (1, "after", done.after.assembly)):
             seconds = min(_FIELD_SECONDS, until.remaining() / left)
-            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).governing.low
+            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).decided.low
             found[name] = json_number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
@@ -242,10 +242,10 @@ def _bounded(
     labels: (m,) True = dry.
     """
     seconds = min(_FIELD_SECONDS, until.remaining() / 2.0)
-    before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).governing
+    before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).decided
     moved = assembly if done.after is None else done.after.assembly
     after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=seconds)
-    low, high = json_number(after.governing.low), json_number(after.governing.high)
+    low, high = json_number(after.decided.low), json_number(after.decided.high)
     facts |= {"start": json_number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
     facts |= {"status": str(after.status), "start_bracket": [json_number(before.low), json_number(before.high)]}
     return {"before": facts["start"], "after": low, "skipped": None}

@@ -135,7 +135,7 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
         return found | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
     try:
         for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
-            low = solve_by_fields(one, own, gap=_GAP, seconds=_SECONDS).governing.low
+            low = solve_by_fields(one, own, gap=_GAP, seconds=_SECONDS).decided.low
             found[name] = _number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"

@@ -71,7 +71,7 @@ def test_fill_without_variable_pressure_is_a_dead_load_of_fields() -> None:
     """By fields fill is accepted where its pressure is known, and refused in one line where it varies."""
     still = SOIL | {"active": 0.0, "passive": 0.0}
     filled, bare = (solve_by_fields(build_assembly(parse_scene(arch(fill))), gap=0.8) for fill in (still, None))
-    assert filled.governing.low > bare.governing.low
+    assert filled.decided.low > bare.decided.low
     with pytest.raises(InputError, match=r"fill.*does not model its variable pressure"):
         solve_by_fields(build_assembly(parse_scene(arch(SOIL))), gap=0.3)
 

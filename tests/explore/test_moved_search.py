@@ -45,7 +45,7 @@ def test_moved_layouts_gain_by_fields(done: MovedSearch) -> None:
     assert stated.start == pytest.approx(0.78125, rel=1e-6)
     assert stated.load_factor == pytest.approx(FRICTION, rel=1e-6)
     assert 0.0 < stated.fields_start[0] < done.best.low <= FRICTION * (1.0 + 1e-9)
-    again = solve_by_fields(solve(done.best.scene).assembly, gap=0.4, seconds=5.0).governing
+    again = solve_by_fields(solve(done.best.scene).assembly, gap=0.4, seconds=5.0).decided
     assert again.low <= done.best.high * (1.0 + 1e-9)
     assert again.high >= done.best.low * (1.0 - 1e-9)
 

@@ -174,11 +174,11 @@ def test_load_cases_by_fields() -> None:
     assembly = build_assembly(parse_scene({**BAR, "loads": {"cases": [pull, push]}}))
     found = solve_by_fields(assembly, gap=0.02)
     alone = [bounds_by_fields(one, gap=0.02) for one in assembly.by_case]
-    governing = found.governing
+    governing = found.decided
     assert found.status is Status.COLLAPSE
     assert governing.load_factor == governing.low == pytest.approx(alone[1].lower / 4.0, rel=1e-12)
     assert governing.high == pytest.approx(alone[1].upper / 4.0, rel=1e-12)
-    assert found.to_json()["governing"] == "push"
+    assert found.to_json()["governing"] == found.governing == "push"
     # pushed it slides at 45°: 2τ A
     assert governing.low <= 2.0 * 0.5 / 4.0 * (1 + 1e-9)
     assert governing.high >= 2.0 * 0.5 / 4.0 * (1 - 1e-9)

@@ -9,6 +9,7 @@ from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move
 
 from jld_core import Assembly, build_assembly, parse_scene
+from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.mesh import Mesh, refine, subdivide
 
@@ -66,3 +67,24 @@ def test_gradients_and_normals() -> None:
     away = mesh.corners[e.a, e.corner_a[:, 0]] - mesh.corners.mean(axis=1)[e.a]
     assert (np.einsum("ei,ei->e", away, e.normal) > 0.0).all()
     assert np.hypot(*e.normal.T) == pytest.approx(np.ones(len(e)))
+
+
+@pytest.mark.parametrize(("inset", "width"), [(-0.15, 0.4), (0.1, 0.3), (0.2, 0.2)])
+def test_the_mirror_image_of_a_patch_has_the_same_bounds(inset: float, width: float) -> None:
+    """A triangle with both ends of a patch as corners is split alike from either side."""
+    bounds = []
+    for flip in (False, True):
+        x = 2.0 - 0.5 - inset if flip else 0.5 + inset
+        load = {"element": f"c{int(x)}r0", "force": [-500 if flip else 500, -2e3], "at": [x, 2.0], "width": width}
+        scene = {
+            "grid": {"cell": [1.0, 1.0], "thickness": 1.0, "rows": ["ab", "##"]},
+            "materials": {
+                "density": 2000,
+                "dry": {"friction_coefficient": 0.6},
+                "inner": {"tensile_strength": 1e5, "shear_strength": 1.5e5},
+            },
+            "loads": {"live": [load]},
+        }
+        found = bounds_by_fields(build_assembly(parse_scene(scene)), gap=1e3)
+        bounds.append((found.lower, found.upper))
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-6)

@@ -66,4 +66,4 @@ def test_load_cases_in_space() -> None:
     cases = [{"name": "one", "live": live}, {"name": "half", "live": sideways, "required": 4.0}]
     found = solve_by_fields(build_assembly(parse_scene({**SCENE, "loads": {"cases": cases}})), gap=0.01)
     assert found.status is Status.COLLAPSE
-    assert np.isclose(found.governing.low, 1.4 / 4.0, rtol=1e-3)
+    assert np.isclose(found.decided.low, 1.4 / 4.0, rtol=1e-3)

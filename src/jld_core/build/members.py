@@ -120,7 +120,8 @@ def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
 def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
     """Return the unit vector (d,) along the first segment of a member.
 
-    Raises InputError if other successive points coincide, or if those elements share no face.
+    The axis of a pin whose ends coincide is the normal of the nearest face between its elements. Raises InputError if
+    other successive points coincide, if those elements share no face, or if the nearest ones meet at an angle.
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -139,8 +140,14 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
         one, two = (assembly.elements.ids[k] for k in elements)
         problem = f"both ends are the same point, and {one!r} and {two!r} share no face"
         raise InputError(where, problem, "two points, which give the axis of the pin")
-    nearest = between[np.argmin([distance_from_face(faces, face, points[0]) for face in between.tolist()])]
-    return np.asarray(faces.normal[nearest] * (1.0 if faces.a[nearest] == elements[0] else -1.0))
+    away = np.array([distance_from_face(faces, face, points[0]) for face in between.tolist()])
+    near = between[away <= away.min() + tolerances.ON_OUTLINE * assembly.size]
+    normal = np.asarray(faces.normal[near] * np.where(faces.a[near] == elements[0], 1.0, -1.0)[:, None])
+    if (normal @ normal[0] < 1.0 - tolerances.FACE).any():
+        one, two = (assembly.elements.ids[k] for k in elements)
+        problem = f"both ends are the same point, where faces of {one!r} and {two!r} meet at an angle"
+        raise InputError(where, problem, "two points, which give the axis of the pin")
+    return np.asarray(normal[0])
 
 
 def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:

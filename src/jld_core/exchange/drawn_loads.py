@@ -11,7 +11,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.forces import WrittenForce, parse_force
+from jld_core.exchange.forces import WrittenForce, closest_first, parse_force
 from jld_core.exchange.options import ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
 from jld_core.scene.units import METRES
@@ -100,7 +100,7 @@ def drawn_loads(
     # A line on a load layer is a force that ends at its point of application. The nearest text states its magnitude;
     # without one it is 1. A text with a load per length or area makes the line a pressure along the edge that it lies
     # on. Any other text is a force at its place: two components, or one magnitude downwards. A force acts on the
-    # nearest free cell. Two or more numbered load layers are load cases. Keys without loads are left out.
+    # nearest free cell; equally near ones share it. Two or more numbered load layers are load cases.
     unit = str(drawing.facts.get("units", {}).get("force", "N"))
     loads = _Loads(structure, unit, notes)
     live = [layer for layer in _layers(paths, marks) if options.role(layer) == "load"]
@@ -144,8 +144,8 @@ class _Loads:
     def __init__(self, structure: Structure, unit: str, notes: Notes) -> None:
         self._structure, self._unit, self._notes = structure, unit, notes
         self._cells = structure.cells
-        self._shapes = [shapely.Polygon(cell.points) for cell in structure.cells]
-        self._free = [k for k, cell in enumerate(structure.cells) if not cell.support]
+        self._shapes = np.array([shapely.Polygon(cell.points) for cell in structure.cells])
+        self._free = np.array([k for k, cell in enumerate(structure.cells) if not cell.support], dtype=np.int64)
 
     def of(self, paths: list[Path], marks: list[Mark], layers: list[str], kind: str) -> list[dict[str, Any]]:
         """Return the entries of lines, points and texts on some layers, and note each.
@@ -154,27 +154,34 @@ class _Loads:
         """
         texts = [mark for mark in marks if mark.layer in layers and mark.text]
         entries: list[dict[str, Any]] = []
-        taken: set[int] = set()
-        for path in (path for path in paths if path.layer in layers and len(path.points) > 1):
-            start, end = path.points[0, :2], path.points[-1, :2]
-            if not np.hypot(*(end - start)):
-                self._notes.skip("loads", 1, "a line without length")
-                continue
-            number = _nearest(texts, start, end, taken)
-            if number is not None:
-                taken.add(number)
-            entries.append(self._along(path, None if number is None else texts[number], kind))
-        for number, mark in enumerate(texts):
-            if number not in taken:
-                written = self._written(mark, distributed=False)
-                force = written.values if written.components else (0.0, -written.values[0])
-                entries.append(self._force(np.array(mark.at), force, repr(mark.text), kind))
+        lines = [path for path in paths if path.layer in layers and len(path.points) > 1]
+        long = [path for path in lines if (path.points[0, :2] != path.points[-1, :2]).any()]
+        self._notes.skip("loads", len(lines) - len(long), "a line without length")
+        beside = self._beside(long, texts)
+        for number, path in enumerate(long):
+            entries += self._along(path, texts[beside[number]] if number in beside else None, kind)
+        for number in sorted(set(range(len(texts))) - set(beside.values())):
+            mark = texts[number]
+            written = self._written(mark, distributed=False)
+            force = written.values if written.components else (0.0, -written.values[0])
+            entries += self._force(np.array(mark.at), force, repr(mark.text), kind)
         for mark in (mark for mark in marks if mark.layer in layers and not mark.text):
             self._notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
         return entries
 
-    def _along(self, path: Path, mark: Mark | None, kind: str) -> dict[str, Any]:
-        """Return the entry of a line: a pressure for a load per length or area, else a force."""
+    def _beside(self, lines: list[Path], texts: list[Mark]) -> dict[int, int]:
+        """Return the number of the text of each line, by its number; a text is at most the length of the line away.
+
+        Raises InputError for a text that is equally far from two lines, or a line from two texts.
+        """
+        drawn = shapely.linestrings(np.array([path.points[[0, -1], :2] for path in lines]).reshape(-1, 2, 2))
+        places = shapely.points(np.array([mark.at for mark in texts]).reshape(-1, 2))
+        line, text = shapely.STRtree(places).query(drawn, predicate="dwithin", distance=shapely.length(drawn))
+        away = shapely.distance(drawn[line], places[text])
+        return closest_first(line, text, away, self._structure.reach, [(mark.layer, str(mark.text)) for mark in texts])
+
+    def _along(self, path: Path, mark: Mark | None, kind: str) -> list[dict[str, Any]]:
+        """Return the entries of a line: a pressure for a load per length or area, else a force."""
         start, end = path.points[0, :2], path.points[-1, :2]
         if mark is None:
             self._notes.assumed.append(f"a force of 1 {self._unit} along a line on layer {path.layer}: it has no text")
@@ -182,7 +189,7 @@ class _Loads:
         else:
             written = self._written(mark, distributed=True)
             if written.per is not None:
-                return self._pressure(path, mark, written, kind)
+                return [self._pressure(path, mark, written, kind)]
             if written.components:
                 problem = f"the text {mark.text!r} beside an arrow states components"
                 raise InputError(f"layer {mark.layer!r}", problem, "the size alone: the arrow is the direction")
@@ -202,18 +209,18 @@ class _Loads:
             self._notes.assumed.append(f"the text {mark.text!r} is in {self._unit}: it names no unit")
         return written
 
-    def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> dict[str, Any]:
-        """Return the load entry of a point force on the free element nearest to `at`; report it."""
-        # The first of equally near elements is taken.
-        point = shapely.Point(at)
-        chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))
-        name = self._cells[chosen].name
+    def _force(self, at: Floats, force: tuple[float, ...], source: str, kind: str) -> list[dict[str, Any]]:
+        """Return the load entries of a point force on the nearest free elements, which share it; report it."""
+        away = shapely.distance(self._shapes[self._free], shapely.Point(at))
+        chosen = self._free[away <= away.min() + self._structure.reach].tolist()
+        names = [str(self._cells[k].name) for k in chosen]
         # adding 0.0 turns a negative zero into zero
         vector, place = ([float(v) + 0.0 for v in values] for values in (force, at))
-        entry = {"element": name, "force": vector, "at": place}
         size, where = (", ".join(f"{value:.9g}" for value in values) for values in (vector, place))
-        self._notes.found.append(f"{kind} force ({size}) {self._unit} on element {name!r} at ({where}), {source}")
-        return entry
+        on = f"element {names[0]!r}" if len(names) == 1 else f"elements {listed(names)}, which share it equally,"
+        self._notes.found.append(f"{kind} force ({size}) {self._unit} on {on} at ({where}), {source}")
+        share = [value / len(names) for value in vector]
+        return [{"element": name, "force": share, "at": place} for name in names]
 
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
         """Return the entry of a load per length or area along an edge, and note it.
@@ -227,28 +234,17 @@ class _Loads:
             pressure /= self._structure.thickness
         points = path.points[:, :2]
         probes = np.concatenate([points, 0.5 * (points[1:] + points[:-1])])
-        edges = shapely.union_all([self._shapes[k].exterior for k in self._free])
+        edges = shapely.union_all(shapely.get_exterior_ring(self._shapes[self._free]))
         if shapely.distance(shapely.points(probes), edges).max() > self._structure.reach or path.points[:, 2].any():
             problem = f"the text {mark.text!r} is a load per length or area, and its line lies along no free edge"
             raise InputError(f"layer {mark.layer!r}", problem, "a line on the edge that it acts on")
         ends = [[float(v) + 0.0 for v in points[k]] for k in (0, -1)]
         touched = [
             str(self._cells[k].name)
-            for k in self._free
+            for k in self._free.tolist()
             if (shapely.distance(shapely.points(probes), self._shapes[k]) <= self._structure.reach).sum() > 1
         ]
         where = " to ".join(f"({x:.9g}, {y:.9g})" for x, y in ends)
         told = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"
         self._notes.found.append(f"{told} from {where}, {mark.text!r} along a line")
         return {"face": {"along": points.tolist()}, "pressure": pressure}
-
-
-def _nearest(texts: list[Mark], start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """Return the index of the unused text nearest to a line, None if all are too far.
-
-    A text may be at most the length of the line away. start, end: (2,) ends of the line.
-    """
-    line = shapely.LineString([start, end])
-    away = [(line.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
-    close = [(distance, k) for distance, k in away if distance <= line.length]
-    return min(close)[1] if close else None

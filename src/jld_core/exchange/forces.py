@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
+from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.scene.units import METRES, NEWTONS
 
@@ -83,6 +88,35 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
         parts.append(_part(found, text, unit))
         place = found.end()
     return _joined(parts, text, dimension)
+
+
+def closest_first(
+    lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
+) -> dict[int, int]:
+    """Match lines and texts, the closest pair first; return the text of each line that has one.
+
+    lines, texts, away: (k,) pairs that may belong together, and their distances. reach: difference of distances that
+    counts as none. names: layer and words of each text. Raises InputError where equally close pairs share a line or a
+    text, so that their order alone would decide.
+    """
+    order = np.lexsort((texts, lines, away))
+    pairs = list(zip(lines[order].tolist(), texts[order].tolist(), away[order].tolist(), strict=True))
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for place, (line, text, distance) in enumerate(pairs):
+        if line in found or text in taken:
+            continue
+        for other, rival, beyond in itertools.islice(pairs, place + 1, None):
+            if beyond > distance + reach:
+                break
+            if (other == line) != (rival == text) and other not in found and rival not in taken:
+                layer, words = names[text]
+                rest = "two lines" if rival == text else f"the same line as the text {names[rival][1]!r}"
+                problem = f"the text {words!r} is equally far from {rest}"
+                raise InputError(f"layer {layer!r}", problem, "each text nearer to the line that it belongs to")
+        found[line] = text
+        taken.add(text)
+    return found
 
 
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:

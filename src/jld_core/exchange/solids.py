@@ -14,7 +14,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import check_supports
 from jld_core.exchange.drawn_loads import MOST, SolidMark
-from jld_core.exchange.forces import parse_force
+from jld_core.exchange.forces import closest_first, parse_force
 from jld_core.exchange.options import LOWEST, SNAP, Imported, ImportOptions, Notes, complete, listed, rounded, several
 from jld_core.geometry import (
     Faces,
@@ -26,6 +26,7 @@ from jld_core.geometry import (
     snap_solids,
 )
 from jld_core.geometry import solids as closed_solids
+from jld_core.geometry.polyhedra import distance_to
 from jld_core.geometry.snapping import SnappedSolids
 from jld_core.geometry.spatial_contacts import SpatialContact
 from jld_core.linalg import components
@@ -95,29 +96,43 @@ def solid_loads(
     marks: list[SolidMark],
     names: list[str],
     vertices: list[Floats],
+    faces: list[Faces],
     supports: list[bool],
+    reach: float,
     options: ImportOptions,
     notes: Notes,
 ) -> dict[str, Any]:
     """Return the entry "loads" of a scene from the marks of a spatial file, scene units.
 
-    Raises InputError for a text that is no force.
+    A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
+    nearest one. A force acts on the nearest free element; those within `reach` of it share the force. Raises InputError
+    for a text that is no force.
     """
-    # A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
-    # nearest one. A force acts on the free element whose box is nearest.
+
+    def entries(force: Floats, at: Floats) -> list[dict[str, Any]]:
+        """Return the load entries of a force (3,) at a point (3,)."""
+        chosen = _nearest(at, vertices, faces, supports, reach)
+        share = (force / len(chosen) + 0.0).tolist()
+        return [{"element": names[k], "force": share, "at": (at + 0.0).tolist()} for k in chosen]
+
     loads: dict[str, Any] = {}
     for role, key in (("load", "live"), ("dead", "dead")):
         own = [mark for mark in marks if options.role(mark.layer) == role]
         texts = [mark for mark in own if mark.tail is None and mark.text]
-        taken: set[int] = set()
+        arrows = [mark for mark in own if mark.tail is not None]
+        beside = _beside([mark for mark in arrows if mark.text is None], texts, reach)
         for mark in own:
             if mark.tail is None and not mark.text:
                 notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
-            if mark.tail is not None:
-                loads.setdefault(key, []).append(_entry(_arrow(mark, texts, taken), mark.at, names, vertices, supports))
-        for number, mark in enumerate(texts):
-            if number not in taken:
-                loads.setdefault(key, []).append(_entry(_written(mark), mark.at, names, vertices, supports))
+        bare = iter(range(len(arrows)))
+        for mark in arrows:
+            text = mark.text
+            if text is None:
+                number = beside.get(next(bare))
+                text = None if number is None else texts[number].text
+            loads.setdefault(key, []).extend(entries(_arrow(mark, text), mark.at))
+        for number in sorted(set(range(len(texts))) - set(beside.values())):
+            loads.setdefault(key, []).extend(entries(_written(texts[number]), texts[number].at))
         for entry in loads.get(key, []):
             size, at = (", ".join(f"{value:.9g}" for value in entry[part]) for part in ("force", "at"))
             notes.found.append(f"{key} force ({size}) N on element {entry['element']!r} at ({at})")
@@ -135,25 +150,26 @@ def _written(mark: SolidMark) -> Floats:
     return np.array(written.values if written.components else (0.0, 0.0, -written.values[0]))
 
 
-def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
+def _beside(arrows: list[SolidMark], texts: list[SolidMark], reach: float) -> dict[int, int]:
+    """Return the number of the text of each arrow, by its number; it lies at most its length from its middle."""
+    ends = np.array([(mark.tail, mark.at) for mark in arrows]).reshape(-1, 2, 3)
+    places = np.array([mark.at for mark in texts]).reshape(-1, 3)
+    away = np.linalg.norm(ends.mean(axis=1)[:, None] - places[None], axis=2)
+    arrow, text = np.nonzero(away <= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None])
+    return closest_first(arrow, text, away[arrow, text], reach, [(mark.layer, str(mark.text)) for mark in texts])
+
+
+def _arrow(mark: SolidMark, text: str | None) -> Floats:
     """Return the force (3,) of an arrow: the magnitude of its text along its direction.
 
     Raises InputError without a text, and for one that is no magnitude.
     """
-    # The text is its own or the nearest one, at most its length from its middle.
-    tail = mark.at if mark.tail is None else mark.tail
-    along = mark.at - tail
+    along = mark.at - (mark.at if mark.tail is None else mark.tail)
     length = float(np.linalg.norm(along))
-    text = mark.text
     if text is None:
-        near = [(float(np.linalg.norm(one.at - 0.5 * (mark.at + tail))), k) for k, one in enumerate(texts)]
-        close = [pair for pair in near if pair[1] not in taken and pair[0] <= length]
-        if not close or not length:
-            raise InputError(f"layer {mark.layer!r}", "a line has no text that says its force", "a text beside it")
-        taken.add(min(close)[1])
-        text = texts[min(close)[1]].text
+        raise InputError(f"layer {mark.layer!r}", "a line has no text that says its force", "a text beside it")
     try:
-        written = parse_force(text or "", dimension=3)
+        written = parse_force(text, dimension=3)
     except InputError as error:
         raise error.within(f"layer {mark.layer!r}") from None
     if written.components or not length:
@@ -161,20 +177,20 @@ def _arrow(mark: SolidMark, texts: list[SolidMark], taken: set[int]) -> Floats:
     return np.asarray(written.values[0] * along / length)
 
 
-def _entry(force: Floats, at: Floats, names: list[str], vertices: list[Floats], supports: list[bool]) -> dict[str, Any]:
-    """Return the load entry of a force on the nearest free element, by bounding boxes.
+def _nearest(at: Floats, vertices: list[Floats], faces: list[Faces], supports: list[bool], reach: float) -> list[int]:
+    """Return the free elements nearest to a point (3,), in order: those within `reach` of the least distance.
 
-    force, at: (3,) vector and place.
+    vertices, faces, supports: of all elements.
     """
-    # Of equally near elements the smallest one is taken.
-
-    def away(k: int) -> tuple[float, float, int]:
-        low, high = vertices[k].min(axis=0), vertices[k].max(axis=0)
-        outside = np.maximum(np.maximum(low - at, at - high), 0.0)
-        return round(float(np.linalg.norm(outside)), 9), float((high - low).max()), k
-
-    chosen = min((k for k, support in enumerate(supports) if not support), key=away)
-    return {"element": names[chosen], "force": (force + 0.0).tolist(), "at": (at + 0.0).tolist()}
+    boxes = np.array([(v.min(axis=0), v.max(axis=0)) for v in vertices])
+    least = np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - at, at - boxes[:, 1]), 0.0), axis=1)
+    free = np.flatnonzero(~np.array(supports))
+    found: dict[int, float] = {}
+    for k in free[np.argsort(least[free], kind="stable")].tolist():
+        if found and least[k] > min(found.values()) + reach:
+            break  # no element is nearer than its box
+        found[k] = distance_to(vertices[k], tuple(map(tuple, faces[k])), at)
+    return sorted(k for k, away in found.items() if away <= min(found.values()) + reach)
 
 
 @dataclass(frozen=True)
@@ -323,7 +339,8 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
             document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
     if found.marks and not found.facts.get("loads"):
         marks = [mark.scaled(scale) for mark in found.marks]
-        document["loads"] = solid_loads(marks, names, whole, supports, options, notes)
+        reach = max(2.0 * tolerance, 1e-7 * size)
+        document["loads"] = solid_loads(marks, names, whole, faces, supports, reach, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)

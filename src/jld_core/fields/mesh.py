@@ -332,7 +332,8 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     """Bisect triangles at the ends of loads on straight outlines, until three meet there.
 
-    Result: triangles at such a node are bisected there; others are split only where conformity asks for it.
+    Result: triangles at such a node are bisected there, at two of them split at the centroid; others are split only
+    where conformity asks for it.
     """
     # The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
     # which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
@@ -349,5 +350,21 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     few = np.zeros(len(mesh.points), dtype=bool)
     few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
     at = few[mesh.triangles]
-    marked = np.asarray(at.any(axis=1))
-    return refine(mesh, marked, np.where(marked, at.argmax(axis=1), -1)) if marked.any() else mesh
+    if not at.any():
+        return mesh
+    # one with two such corners is split at its centroid: to choose between them would be to go by their order
+    whole, both = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
+    centre = len(mesh.points) + np.repeat(np.arange(len(both)), 3)
+    ends_of = np.stack([mesh.triangles[both], np.roll(mesh.triangles[both], -1, axis=1)], axis=-1).reshape(-1, 2)
+    order = np.concatenate([whole, np.repeat(both, 3)])
+    split = replace(
+        mesh,
+        points=np.concatenate([mesh.points, corners[both].mean(axis=1)]),
+        triangles=np.concatenate([mesh.triangles[whole], np.column_stack([ends_of, centre])]),
+        cell=mesh.cell[order],
+        root=mesh.root[order],
+    )
+    marked = np.append(at[whole].any(axis=1), np.zeros(3 * len(both), dtype=bool))
+    return refine(
+        split, marked, np.where(marked, np.append(at[whole].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1)
+    )

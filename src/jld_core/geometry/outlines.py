@@ -14,6 +14,7 @@ import shapely
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry.vectors import across, area_vector
+from jld_core.linalg import components
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -422,10 +423,10 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 def different_lines(vectors: Floats) -> int:
     """Count the different lines among unit vectors (k, d); opposite vectors are one line.
 
-    Lines are equal if their angle is at most 1e-6.
+    Lines are equal if their angle is at most 1e-6, and so are all that a chain of such lines connects.
     """
     alike = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
-    return len(vectors) - int(np.count_nonzero(np.triu(alike, 1).any(axis=0)))
+    return len(np.unique(components(len(vectors), *np.nonzero(alike))))
 
 
 class Outlines:
@@ -567,13 +568,13 @@ def _solid_outline(
 
 
 def _merged(points: Floats, reach: float) -> Floats:
-    """Remove each point (k, d) that lies within `reach` of an earlier point."""
+    """Return one of the points (k, d) that a chain of steps up to `reach` connects: the first by its coordinates."""
     from scipy.spatial import cKDTree
 
+    points = points[np.lexsort(points.T)]
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    kept = np.ones(len(points), dtype=bool)
-    kept[pairs[:, 1]] = False
-    return points[kept]
+    group = components(len(points), pairs[:, 0], pairs[:, 1])
+    return points[np.unique(group, return_index=True)[1]]
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:

@@ -311,15 +311,25 @@ class CaseBounds:
 
 @dataclass(frozen=True)
 class Governing:
-    """Status and bounds of the governing factor of a structure."""
+    """Status and bounds of the governing factor of a structure.
 
-    status: Status  # outcome of the structure
-    # low, high: proven bounds on the governing factor; NaN where a bound is missing
+    Attributes
+    ----------
+    status : Status
+        Outcome of the structure.
+    low, high : float
+        Proven bounds on the governing factor; NaN where a bound is missing.
+    load_factor : float
+        Governing factor; NaN where there is none.
+    case : int
+        Index of the governing case: the one of least upper bound. Of several with the same, as far as brackets tell, it
+        is the first. Two solution methods that find the same λ thus name the same case.
+    """
+
+    status: Status
     low: float
     high: float
-    load_factor: float  # governing factor; NaN where there is none
-    # index of the governing case. Of several cases with overlapping brackets it is the first. Two solution methods that
-    # find the same λ thus name the same case.
+    load_factor: float
     case: int
 
 
@@ -363,9 +373,10 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
     low, high = lows[first], highs[position]
     proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
     if proven[first] and math.isfinite(low) and math.isfinite(high):
-        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high)
+        near = high + (high - low) + tolerances.GAP * abs(high)
+        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high and highs[k] <= near)
         value = min((value for value in values if not math.isnan(value)), default=low)
-        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike))
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, first))
     known = [value for value in values if not math.isnan(value)]
     both = math.isfinite(low) and math.isfinite(high)
     guess = 0.5 * (low + high) if both else min(known, default=nan)

@@ -131,6 +131,8 @@ class Result(NotebookRepr):
         True if the structure stands without live load, False if not; None where undecided.
     least_bracket : (float, float)
         Proven bounds on `least_load_factor`; NaN where unknown.
+    governing : str or None
+        Name of the governing load case.
     seconds : dict of str to float
         Wall-clock time of each part, and `total`.
     reason : str or None

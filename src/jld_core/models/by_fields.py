@@ -45,7 +45,12 @@ class FieldResult(Result):
     forces = mechanism = instability_mechanism = None
 
     @property
-    def governing(self) -> Governing:
+    def governing(self) -> str | None:
+        """Return the name of the governing load case; None without load cases."""
+        return list(self.cases)[self.decided.case] if self.assembly.cases else None
+
+    @property
+    def decided(self) -> Governing:
         """Return the governing factor, the least over load cases of λ / required.
 
         Its value is the lower bound.
@@ -61,7 +66,7 @@ class FieldResult(Result):
         The structure is the assembly under this load case alone; the labels are (m,), True = dry. Raises InputError for
         bounds in space, of which there are no pictures.
         """
-        case = self.governing.case
+        case = self.decided.case
         bounds = list(self.cases.values())[case]
         if not isinstance(bounds, FieldBounds):
             raise InputError("cracks", "fields in space have no picture", "a planar scene")
@@ -73,17 +78,17 @@ class FieldResult(Result):
 
         It is collapse where both bounds are known, unstable where an upper bound is below 0, else uncertified.
         """
-        return self.governing.status
+        return self.decided.status
 
     @property
     def load_factor(self) -> float:  # type: ignore[override]
         """Return the lower bound on λ; with load cases the least of λ / required."""
-        return self.governing.low
+        return self.decided.low
 
     @property
     def bracket(self) -> tuple[float, float]:  # type: ignore[override]
         """Return the proven bounds on λ, NaN where one is missing."""
-        return self.governing.low, self.governing.high
+        return self.decided.low, self.decided.high
 
     @property
     def gap(self) -> float:  # type: ignore[override]
@@ -124,7 +129,7 @@ class FieldResult(Result):
     @property
     def reason(self) -> str | None:  # type: ignore[override]
         """Explain in one sentence why the bounds of the governing case did not reach the gap; None where they did."""
-        bounds = list(self.cases.values())[self.governing.case]
+        bounds = list(self.cases.values())[self.decided.case]
         if bounds.status is FieldStatus.CLOSED or self.status is Status.UNSTABLE:
             return None
         words = {
@@ -136,7 +141,7 @@ class FieldResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --cracks fields --json` prints, see `Result.to_json`."""
-        found, several = self.governing, bool(self.assembly.cases)
+        found, several = self.decided, bool(self.assembly.cases)
         ids, faces = self.assembly.elements.ids, self.assembly.interfaces
         first = next(iter(self.cases.values()))
         return {
@@ -166,7 +171,7 @@ class FieldResult(Result):
 
     def facts_in_words(self) -> dict[str, str]:
         """Describe the result by named facts, for the terminal."""
-        found, several = self.governing, bool(self.assembly.cases)
+        found, several = self.decided, bool(self.assembly.cases)
         width = _width(found.low, found.high)
         bracket = f"{_shown(found.low)} {_shown(found.high)}"
         facts = {

@@ -254,7 +254,11 @@ def _inner_forces(
     program = template.program(labels)
     s = program.structure
     free = template.assembly.elements.free
-    rows = np.flatnonzero(~np.repeat(support[free], q))
+    # Within a block that is in balance, the equations of one element follow from those of the others. Interior points
+    # take the rounding of that balance for a contradiction.
+    follows = np.zeros(len(support), dtype=bool)
+    follows[free[np.unique(rigid.group[free], return_index=True)[1]]] = True
+    rows = np.flatnonzero(~np.repeat((support | follows)[free], q))
     columns = (q * inside[:, None] + np.arange(q)).ravel()
     pattern = sets.pattern
     extra = np.arange(pattern.extra)
@@ -280,7 +284,9 @@ def _inner_forces(
     stacked = sp.vstack([wide[rows], wide[linear], cap, wide[conic]])
     rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
     objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
-    raw = ClarabelSolver().solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
+    # Far below yield slacks hardly depend on forces: without refinement of its steps the method stops short of balance.
+    solver = ClarabelSolver(iterative_refinement_enable=True)
+    raw = solver.solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
     own = raw.point[: q * inside.size].reshape(-1, q)
     if not np.all(np.isfinite(own)):
         return None

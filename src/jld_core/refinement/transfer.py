@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,6 +19,12 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.polyhedra import distance_from_face, distance_to, point_in_face
 from jld_core.scene import Scene
 from jld_core.scene.loads import FaceLoad, FacePlace
+
+_CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
+"""Forces of a member, of which each share has its part."""
+
+_MOST_SHARES: Final = 64
+"""Largest number of members that one member becomes."""
 
 
 @dataclass(frozen=True)
@@ -90,23 +98,83 @@ def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
-    """Transfer members to the pieces that contain their points."""
+    """Transfer members to the pieces that contain their points; pieces that hold a point in common share its members.
 
-    def moved(anchor: dict[str, Any]) -> dict[str, Any]:
-        """Return an anchor that refers to a piece."""
-        k = assembly.elements.index[anchor["element"]]
-        if len(cut_up[k]) == 1:
-            return anchor
-        held = _holding(cut_up[k], np.array(anchor["at"]), tolerances.ON_OUTLINE * assembly.size)
-        return {**anchor, "element": f"{anchor['element']}.{held[0]}"}
+    Raises InputError for more than `_MOST_SHARES` shares, and for shares of an uncertain capacity, which would vary
+    each by itself.
+    """
+    # A pin without length is shared by the pieces that touch along the face that it crosses.
+    reach = tolerances.ON_OUTLINE * assembly.size
 
-    def whole(member: dict[str, Any]) -> dict[str, Any]:
-        """Return a member whose anchors refer to pieces."""
-        ends = {key: moved(member[key]) for key in ("from", "to")}
-        through = {"through": [moved(one) for one in member["through"]]} if "through" in member else {}
-        return {**member, **ends, **through}
+    def on_pieces(anchor: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return anchors at the same point of all pieces that hold it."""
+        parts = cut_up[assembly.elements.index[anchor["element"]]]
+        held = _holding(parts, np.array(anchor["at"]), reach)
+        return [{**anchor, "element": f"{anchor['element']}.{k}"} for k in held] if len(parts) > 1 else [anchor]
 
-    return [whole(member) for member in members]
+    found = []
+    for position, member in enumerate(members):
+        anchors = [member["from"], *member.get("through", []), member["to"]]
+        places = [on_pieces(anchor) for anchor in anchors]
+        count = math.prod(map(len, places))
+        if count > _MOST_SHARES:
+            problem = f"its points lie at common corners of cells, which share it in {count} ways"
+            raise InputError(f"members[{position}]", problem, "points inside cells, or another size of cells")
+        ways = list(itertools.product(*places))
+        if count > 1 and math.dist(anchors[0]["at"], anchors[-1]["at"]) <= reach and len(anchors) == 2:
+            touching = _beside_face(assembly, cut_up, anchors, reach)
+            ways = [way for way in ways if (way[0]["element"], way[1]["element"]) in touching]
+        name = member.get("name") or f"{member['kind']} {position + 1}"
+        for number, (start, *through, end) in enumerate(ways):
+            one = {**member, "name": name, "from": start, "to": end}
+            if through:
+                one["through"] = through
+            if len(ways) > 1:
+                one |= {"name": f"{name} ({number + 1} of {len(ways)})"}
+                one |= {key: _share(member[key], len(ways), position, key) for key in _CAPACITIES if key in member}
+            found.append(one)
+    return found
+
+
+def _share(value: Any, count: int, position: int, key: str) -> Any:
+    """Return a capacity over a count; a dict has a nominal and a low value."""
+    if not isinstance(value, dict):
+        return value / count
+    if "mean" in value:
+        problem = "it is uncertain, and cells with a common corner would share it"
+        raise InputError(f"members[{position}].{key}", problem, "points inside cells, or a number")
+    return {name: number / count for name, number in value.items()}
+
+
+def _beside_face(
+    assembly: Assembly, cut_up: list[list[Piece]], anchors: list[dict[str, Any]], reach: float
+) -> set[tuple[str, str]]:
+    """Return the pairs of pieces of two elements that touch along their face, around the common point of two anchors.
+
+    Points on the face near the common point tell, away from the corners of pieces. reach: as in `_holding`.
+    """
+    elements, faces, at = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
+    one, two = (elements.index[anchor["element"]] for anchor in anchors)
+    between = np.flatnonzero(
+        (np.minimum(faces.a, faces.b) == min(one, two)) & (np.maximum(faces.a, faces.b) == max(one, two))
+    )
+    found: set[tuple[str, str]] = set()
+    for face in between.tolist():
+        if assembly.dimension == 2:
+            around = np.array([faces.e1[face], -faces.e1[face]])
+        else:
+            angle = 0.13 + np.arange(12) * np.pi / 6.0
+            around = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
+        for point in at + 50.0 * reach * around:
+            if distance_from_face(faces, face, point) > reach:
+                continue
+            pair = []
+            for k in (one, two):
+                held = _holding(cut_up[k], point, reach)
+                pair += [elements.ids[k] + (f".{held[0]}" if len(cut_up[k]) > 1 else "")] if len(held) == 1 else []
+            if len(pair) == 2:
+                found.add((pair[0], pair[1]))
+    return found
 
 
 def _holding(parts: list[Piece], at: Floats, reach: float) -> list[int]:

@@ -122,7 +122,7 @@ def _by_fields(done: Exploration, ranks: list[int]) -> Figure:
 
     found = [done.field_result(rank) for rank in ranks]
     titles = [
-        f"{_named(done, rank)}: λ in [{one.governing.low:.4g}, {one.governing.high:.4g}]"
+        f"{_named(done, rank)}: λ in [{one.decided.low:.4g}, {one.decided.high:.4g}]"
         for rank, one in zip(ranks, found, strict=True)
     ]
     return figure_of_field_layouts([one.governing_case for one in found], titles)

@@ -13,7 +13,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.limit import Status
+from jld_core.limit import CaseBounds, Status, governing
 from jld_core.refinement.cells import CrackCells
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.protocol import BOUND, SOLVE, Evaluation, EvaluatorSettings, LabellingEvaluator
@@ -24,6 +24,7 @@ def field_evaluation(
     high: Floats,
     required: Floats,
     *,
+    most: float = math.inf,
     best: float = -math.inf,
     seconds: float = 0.0,
     nominal: float | None = None,
@@ -34,14 +35,16 @@ def field_evaluation(
     factor of each case. Result: λ is the lower bound. The status is collapse if both bounds are known, and unstable if
     an upper bound is below 0.
     """
-    governing = int(np.argmin(low / required))
-    least, most = float(low[governing] / required[governing]), float((high / required).min())
+    least, most = float((low / required).min()), min(most, float((high / required).min()))
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
     if nominal is not None:
         # with nominal values the entries of load cases and then that value are expected
         cases = (*cases, nominal if math.isfinite(nominal) else math.nan)
-    case = governing if several else -1
+    known = [
+        CaseBounds(Status.COLLAPSE, one, other, one) for one, other in zip(low.tolist(), high.tolist(), strict=True)
+    ]
+    case = governing(known, required.tolist()).case if several else -1
     nan = math.nan
     low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
     if most < 0.0:

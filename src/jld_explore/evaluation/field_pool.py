@@ -88,15 +88,19 @@ class FieldPool:
         self.rate, self.programs, self.late = 0.0, 0, False
         self.add(labellings)
 
-    def add(self, labellings: Bits, low: Floats | None = None, high: Floats | None = None) -> None:
+    def add(
+        self, labellings: Bits, low: Floats | None = None, high: Floats | None = None, cases: Floats | None = None
+    ) -> None:
         """Add labellings (k, m) to the pool, with bounds that are known.
 
-        low, high: (k,) bounds on the governing factor, NaN where unknown; None if all are unknown.
+        low, high: (k,) bounds on the governing factor, NaN where unknown; None if all are unknown. cases: (k, c) lower
+        bounds on λ under each load case, alike.
         """
-        count, cases = len(labellings), len(self.settings)
+        count, several = len(labellings), len(self.settings)
         self.labellings = np.concatenate([self.labellings, labellings])
-        self._low = np.concatenate([self._low, np.full((count, cases), -np.inf)])
-        self._high = np.concatenate([self._high, np.full((count, cases), np.inf)])
+        lowest = np.full((count, several), -np.inf)
+        self._low = np.concatenate([self._low, lowest if cases is None else np.fmax(lowest, cases)])
+        self._high = np.concatenate([self._high, np.full((count, several), np.inf)])
         least = np.full(count, -np.inf) if low is None else np.where(np.isnan(low), -np.inf, low)
         most = np.full(count, np.inf) if high is None else np.where(np.isnan(high), np.inf, high)
         self._least, self._most = np.concatenate([self._least, least]), np.concatenate([self._most, most])
@@ -109,9 +113,12 @@ class FieldPool:
         Bounds of labellings that this pool does not hold are left out.
         """
         place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
-        for labels, low, high in zip(other.labellings, other.low().tolist(), other.high().tolist(), strict=True):
+        both = zip(other.low().tolist(), other.high().tolist(), strict=True)
+        for theirs, (labels, (low, high)) in enumerate(zip(other.labellings, both, strict=True)):
             row = place.get(labels.tobytes())
             if row is not None:
+                self._low[row] = np.maximum(self._low[row], other._low[theirs])
+                self._high[row] = np.minimum(self._high[row], other._high[theirs])
                 self._least[row], self._most[row] = max(self._least[row], low), min(self._most[row], high)
         self._steps.update(other._steps)
         self.programs += other.programs

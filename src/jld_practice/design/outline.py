@@ -100,11 +100,26 @@ def _is_scene(file: File) -> bool:
 def _united(scene: Scene, notes: Notes) -> Scene:
     """Unite the free elements of a planar scene to outlines, and drop keys about its cells."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
+    owners = [document["loads"], *document["loads"].get("cases", [])]
     entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
     free = [entry for entry in entries if not entry.get("support")]
     alike = not any(key in entry for entry in free for key in ("density", "weight", "volume", "centroid"))
     if scene.dimension == 3 or len(free) == 1 or scene.interfaces is not None or not alike or scene.materials.faces:
         return scene
+    places = [
+        entry["face"].get("between")
+        for owner in owners
+        for entry in owner.get("live", []) + owner.get("dead", [])
+        if "face" in entry
+    ]
+    if scene.members or any(places):
+        where = "members" if scene.members else "loads"
+        problem = "they name elements, and the free ones of the scene become one outline"
+        raise InputError(
+            where,
+            problem,
+            'a pressure "along" a line' if any(places) else "a drawing or scene with one element for each part",
+        )
     elements = build_assembly(scene).elements
     parts = union_outlines([elements.shape[k] for k in elements.free])
     if any(part.holes for part in parts):
@@ -113,14 +128,16 @@ def _united(scene: Scene, notes: Notes) -> Scene:
     shapes = [shapely.Polygon(part.shell) for part in parts]
 
     def moved(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return a load that refers to an outline."""
+        """Return a load that refers to the outline that its element is part of, wherever it acts."""
         if "element" not in entry:
             return entry
-        at = entry.get("at") or elements.centroid[elements.index[entry["element"]]].tolist()
-        number = int(np.argmin([shape.distance(shapely.Point(at)) for shape in shapes]))
+        k = elements.index[entry["element"]]
+        inside = shapely.Polygon(elements.shape[k]).representative_point()
+        number = int(np.argmin(shapely.distance(shapes, inside)))
+        at = entry.get("at") or elements.centroid[k].tolist()
         return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
 
-    for owner in (document["loads"], *document["loads"].get("cases", [])):
+    for owner in owners:
         for key in ("live", "dead"):
             if key in owner:
                 owner[key] = [moved(entry) for entry in owner[key]]
