@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from jld_explore.design.options import DesignOptions
-from jld_explore.design.outline import read_outline
 
 from jld_core import InputError
+from jld_practice.design.options import DesignOptions
+from jld_practice.design.outline import read_outline
 
 
 def outline(rows: list[str], live: list[dict[str, Any]], path: Path, **more: Any) -> dict[str, Any]:
