@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from jld_core.errors import InputError
@@ -29,10 +30,19 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
     Raises InputError where two packages give one name: which of them counts must not depend on an order.
     """
+    import tomllib
     from importlib import metadata  # takes as long to import as a small scene to solve
 
+    points = list(metadata.entry_points(group=group))
+    checkout = Path(__file__).parents[2] / "pyproject.toml"
+    if checkout.exists():  # what was installed of a checkout may be older than its files
+        project = tomllib.loads(checkout.read_text(encoding="utf-8")).get("project", {})
+        if project.get("name") == "jld":
+            own = project.get("entry-points", {}).get(group, {})
+            points = [one for one in points if one.dist is None or one.dist.name != "jld"]
+            points += [metadata.EntryPoint(name, value, group) for name, value in own.items()]
     found: dict[str, EntryPoint] = {}
-    for point in sorted(metadata.entry_points(group=group), key=lambda one: (one.name, one.value)):
+    for point in sorted(points, key=lambda one: (one.name, one.value)):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
