@@ -57,6 +57,8 @@ def load(group: str, name: str) -> Any:
     point = entry_points(group)[name]
     try:
         return point.load()
+    except InputError:  # it says what it needs
+        raise
     except Exception as error:  # whatever the code of a stranger raises
         where = f"plug-in {name!r} of the package {package(point)}"
         remedy = f"a package that imports; python -c 'import {point.module}' shows why"
