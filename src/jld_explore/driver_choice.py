@@ -81,8 +81,7 @@ def choose_driver(
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the InputError, not raised, for a search without any layout."""
-    # It says whether the space is proven empty.
+    """Return the InputError, not raised, for a search without any layout; it says whether the space is proven empty."""
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
         problem = "no layout that satisfies the constraints was found"

@@ -124,7 +124,7 @@ class FieldStudy(Study):
 
     def _run_proof(self, driver: FieldExact) -> StopReason:
         """Prove by the exact driver, then record the bounds that its fields and conflicts prove."""
-        # Each layout on record gets its bounds. The result is also stored in `race`.
+        # Each layout on record gets its bounds. The result of the proof is also stored in `race`.
         try:
             return super().run()
         finally:

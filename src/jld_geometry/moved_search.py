@@ -190,7 +190,7 @@ def explore_and_move(
     setting does not fit, or no layout stands by fields. Raises Interrupted: after a signal; once layouts were moved,
     `done` is the result so far.
     """
-    # docs/method.md, chapter 11.
+    # docs/method.md, chapter 11
     settings = settings or ExploreSettings()
     whole = Deadline(settings.seconds, started)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far

@@ -125,8 +125,10 @@ class GeometrySearch:
         return point.objective if self.goal == "load_factor" else -point.objective
 
     def restored(self, values: Floats) -> Floats | None:
-        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps."""
-        # None where the steps do not converge.
+        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps.
+
+        None where the steps do not converge.
+        """
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
@@ -160,9 +162,11 @@ class GeometrySearch:
         return self.evaluate(np.zeros(self.variables.count), None)
 
     def standing(self, values: Floats, deadline: float) -> Evaluated | None:
-        """Move joints from variables z (k,) until the structure stands (phase one)."""
-        # Returns the first point found with a proven value; None where none is found by `deadline`, a time of
-        # `time.perf_counter`, s.
+        """Move joints from variables z (k,) until the structure stands (phase one).
+
+        Returns the first point found with a proven value; None where none is found by `deadline`, a time of
+        `time.perf_counter`, s.
+        """
         point, radius = self.evaluator.missing(values), self.trust.first * self.unit
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
@@ -183,8 +187,10 @@ class GeometrySearch:
     def improve(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
-        """Improve a point until it is stationary; return the last accepted point and why it ended."""
-        # The reason is "stationary", "locked", "time" or "points".
+        """Improve a point until it is stationary; return the last accepted point and why it ended.
+
+        The reason is "stationary", "locked", "time" or "points".
+        """
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
         for _ in range(trust.points):

@@ -238,8 +238,8 @@ class BatchSolver:
 
     def _starting(self, template: Template, sampled: int) -> _Start:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
-        # It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which
-        # there are `sampled`.
+        # The point lies between the least-norm forces in equilibrium and the mean solution of `sampled` random
+        # labellings.
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -399,7 +399,7 @@ class BatchSolver:
 
     def _problem(self) -> library.Problem:
         """Return the problem as a structure of the compiled library."""
-        # It points to arrays of this solver, and is valid while the solver exists.
+        # The structure points to arrays of this solver, and is valid while the solver exists.
         start = self._start
         arrays = library.pointers(
             low=self._low,

@@ -65,8 +65,8 @@ class _Arc:
 
 def without_repeats(path: Path, same: float) -> Path:
     """Return a path that ends where it comes back to its start."""
-    # An open path that comes back to its start is closed. A path that goes on past its start along its own first edges,
-    # as A B C D A B, ends at the start.
+    # An open path that comes back to its start is closed. One that goes on past its start along its own first edges, as
+    # A B C D A B, ends at the start.
     points = path.points
     count = len(points)
     back = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same

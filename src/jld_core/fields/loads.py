@@ -285,8 +285,8 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
 
     Raises InputError without room for that.
     """
-    # It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
-    # resultant instead.
+    # The traction covers the face. If forces of one sign have their resultant beyond the middle third, the traction is
+    # uniform about the resultant instead.
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)

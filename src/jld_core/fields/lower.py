@@ -299,8 +299,7 @@ class LowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Set up the program that maximises λ."""
-        # Also returns the edge whose label switches each row, −1 for none.
+        """Set up the program that maximises λ; return it, and the edge whose label switches each row, −1 for none."""
         p, count = self.problem, self._triangles
         matrix, rhs = self.equilibrium
         every = np.arange(3 * count)

@@ -16,11 +16,14 @@ _LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion
 
 
 def opening_motion(problem: Problem) -> Floats | None:
-    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled."""
+    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled.
+
+    None if no such motion was found, as for enclosed cells.
+    """
     # A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
     # stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
     # move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
-    # edges: they open without sliding. None: no such motion was found, as for enclosed cells.
+    # edges: they open without sliding.
     mesh = problem.mesh
     cells, number = np.unique(mesh.cell, return_inverse=True)
     area = np.bincount(number, mesh.area)

@@ -64,8 +64,11 @@ class SpatialLowerBound:
         self.status = ""
 
     def bound(self) -> SpatialStress | None:
-        """Find a stress field and certify it, with larger margins to yield where that fails."""
-        # The last attempt is a mean with an interior field. None: the solver failed, or no attempt passed the check.
+        """Find a stress field and certify it, with larger margins to yield where that fails.
+
+        None if the solver failed, or no attempt passed the check.
+        """
+        # The last attempt is a mean with an interior field.
         proposed: Answer | None = None
         for margin in _MARGINS:
             answer = self.propose(margin)

@@ -484,8 +484,8 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     """Return the points (k, 3) where layered cells need nodes, scene units; some repeat."""
-    # They are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on their
-    # facets.
+    # The points are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on
+    # their facets.
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:

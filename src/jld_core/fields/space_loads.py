@@ -403,9 +403,9 @@ _Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
     """Return facet and number of the free region of a cell that a force acts on.
 
-    Raises InputError for a force on the surface without a free region there.
+    None if it acts inside or beyond the cell. Raises InputError for a force on the surface without a free region there.
     """
-    # None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken.
+    # Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
     height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)

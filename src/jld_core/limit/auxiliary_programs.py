@@ -269,8 +269,8 @@ def least_multipliers(
     least: (rows of G,) lower bound of the multipliers in the sense of the cones. Result: u and z, concatenated; NaN if
     the dual program is unbounded.
     """
-    # They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
-    # dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
+    # The multipliers minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved
+    # as their dual, min least·G y, E y = 0, G y + s = least: a program in forces, whose columns separate by face.
     equalities, columns = equations.shape
     if is_large(structure):
         rows = sp.vstack([equations, yields])

@@ -349,7 +349,7 @@ class BlockProgram(AllBlocksProgram):
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
         """Add the forces on the dry faces around the blocks."""
-        # They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
+        # The forces are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
@@ -536,8 +536,8 @@ class _Block:
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
         """Add the columns of a joint, an inner face of the block."""
-        # They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
-        # whose entries are `of_x`.
+        # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
+        # of x, whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
         strength = float(inner.cohesion[face] - mu * inner.tension[face])

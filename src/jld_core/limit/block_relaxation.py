@@ -98,9 +98,8 @@ class BatchBlockProgram:
     ) -> BatchBlockProgram | None:
         """Create the block program of an assembly; None if the batch solver does not support it.
 
-        centroids: (n, d) of the free elements.
+        centroids: (n, d) of the free elements. Also None without the compiled library.
         """
-        # The result is also None without the compiled library.
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
@@ -353,9 +352,8 @@ class BlockRelaxation:
     def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
         """Open the velocities of an answer until every dissipation is finite, and sum their work.
 
-        allowed: (p,) blocks that may be chosen.
+        allowed: (p,) blocks that may be chosen. None where opening fails.
         """
-        # The result is None where opening fails.
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
         parts, velocity, wall = self._parts, answer.velocity, answer.wall

@@ -207,10 +207,12 @@ class AttemptState:
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`."""
-        # A narrower bracket then makes the reported λ independent of the order of elements. The result is False in
-        # analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and for
-        # large programs.
+        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`.
+
+        False in analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and
+        for large programs.
+        """
+        # A narrower bracket makes the reported λ independent of the order of elements.
         analysis = self.analysis
         if (
             not analysis.single_labelling

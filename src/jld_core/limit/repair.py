@@ -227,9 +227,8 @@ class Repair:
 
         labels: (m,) True = dry. Result: ray that holds to rounding; None where no proof is found.
         """
-        # It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
-        # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
-        # residual.
+        # A ray R satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)). Faces that crush carry
+        # no ray: drop their columns and with them their cones, which solvers satisfy only to a residual.
         program = self.template.program(labels)
         active = self.template.yield_set.recession_active(labels).ravel()
         if not active.any():

@@ -171,12 +171,12 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
 
 
 def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
-    """Return all components of the resultant of the faces between two elements.
+    """Return all components of the resultant of the faces between two elements, as it acts on the second one.
 
     Raises ParameterError if an element is unknown or the two do not touch; the parameter is `joint`.
     """
-    # It acts on the second element. Components are in the axes of the faces if these are parallel (N is positive in
-    # compression), else in the axes of the scene.
+    # Components are in the axes of the faces if these are parallel (N is positive in compression), else in the axes of
+    # the scene.
     elements, faces = assembly.elements, assembly.interfaces
     for name in (first, second):
         if name not in elements.index:
@@ -194,9 +194,9 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
     """Return N, V and M of all faces of a planar structure that lie on a straight line.
 
     start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure is spatial, the line has no
-    length, or no face lies on it; the parameter is `section`.
+    length, or no face lies on it; the parameter is `section`. The resultant acts on the part to the left of the
+    direction from start to end.
     """
-    # They act on the part to the left of the direction from start to end.
     if assembly.dimension != 2:
         raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)

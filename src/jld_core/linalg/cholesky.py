@@ -111,8 +111,8 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
     rows, columns: (e,) ends of the edges.
     """
-    # They follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of the
-    # first coordinate; the third is 0.
+    # Coordinates follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of
+    # the first coordinate; the third is 0.
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))
     parts, part = connected_components(graph, directed=False)

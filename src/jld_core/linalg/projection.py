@@ -52,11 +52,10 @@ class Projector:
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Return a solver of A Aᵀ x = r by multifrontal Cholesky, or None if impossible.
+    """Return a solver of A Aᵀ x = r by multifrontal Cholesky.
 
-    places: (rows, d) coordinates of the rows.
+    None without places, or where A Aᵀ is not positive definite. places: (rows, d) coordinates of the rows.
     """
-    # It needs known places and a positive definite matrix.
     if places is None:
         return None
     rows, columns = normal.tocoo().coords

@@ -188,9 +188,8 @@ class Anneal(Searcher):
     def _partner(self, number: int) -> Bits:
         """Return an image under symmetry of a labelling to cross with that of chain `number`.
 
-        Raises ValueError if the chain has none.
+        The labelling is that of this chain or of a random one. Raises ValueError if the chain has none.
         """
-        # It is the labelling of this chain or of a random one.
         own, group = self._chains[number].labelling, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own

@@ -226,8 +226,8 @@ class Enumeration(Driver):
         Result: number of classes; None above `limit` or if the count was given up. A space with few labellings behind
         many dead ends does not count as small.
         """
-        # With assembly sequences to check the limit is at most `space.laying.counted`.
-        # the time per frontier grows with the number of elements
+        # With assembly sequences to check the limit is at most `space.laying.counted`, since the time per frontier
+        # grows with the number of elements.
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling needs one frontier per face
             return None

@@ -95,8 +95,11 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Compute the bounds of the conflicts of a file again, and return those with finite bounds."""
-    # Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
+    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
+
+    Empty where the number of load cases differs.
+    """
+    # Adds the meshes of the file to `proof`.
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -297,9 +300,11 @@ class FieldExact(Driver):
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings to evaluate, (k, m), True = dry."""
-        # The first labellings come from a search. Later calls continue the proof until it needs evaluations. The result
-        # is empty if the proof ended, was given up, or has no time left.
+        """Return the next labellings to evaluate, (k, m), True = dry.
+
+        Empty if the proof ended, was given up, or has no time left.
+        """
+        # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
         if not self._asked:
             self._asked = True
             self._proof.bound_all()

@@ -211,7 +211,7 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
     """Return the relaxation on the meshes of a level, which this thread keeps for a while."""
-    # Its order of problems is reset, so that results do not depend on earlier tasks.
+    # The order of its problems is reset, so that results do not depend on earlier tasks.
     name, known = (setup.name, level), _kept.relaxations
     if name not in known:
         known[name] = FieldRelaxation(setup.problems(level))
@@ -241,8 +241,10 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a velocity field on its labelling, as a conflict of all free faces."""
-    # None without a field or a finite bound.
+    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
+
+    None without a field or a finite bound.
+    """
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)
@@ -315,9 +317,11 @@ class FieldRefuter:
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Compute the bound that the mechanism of a conflict proves, without a solver."""
-        # It is the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
-        # or where it proves none.
+        """Compute the bound that the mechanism of a conflict proves, without a solver.
+
+        Result: the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
+        or where it proves none.
+        """
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()

@@ -160,7 +160,7 @@ class FieldRelaxation:
 
     def _of(self, number: int) -> PartialUpperBound:
         """Return the upper bounds of problem `number`."""
-        # Those of problems added to weigh are kept only for a while, and then set up anew.
+        # Bounds of problems that were only added for `weigh` are kept for a while, and then set up anew.
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -234,8 +234,10 @@ class CommonMeshes:
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it for another step."""
-        # None: no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """Bound all labellings on the next mesh, and refine it for another step.
+
+        None if no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """
         mesh, self._next = self._next, None
         if mesh is None:
             return None

@@ -35,9 +35,9 @@ def fronts_of(values: Floats, enough: int) -> list[Ints]:
     best front first.
     """
     # A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
-    # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front. Deb et
-    # al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to two
-    # objectives take O(k log k), more take O(k² c).
+    # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
+    # Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to
+    # two objectives take O(k log k), more take O(k² c).
     if values.shape[1] <= 2:
         rank = _ranks_of_pairs(values)
         order = np.argsort(rank, kind="stable")
@@ -88,10 +88,10 @@ def _dominators(values: Floats, rivals: Ints) -> Ints:
 
 
 def crowding_of(values: Floats, front: Floats) -> Floats:
-    """Return the crowding distance of each labelling on its front.
+    """Return the crowding distance (k,) of each labelling on its front.
 
-    values: (k, c) objective values. front: (k,) front number of each labelling. Returns (k,): crowding distances: mean
-    over the objectives of the distance between both neighbours, in widths of the front.
+    values: (k, c) objective values. front: (k,) front number of each labelling. Distances are means over the objectives
+    of that between both neighbours, in widths of the front.
     """
     # Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of
     # equal values between others. Deb et al. 2002, section III.B, for all fronts at once.
@@ -196,7 +196,7 @@ class Genetic(Searcher):
 
     def propose(self) -> Bits:
         """Return the next generation: new canonical labellings (k, m), registered as proposed."""
-        # They are random while the population has fewer than two labellings. A population without progress is given up
+        # Labellings are random while the population has fewer than two. A population without progress is given up
         # first, and another one started.
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:

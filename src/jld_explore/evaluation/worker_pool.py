@@ -562,9 +562,11 @@ class Run:
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
-        # Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
-        # Evaluate the labelling needed in any case in this process, while the workers start.
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
+
+        Tasks are numbered from 0 in the order of the labellings; iterating waits for their results.
+        """
+        # The labelling that is needed in any case is evaluated in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
         ]

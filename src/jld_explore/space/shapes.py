@@ -171,7 +171,8 @@ class BlockShapes:
 
     def _seed(self) -> None:
         """Give numbers to the smallest blocks first: which of them connect shapes depends on no layout seen."""
-        # They are single elements and, where some are alike without being copies, connected ones of growing number.
+        # The smallest blocks are single elements and, where some are alike without being copies, connected ones of
+        # growing number.
         free = [k for k in self.assembly.elements.free.tolist() if k != self.assembly.sink]
         if len(free) > _SEEDS:
             return

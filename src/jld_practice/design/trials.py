@@ -56,7 +56,7 @@ def searched_scene(scene: Scene) -> Scene:
 
 
 def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Screening:
-    """Solve generations of the genetic driver for some time, at least one.
+    """Solve at least one generation of the genetic driver, and more for some time.
 
     Raises InputError if the limits of the scene cannot be met.
     """

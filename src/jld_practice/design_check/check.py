@@ -236,9 +236,13 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
 
 
 def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them."""
-    # They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
-    # factors (k, 2), favourable and unfavourable. Beside them (n, q) are prestress and loads whose factors are equal.
+    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them.
+
+    Parts: names (k,), loads (k, n, q), and their factors (k, 2), favourable and unfavourable. Loads beside them: (n,
+    q).
+    """
+    # Parts are the weights of free elements, and stated dead loads on elements. Beside them are prestress and loads
+    # whose factors are equal.
     elements, stress = structure.elements, structure.members.self_stress
     weight = np.zeros_like(structure.dead)
     weight[elements.free, : structure.dimension] = elements.weight[elements.free]

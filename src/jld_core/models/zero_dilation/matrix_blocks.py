@@ -43,7 +43,7 @@ _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
     """Solve the RLT relaxation of one region by matrix blocks; None without convergence."""
-    # It is the program of `solve_rlt`, and faster for many faces.
+    # The same program as that of `solve_rlt`, solved faster where faces are many.
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
@@ -96,8 +96,10 @@ class BlockCertifier(Certifier):
         self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound."""
-        # The result is scaled, at most region.high, and −inf if nothing is proven.
+        """Correct multipliers until they prove a lower bound on λ, and return that bound.
+
+        The bound is scaled, at most region.high, and −inf if nothing is proven.
+        """
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
         self.unbalanced[-len(lone) :] = lone

@@ -118,7 +118,8 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     i, j: (k,) rows of `first` and of `second`, in pairs. The result is sparse, (k, columns of first × columns of
     second).
     """
-    # They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
+    # The rows state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md
+    # (4.7).
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
     count = a * b

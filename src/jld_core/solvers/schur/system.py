@@ -525,9 +525,11 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the transformation of a program to equilibrium of whole blocks."""
-        # None for a program without `bodies`, and where every block is one element. The last transformation is stored
-        # and reused if it fits the program.
+        """Return the transformation of a program to equilibrium of whole blocks.
+
+        None for a program without `bodies`, and where every block is one element.
+        """
+        # The last transformation is stored and reused if it fits the program.
         bodies, known = program.bodies, self._equations
         if bodies is None:
             return None

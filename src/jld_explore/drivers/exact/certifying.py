@@ -236,9 +236,10 @@ class Certifier:
     # --- mechanisms -------------------------------------------------------------------------------------
 
     def _mechanism(self, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Return a mechanism in whole numbers that proves the bound for given labels, or None."""
-        # `decided` (m,) selects the faces whose labels (m,) hold. The result is None if no load case has such a
-        # mechanism.
+        """Return a mechanism in whole numbers that proves the bound for given labels; None if no load case has one.
+
+        decided: (m,) faces whose labels (m,) hold.
+        """
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):

@@ -195,8 +195,10 @@ class Batches:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """Join atoms by keys as `read`; return the part of each atom (j, atoms)."""
-        # Also returns (k,) True for the j rows without a part that is too small; the others are left out.
+        """Join atoms by keys as `read`; return the part of each atom (j, atoms).
+
+        Also returns (k,) True for the j rows without a part that is too small; the others are left out.
+        """
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -517,10 +519,13 @@ class Segmentations:
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cross two parents: overlay their joints, and merge the fragments."""
+        """Cross two parents: overlay their joints, and merge the fragments.
+
+        Result: the partition of the child, None if none is found.
+        """
         # A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
         # faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
-        # face. The result is the partition of the child, None if none is found.
+        # face.
         patch = self._patch(rng) if rng.real() < 0.7 else None
         bias = rng.real()
         keys = []
@@ -550,8 +555,10 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """Return a random pair of neighbours in different parts, None if all are in one part."""
-        # The result is (a, b, index of the pair), a and b in random order.
+        """Return a random pair of neighbours in different parts, None if all are in one part.
+
+        Result: (a, b, index of the pair), a and b in random order.
+        """
         pairs = self.graph.pairs
         if not pairs:
             return None
