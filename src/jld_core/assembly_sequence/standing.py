@@ -63,9 +63,9 @@ class Stage:
 
 @dataclass(frozen=True)
 class _Part:
-    """Prop forces of one part of a stage."""
+    """Prop forces of one part of a stage; error, weight and along are as in `Stage`."""
 
-    props: Floats  # (n,) upward force on each element; error, weight, along: as in `Stage`
+    props: Floats  # (n,) upward force on each element
     error: float
     weight: float
     along: Floats

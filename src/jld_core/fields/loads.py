@@ -56,12 +56,12 @@ class FieldLoads:
 
 @dataclass(frozen=True)
 class _FreeFace:
-    """Straight run of free outline edges of a cell."""
+    """Straight run of free outline edges of a cell, scene units."""
 
     cell: int  # element
     start: Floats  # (2,) first point
     along: Floats  # (2,) unit direction, the cell on its left
-    length: float  # of the run. All are in scene units.
+    length: float  # of the run
 
 
 @dataclass(frozen=True)

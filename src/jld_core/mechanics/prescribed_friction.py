@@ -49,7 +49,7 @@ class PrescribedFriction:
 
     base: FrictionSet  # set with associative friction
     alpha: float  # α, share of the present N: 1 is associative friction, 0 is friction without dilation
-    previous: Floats  # (m,) n_prev, scaled; raised to the least N that a face can carry
+    previous: Floats  # (m,) N_prev, scaled; raised to the least N that a face can carry
     areas: EffectiveAreas | None = None  # None leaves the torsion of dry faces as in `base`
 
     @property

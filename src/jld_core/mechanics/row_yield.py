@@ -152,14 +152,11 @@ _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strength
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label, stated as rows, in stresses or scaled.
+    """Yield sets of m faces under one label, stated as rows, in stresses or scaled."""
 
-    C: (m, r, 3) rows of the core; zeros are idle.
-    """
-
-    C: Floats
-    d: Floats  # (m, r) constants. B: (m, 2, 2) of the gauge of shear.
-    B: Floats
+    C: Floats  # (m, r, 3) rows of the core, C x + d ≥ 0; zeros are idle
+    d: Floats  # (m, r) constants of these rows
+    B: Floats  # (m, 2, 2) matrix of the gauge of shear |B V|
     # k, c, mu: (m, 2) factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion
     k: Floats
     c: Floats

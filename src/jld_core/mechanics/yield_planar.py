@@ -35,7 +35,7 @@ class PlanarYield(Frictional):
     `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
 
     friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
-    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) N_c = σcA of either label, scaled; inf where
     none is given. pattern: rows of the program.
 
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).

@@ -308,7 +308,7 @@ class SpatialYield(Frictional):
     Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc also N³ ≤ N_c (N − |m1|)(N − |m2|)
     (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, with the μ of inner faces.
     friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
-    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) N_c = σcA of either label, scaled; inf where
     none is given. pattern: rows of the program. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to
     (2.12); support functions (3.4), (3.5), (3.8).
     """

@@ -79,7 +79,6 @@ class _Chain:
 class AnnealOptions(DriverOptions):
     """Options of the anneal driver on the command line."""
 
-    # number of annealing chains, 1 to 100 000
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 

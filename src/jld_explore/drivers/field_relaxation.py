@@ -48,8 +48,8 @@ class FieldRelaxation:
     mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
     later only weigh mechanisms.
 
-    problems: problems that are asked, at least one. problems: all problems; `Mechanism.case` and `DualBound.case` are
-    their positions. solves: number of programs solved.
+    problems: problems that are asked, at least one; the attribute holds all problems, and `Mechanism.case` and
+    `DualBound.case` are their positions. solves: number of programs solved.
     """
 
     many = False

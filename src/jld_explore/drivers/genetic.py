@@ -143,7 +143,6 @@ _RESOLUTION: Final = 2.0**20  # reciprocal of the relative resolution that disti
 class GeneticOptions(DriverOptions):
     """Options of the genetic driver."""
 
-    # population size
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
     # search for the largest λ, or for the largest λ for every value of the count
     aim: Aim = Field("front", description="best, or front (the best for every count)")
@@ -155,7 +154,7 @@ class Genetic(Searcher):
     Each generation evaluates `GENERATION` children.
 
     population: population size. Default: by the number of faces that can change. aim: objectives: λ alone, or λ and the
-    counts of the front. population: population size. objective_count: number of objectives.
+    counts of the front. objective_count: number of objectives.
     """
 
     name = "genetic"

@@ -34,7 +34,6 @@ class _Run:
 class HillClimbOptions(DriverOptions):
     """Options of the hillclimb driver."""
 
-    # letters d and i of the labelling at which all runs start
     start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
 
 

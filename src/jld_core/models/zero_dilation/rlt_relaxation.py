@@ -344,10 +344,10 @@ class LowerBound:
 class LowerBoundProblem:
     """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
-    load: scaled λ of the lowest solution found. seconds: processor time from now, s, after which no further program
-    begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a lower solution. It returns
-    the scaled λ of the lowest solution found. load: as above, updated by `offer_states`. programs: number of programs
-    solved. solve_log: steps in order.
+    load: scaled λ of the lowest solution found, updated by `offer_states`. seconds: processor time from now, s, after
+    which no further program begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a
+    lower solution. It returns the scaled λ of the lowest solution found. programs: number of programs solved.
+    solve_log: steps in order.
     """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:

@@ -97,8 +97,8 @@ def certify(
 class Certifier:
     """Search for the mechanisms and rules that certify a bound on λ over a space.
 
-    bound: upper bound on λ in scene units; with load cases on the governing factor. bound: bound that the certificate
-    claims: the given one plus `_SLACK`, scene units.
+    bound: upper bound on λ, scene units; with load cases on the governing factor. The attribute `bound` is what the
+    certificate claims: the given one plus `_SLACK`.
     """
 
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:

@@ -186,8 +186,8 @@ def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
 class Heuristics:
     """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
 
-    driver: driver that runs whenever it is due. due: number of its labellings before the proof. due: number of its
-    labellings that are due now. limit: largest number of labellings that are proposed together; None for no limit.
+    driver: driver that runs whenever it is due. due: number of its labellings before the proof; the attribute is the
+    number that are due now. limit: largest number of labellings that are proposed together; None for no limit.
     """
 
     def __init__(self, driver: Driver, due: int) -> None:

@@ -591,13 +591,13 @@ class Operators(Protocol):
     that cannot be made to keep the limits. They may be neither canonical nor new.
     """
 
-    keys: int  # number of keys that `read` takes
+    keys: int
     """Number of keys that `read` takes."""
 
-    offspring_factor: int  # number of children to make for each evaluated one
+    offspring_factor: int
     """Number of children that are cheap enough to make for each evaluated one."""
 
-    always_feasible: bool  # whether every row is feasible without a check
+    always_feasible: bool
     """True if every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
