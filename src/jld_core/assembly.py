@@ -311,7 +311,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def size(self) -> float:
-        """Return the largest side of the bounding box of all elements, see `Elements.size`."""
+        """Return the largest side of the bounding box of all elements."""
         return self.elements.size
 
     @cached_property

@@ -44,9 +44,9 @@ def choose_driver(
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
-    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver:
-    driver of the search; total: number of classes if known. Raises InputError if the driver or an option is unknown, or
-    the space provably holds no labelling.
+    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver of
+    the search, and number of classes if known. Raises InputError if the driver or an option is unknown, or the space
+    provably holds no labelling.
     """
     wanted = settings.driver
     if isinstance(wanted, str):

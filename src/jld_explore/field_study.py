@@ -302,9 +302,9 @@ class FieldStudy(Study):
         self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
-        """Return lower bounds at nominal material values: of the best layout, NaN for others.
+        """Return lower bounds on the governing factor at nominal material values.
 
-        They bound the governing factor.
+        Only the best layout has one; others have NaN.
         """
         found: list[float | None] = [math.nan] * len(pool)
         best = int(np.argmax(pool.low())) if len(pool) else -1

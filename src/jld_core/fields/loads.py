@@ -89,8 +89,8 @@ def thickness_of(assembly: Assembly) -> float:
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh of an assembly with its loads.
 
-    Result: mesh: edges of interfaces and of loaded segments are tagged; loads: forces per volume and tractions. Raises
-    InputError: a force on the outline of its cell without a free face, or without room for its patch.
+    Result: the mesh, on which edges of interfaces and of loaded segments are tagged; and forces per volume and
+    tractions. Raises InputError: a force on the outline of its cell without a free face, or without room for its patch.
     """
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)

@@ -659,8 +659,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
 def require_spatial_fields(assembly: Assembly) -> None:
     """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
-    Raises InputError: members, inner strengths that are missing, zero or different, cells that are not convex, loads
-    without room for their patch, and interfaces that no mesh fits.
+    Refused are members, inner strengths that are missing, zero or different, cells that are not convex, loads without
+    room for their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:

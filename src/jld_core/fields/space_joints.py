@@ -47,7 +47,7 @@ class SpatialProblem:
 
     @property
     def sides(self) -> Sides:
-        """Triangles of the mesh, (f,) each; see `SolidMesh.sides`."""
+        """Triangles of the mesh, (f,) each."""
         return self.mesh.sides
 
     @cached_property

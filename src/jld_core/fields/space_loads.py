@@ -305,9 +305,10 @@ def loaded_solids(
 ) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
-    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: mesh:
-    triangles of interfaces and of load patches are tagged; loads: forces per volume and tractions. Raises InputError:
-    cells that are not convex, and a force on the surface of its cell without a free face or room for its patch.
+    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: the
+    mesh, on which triangles of interfaces and of load patches are tagged; and forces per volume and tractions. Raises
+    InputError: cells that are not convex, and a force on the surface of its cell without a free face or room for its
+    patch.
     """
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}

@@ -81,8 +81,8 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
     """Find a point at which as many yield rows as possible have positive slack.
 
-    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: raw: solution of the
-    auxiliary program; slack: slack of each row of `slack_rows`, in [0, cap].
+    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: solution of the auxiliary
+    program, and slack of each row of `slack_rows`, in [0, cap].
     """
     raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]

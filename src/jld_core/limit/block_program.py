@@ -54,15 +54,15 @@ class YieldSetFaces:
         return cls(template.yield_set, dry, template.yield_set.strength(labels))
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the margins (k,) of jumps (k, q) at faces (k,), see `BlockFaces.margin`."""
+        """Return the margins (k,) of jumps (k, q) at faces (k,)."""
         return self._each(self.sets.margin, jumps, faces)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the dissipation (k,) of jumps (k, q) at faces (k,), see `BlockFaces.dissipation`."""
+        """Return the dissipation (k,) of jumps (k, q) at faces (k,)."""
         return self._each(self.sets.dissipation, jumps, faces)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the strengths (k,) of faces (k,), see `BlockFaces.strength`."""
+        """Return the strengths (k,) of faces (k,)."""
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
@@ -261,8 +261,8 @@ class AllBlocksProgram:
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
         """Create the program that has only the allowed blocks.
 
-        allowed: (p,) blocks that may be chosen. Result: program: the program; rows, columns: indices of its rows and
-        columns in the program of all blocks.
+        allowed: (p,) blocks that may be chosen. threshold, most: scaled λ to reach, and scaled λ that is not exceeded.
+        Result: the program, and the indices of its rows and of its columns in the program of all blocks.
         """
         row, column, value = self._table
         value = value.copy()

@@ -178,8 +178,8 @@ class EquilibriumProjectors:
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """Return the projector onto equilibrium for the resultants that a labelling keeps.
 
-        labels: (m,) True = dry. Result: projector: projector of the kept resultants; with dropped resultants it has λ
-        as its last column; mask: (q·m,) 1 for each kept resultant, 0 for the others; None if all are kept.
+        labels: (m,) True = dry. Result: projector of the kept resultants, with λ as last column where any is dropped;
+        and a mask (q·m,), 1 for each kept resultant, 0 for the others, None if all are kept.
         """
         active = self.template.yield_set.active(labels)
         if active.all():

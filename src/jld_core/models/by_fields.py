@@ -135,7 +135,7 @@ class FieldResult(Result):
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may narrow it")
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object that `jld solve --cracks fields --json` prints, see `Result.to_json`."""
+        """Return the object that `jld solve --cracks fields --json` prints."""
         found, several = self.governing, bool(self.assembly.cases)
         ids, faces = self.assembly.elements.ids, self.assembly.interfaces
         first = next(iter(self.cases.values()))

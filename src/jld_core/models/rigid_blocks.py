@@ -510,7 +510,7 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
 def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
     """Raise InputError if a solver does not accept the programs of an analysis.
 
-    Raises InputError if it does not; the message names the parameter `solver`.
+    The message names the parameter `solver`.
     """
     if options.solver == "auto":
         return

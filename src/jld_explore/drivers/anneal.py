@@ -112,7 +112,7 @@ class Anneal(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Number of chains, and the settings of the population; see `Driver.settings`."""
+        """Number of chains, and the settings of the population."""
         return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:

@@ -155,7 +155,7 @@ class Enumeration(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Always True: every class is proposed; see `Driver.exhaustive`."""
+        """Always True: every class is proposed."""
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
@@ -183,12 +183,12 @@ class Enumeration(Driver):
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set the deadline of the study; see `Driver.start`."""
+        """Set the deadline of the study."""
         self._deadline = deadline
 
     @property
     def working(self) -> bool:
-        """True if classes are left to propose; see `Driver.working`."""
+        """True if classes are left to propose."""
         return not self._ended
 
     @property

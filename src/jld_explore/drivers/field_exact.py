@@ -216,7 +216,7 @@ class FieldExact(Driver):
 
     @property
     def finished(self) -> bool:
-        """True if the proof ended and passed its check; see `Driver.finished`."""
+        """True if the proof ended and passed its check."""
         return self._proof.check is not None and self._proof.check.passed
 
     @property
@@ -229,12 +229,12 @@ class FieldExact(Driver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """{"aim": "front"} where a front is proven, else empty; see `Driver.settings`."""
+        """{"aim": "front"} where a front is proven, else empty."""
         return {"aim": self._aim} if self._aim == "front" else {}
 
     @property
     def working(self) -> bool:
-        """True until the proof has ended or was contradicted twice; see `Driver.working`."""
+        """True until the proof has ended or was contradicted twice."""
         return not self._proof.settled and not self._given_up
 
     @property
@@ -270,14 +270,13 @@ class FieldExact(Driver):
         self._proof.restart()
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that refute and refine; see `Driver.set_workers`."""
+        """Set the number of processes that refute and refine."""
         self._proof.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """Set deadline and heartbeat, and load the conflicts of a resumed study.
 
-        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts; see
-        `Driver.start`.
+        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts.
         """
         own = Deadline() if deadline is None else deadline.earlier(0.3)
         self._proof.deadline = self._proof.pool.deadline = own
@@ -294,7 +293,7 @@ class FieldExact(Driver):
             save_conflicts(self._folder, self._proof)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the bounds of evaluations of a resumed study; see `Driver.restore`."""
+        """Take over the bounds of evaluations of a resumed study."""
         self._learn(labellings, evaluations)
 
     # --- ask and tell -----------------------------------------------------------------------------------
@@ -329,7 +328,7 @@ class FieldExact(Driver):
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
 
-        The evaluations hold both bounds on the coarsest mesh; see `Driver.tell`.
+        The evaluations hold both bounds on the coarsest mesh.
         """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)

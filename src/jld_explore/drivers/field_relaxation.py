@@ -146,8 +146,8 @@ class FieldRelaxation:
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
         """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
 
-        velocity: (t, 3, 2), scaled. None where it proves nothing; see `transfer.weighed`. Results are stored, since
-        several conflicts rest on one mechanism.
+        velocity: (t, 3, 2), scaled. None where it proves nothing. Results are stored, since several conflicts rest on
+        one mechanism.
         """
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:

@@ -190,7 +190,7 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Population size and aim by name; see `Driver.settings`."""
+        """Population size and aim by name."""
         return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:

@@ -138,7 +138,7 @@ class Optuna(Searcher):
         self._waiting: dict[bytes, list[Trial]] = {}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Open the storage for finished trials, if the study has records; see `Driver.start`.
+        """Open the storage for finished trials, if the study has records.
 
         Raises InputError if the storage cannot be used.
         """

@@ -59,11 +59,11 @@ class BestAim:
         return np.asarray(~closed & (high > best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows` sorted by upper bound, the greatest first; see `RaceAim.order`."""
+        """Return `rows` sorted by upper bound, the greatest first."""
         return rows[np.argsort(-high[rows], kind="stable")]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the best lower bound, the same for all layouts; see `RaceAim.enough`."""
+        """Return the best lower bound, the same for all layouts."""
         return np.full(len(low), low.max(initial=-np.inf))
 
 
@@ -120,7 +120,7 @@ class RequirementAim:
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor for all layouts; see `RaceAim.enough`."""
+        """Return the required factor for all layouts."""
         return np.full(len(low), self._required)
 
 

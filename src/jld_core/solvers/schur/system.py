@@ -497,7 +497,7 @@ class SchurSolver(Solver):
         return self.solve_until(program, None)
 
     def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
-        """Solve a program, or stop at the first iterate that suffices; see `Solver.solve_until`.
+        """Solve a program, or stop at the first iterate that suffices.
 
         Raises SolverError as `solve`.
         """

@@ -121,7 +121,7 @@ class BlockBoundPool:
             self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Solve one block relaxation in this process; see `BlockRelaxation.choose`.
+        """Solve one block relaxation in this process.
 
         allowed: (p,) True for blocks that may be chosen.
         """

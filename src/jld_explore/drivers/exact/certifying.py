@@ -53,9 +53,9 @@ _REMEDY: Final = "a search whose proof has a certificate"
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
     """Raise InputError if the proof of a driver cannot have a certificate.
 
-    Raises InputError if the driver is not `Exact` or aims at a front, or nothing bounds λ of several labellings at
-    once. Also if the search limits assembly sequences, requires a load factor or uses robust values. Also if friction
-    is not associative, or a face has no work balance. The message has one line.
+    Refused are drivers that are not `Exact` or aim at a front, and models for which nothing bounds λ of several
+    labellings at once. So are searches that limit assembly sequences, require a load factor or use robust values,
+    friction that is not associative, and faces without a work balance.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):

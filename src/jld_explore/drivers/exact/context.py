@@ -39,8 +39,8 @@ class PartialLabellingRelaxation(Protocol):
     ) -> list[DualBound | None]:
         """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
 
-        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried; see `Relaxation.refute_all`. A
-        proof holds its mechanism and its bound.
+        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried. A proof holds its mechanism
+        and its bound.
         """
         ...
 
@@ -207,7 +207,7 @@ class Heuristics:
         self.due = 0
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
+        """Take in evaluations of labellings (k, m)."""
         self.driver.tell(labellings, evaluations)
         if self._starter is not None:
             self._starter.tell(labellings, evaluations)

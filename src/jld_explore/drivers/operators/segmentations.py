@@ -334,7 +334,7 @@ class Segmentations:
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Change each parent (k, m) once, sometimes two or three times; see `Operators.vary`."""
+        """Change each parent (k, m) once, sometimes two or three times."""
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
