@@ -589,8 +589,9 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
 def is_inside(point: Floats, pair: int, space: Space) -> bool:
     """Return True if a point (3,), in the axes at rest of a pair's element, lies within it.
 
-    Flush faces are left out. A point in their plane still sees half the solid angle of a point far inside.
+    Flush faces are left out.
     """
+    # `angle_seen` is half the solid angle: 2π far inside, π in the plane of a face left out, π/2 at the edge of two.
     element, seen = space.pair[pair, 1], 0.0
     for t in range(space.side_first[element], space.side_first[element + 1]):
         if not is_among(space.flush, pair, space.side[t]):

@@ -87,6 +87,7 @@ class GeometrySearch:
             moving |= self.variables.rings != 0.0
         owner, edges = mesh.edges
         free = ~assembly.elements.support[owner]
+        # trust region and tolerances are relative to the mean edge of free elements
         self.unit = float(np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free].mean())
         limits: Limits | SpatialLimits
         if isinstance(mesh, SpatialMesh):

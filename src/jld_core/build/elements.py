@@ -278,7 +278,10 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block name of each free cell of a grid, by (row, column)."""
+    """Return the block name of each free cell of a grid, by (row, column).
+
+    A letter whose cells form several connected parts names them letter1, letter2, …
+    """
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}
     for r, row in enumerate(rows):

@@ -102,7 +102,7 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
 def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], tuple[Floats, Floats]]:
     """Return the parts of free faces with tractions, and the dead and live loads that they leave.
 
-    patch: as for `loaded_mesh`. The second result holds forces and moments (n, 3) about centroids, scene units. Raises
+    patch: as for `loaded_mesh`. The loads left are forces and moments (n, 3) about centroids, scene units. Raises
     InputError as `loaded_mesh` does.
     """
     plain = outlines_of(assembly)

@@ -210,14 +210,15 @@ def _choose(
 ) -> None:
     """Append equations for the active flow rules among head ≥ slope · |tail|.
 
-    head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of each rule. wanted: (k,)
-    whether it applies.
+    rates: all openings and slips. head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of
+    each rule. wanted: (k,) whether it applies. small: rate that counts as zero.
     """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))
     active = wanted & (value - slope * size <= small)
     still = active & (size <= small)
     free = slope == 0.0
+    # opening 0 where nothing resists slip or nothing slips, slip 0 where nothing slips, else the tangent of the cone
     for rows in (head[(active & free) | still], *(part[still] for part in tail)):
         chosen.add([(rows, 1.0)], 0.0, len(rows))
     sliding = np.flatnonzero(active & ~still & ~free)

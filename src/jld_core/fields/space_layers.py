@@ -587,7 +587,7 @@ def _smaller_side(surface: Surface, facet: Facet) -> float:
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
     """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
 
-    normal: (3,) and offset of the plane.
+    normal: (3,) and offset of the plane. reach: distance within which points lie on it.
     """
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])

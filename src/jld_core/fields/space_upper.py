@@ -262,8 +262,9 @@ class _Program:
     def _jump(self, rows: Ints, corner: int) -> tuple[Ints, Floats]:
         """Return columns (k, 6) and values (k, 3, 6) of velocity jumps at a corner of triangles.
 
-        rows: (k,) triangles.
+        rows: (k,) triangles. corner: 0 to 2. The jump is that of b minus a; b at a support does not move.
         """
+        # Column 12·tetrahedron + 3·corner + axis is a velocity; without b, its columns are those of a with values 0.
         s = self.problem.sides
         own = 12 * s.a[rows] + 3 * s.corner_a[rows, corner]
         there = s.b[rows] >= 0

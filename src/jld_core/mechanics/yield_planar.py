@@ -197,9 +197,9 @@ class PlanarYield(Frictional):
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
+        """Return the yield sets of all faces under one label as wedges; None if any face has a compressive strength.
 
-        The result is None if any face has a compressive strength. dry: True for the dry label.
+        dry: True for the dry label.
         """
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None

@@ -217,9 +217,9 @@ class YieldSet(Rows, Protocol):
         """
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
+        """Return the yield sets of all faces under one label as wedges; None if any has a compressive strength.
 
-        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
+        dry: True for the dry label, False for the inner one.
         """
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

@@ -306,7 +306,7 @@ def solve(
 
 
 def solve_cracked(assembly: Assembly, labels: Bits, model: Model) -> Result:
-    """Compute λ of one labelling under the crack model of an assembly, see `under`.
+    """Compute λ of one labelling under the crack model of an assembly.
 
     Parameters
     ----------

@@ -347,18 +347,21 @@ class FieldRefuter:
                 self.relaxation.add(problem)
 
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
-        """Refute a factor for labellings, and minimise each refuted one to a conflict.
+        """Prove that labellings carry less than a factor, and minimise each refuted one to a conflict.
 
-        Result: one for each labelling, None where no mesh refutes it.
+        threshold: governing factor. Result: one conflict for each labelling, None where no mesh refutes it.
         """
         levels = self._levels()
         found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
         self.programs += sum(one.solves for one in found)
         conflicts: list[Conflict | None] = []
         for one in found:
+            # The level that refuted the labelling, and coarser ones that did not, shift the shares by which `_levels`
+            # picks.
             for level in levels[: levels.index(one.first) + 1 if one.first >= 0 else None]:
                 self._share[level] += _FADING * ((level == one.first) - self._share[level])
             conflict = one.conflict
+            # `case` counts from the first problem of the level; in a proof it is the position among all problems
             if conflict is not None and conflict.mechanism is not None:
                 number = conflict.mechanism.case + self._first[one.level]
                 conflict = replace(conflict, mechanism=replace(conflict.mechanism, case=number))

@@ -85,6 +85,8 @@ class MinimumCount(ConflictDriver):
 
     def ask(self, limit: int | None = None) -> Bits:
         """Return the next labellings (k, m) to evaluate."""
+        # In this order: labellings of the genetic driver, those that no conflict refutes at the required λ, and, once
+        # none is left, the check of the proof, after which a proof that it corrected goes on.
         if self._enumeration is not None:
             return self._enumeration.ask(limit)
         if self._sources is not None:
