@@ -143,8 +143,7 @@ class LoadCase:
     dead_loads: Loads
     live_loads: Loads
     required: float = 1.0  # required load factor; λ is divided by it, so that 1 is just enough
-    # (str, float) of a moving load: its name and direction, and the distance of its first axle along the path; else
-    # None
+    # of a moving load: its name and direction, and the distance of its first axle along the path; else None
     place: tuple[str, float] | None = None
 
 

@@ -58,7 +58,7 @@ class MovedLayout:
     # start, load_factor: λ by faces before and after; NaN where the layout did not stand
     start: float
     load_factor: float
-    # fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
+    # fields_start, fields: bounds on λ by fields before and after, with blocks that crack anywhere;
     # infinite where there are none
     fields_start: tuple[float, float]
     fields: tuple[float, float]

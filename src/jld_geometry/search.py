@@ -293,7 +293,7 @@ class Point:
     start: int  # number of the start, from 0
     step: int  # number of the point within its search; 0 is the start itself
     value: float  # λ, least friction coefficient factor, or least thickness
-    bracket: tuple[float, float]  # (float, float) proven bounds on λ; NaN where λ is not the objective or not bounded
+    bracket: tuple[float, float]  # proven bounds on λ; NaN where λ is not the objective or not bounded
     predicted: float  # value that the program of the step promised
     radius: float  # radius of the trust region, length
     solves: int  # number of proven solves so far

@@ -213,7 +213,7 @@ class Printed:
     """Content of a printed report."""
 
     layout: Layout
-    # fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none
+    # fields, faces: proven bounds on λ by fields and by faces, infinite where there are none
     fields: tuple[float, float]
     faces: tuple[float, float]
     status: str  # status of its limit analysis

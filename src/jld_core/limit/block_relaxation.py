@@ -176,7 +176,7 @@ Asked = tuple[Bools, float, float]
 class Choice:
     """Result of the block relaxation for the segmentations into allowed blocks."""
 
-    # λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
+    # λ that no segmentation exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
     # comes from `CaseBlockRelaxation`.
     bound: float
     refuted: bool  # True if none of them reaches the threshold

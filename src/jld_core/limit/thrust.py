@@ -290,8 +290,7 @@ _IDLE: Final = 1e-6  # shear over the largest force of the structure up to which
 class Reserve:
     """State in which the faces use the least possible share of their capacity."""
 
-    # (float, float) proven bounds on the share: with less than the first one there is no state, with the second one
-    # there is
+    # proven bounds on the share: with less than the first one there is no state, with the second one there is
     bracket: tuple[float, float]
     forces: Floats  # (m, q) resultants of this state, scene units
     share: Floats  # (m,) share of its capacity that each face uses, 0 to 1

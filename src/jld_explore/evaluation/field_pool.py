@@ -34,7 +34,7 @@ _PATIENCE: Final = 6  # meshes after which a layout without one of the bounds is
 class FieldStep:
     """Bounds that one mesh proves for one labelling under one load case."""
 
-    # (float, float) lower and upper bound on λ of the labelling, scene units; infinite where there is none
+    # lower and upper bound on λ of the labelling, scene units; infinite where there is none
     bounds: tuple[float, float]
     # stresses, mechanism: fields of the mesh, which bound other labellings as well
     stresses: FieldStresses | None

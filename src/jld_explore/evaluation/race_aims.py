@@ -142,7 +142,7 @@ class RaceResult:
     refined: int  # number of layouts that were refined
     programs: int  # number of cone programs solved
     decided: bool  # True if the aim asks for no further refinement
-    best: tuple[float, float]  # (float, float) greatest lower and greatest upper bound on the governing factor
+    best: tuple[float, float]  # greatest lower and greatest upper bound on the governing factor
     rivals: int  # number of layouts whose upper bound is at least the best lower bound, the best layout included
 
 

@@ -107,7 +107,7 @@ class Trial:
     kind: str
     scene: Scene  # scene whose own labels are the layout
     load_factor: float  # λ by faces, NaN where unknown
-    # faces, fields: (float, float) proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks;
+    # faces, fields: proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks;
     # infinite where unproven
     faces: Bounds
     fields: Bounds

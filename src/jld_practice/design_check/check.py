@@ -417,7 +417,7 @@ class CaseCheck:
     structure: Assembly  # the structure under the design loads of the case and the combination
     bounds: CaseBounds  # status and bounds of λ, the factor of the design live load
     stands: bool | None  # True if the structure stands without live load, which may be absent; None if undecided
-    # (str, float) path of a moving load and distance of its first axle along it; None for other cases
+    # path of a moving load and distance of its first axle along it; None for other cases
     place: tuple[str, float] | None = None
 
     @property

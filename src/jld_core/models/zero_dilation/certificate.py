@@ -274,7 +274,7 @@ class Certifier:
     ) -> BinaryFractions:
         """Return the left minus the right side of the certificate's identity, without rounding."""
         # Left: (λ − p)(b_λ·u) − σ cost. Right: Σ g ŷ (b_λ·u) + Σ M ŷ h, without the terms with R, Q and Ψ of the module
-        # docstring. p = `bound`, σ = `slack`, g = `live_work`, M = `of_products`; rows of `facts` are ŷ, the last one 1.
+        # docstring. p = `bound`, σ = `slack`, g = `live_work`, M = `of_products`; rows of `facts` are ŷ, the last 1.
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
