@@ -506,7 +506,8 @@ def pieces(
 ) -> list[shapely.Polygon]:
     """Cut a region of a facet along the parts of its cell, in the plane of the facet.
 
-    Result: pieces without slivers; the region itself where no cell is cut.
+    face: interface on the region; the cells on both of its sides then cut. Result: pieces without slivers; the region
+    itself where no cell is cut.
     """
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]

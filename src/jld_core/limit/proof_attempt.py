@@ -380,7 +380,7 @@ class ProofAttempt(AttemptState):
 
     def find_mechanism(self) -> None:
         """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer."""
-        # If it does not raise the bound of the raw mechanism, repairs need no other.
+        # If this mechanism does not raise the bound of the raw one, repairs need no other.
         raw, labels = self.raw, self.labels
         if raw is None:
             return

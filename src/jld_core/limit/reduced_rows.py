@@ -115,7 +115,7 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
     """Reshape a vector with q entries per free element to a table (free, q).
 
-    rows: (q·free,) values, in the order of the equilibrium equations.
+    rows: (q·free,) values, in the order of the equilibrium equations; each further one gets a row of its own.
     """
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))

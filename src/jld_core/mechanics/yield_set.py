@@ -114,11 +114,10 @@ class CoulombWedge:
     ±1/bending).
     """
 
-    # tension, friction, cohesion: (m,) strengths
-    tension: Floats
+    tension: Floats  # (m,) tensile strength, a force
     bending: float  # 1 (dry) or 3 (inner), the same for all faces
-    friction: Floats
-    cohesion: Floats
+    friction: Floats  # (m,) friction coefficient
+    cohesion: Floats  # (m,) shear strength without normal force
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).

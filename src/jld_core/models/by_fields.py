@@ -281,7 +281,7 @@ def least_by_fields(
     labels: (m,) True = dry. seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Result:
     proven bounds; NaN where one is unknown.
     """
-    # The reversed live load that it carries is the opposite of that λ.
+    # The reversed live load that a structure carries is the opposite of that λ.
     if bounds.upper < 0.0:
         return math.nan, math.nan
     if not alone.dead_loads:

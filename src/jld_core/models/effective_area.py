@@ -252,7 +252,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
 
     labels: (m,) True = dry.
     """
-    # Along it the live load grows without limit.
+    # Along the ray the live load grows without limit.
     for _ in range(_RAYS):
         if ray is None:
             return None

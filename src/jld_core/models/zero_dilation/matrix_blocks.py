@@ -51,6 +51,9 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
     largest = row_maxima(facts)
     local_space = LocalProductSpace(modes, region.closed, options.distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
+    # Rows of `facts` are the slacks y, then λ − low, high − λ and 1; columns are mode rates, then forms of loops.
+    # Products y z of held and moving modes are zero, those asked for by `pairs` are ≥ 0, and the last three rows take
+    # part with each form that moves.
     equal, positive = np.zeros((2, len(facts), len(local_space.forms)), dtype=bool)
     equal[zero_product_pairs(held, moving)] = True
     positive[:count] = pairs & moving_forms(local_space.forms, region) & ~equal[:count]
@@ -60,6 +63,7 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
     positive[count : count + 2] = positive[count + 2]
     positive[count : count + 2, :count] &= modes.hinges | ~np.repeat(lone, 4)
     velocities = velocities_of(local_space, facts / largest[:, None], modes.statics @ unit, lone)
+    # Minimise ((λ − low)(b_λ·u) − σ cost) / wide.
     above = np.zeros(len(unit))
     above[-2:] = 1.0, -region.low
     goal = unit.T @ (np.outer(above, modes.live_rate) - slack * cost_form(modes)) / wide @ velocities.basis

@@ -311,7 +311,7 @@ class Statics:
     @cached_property
     def force_bounds(self) -> Floats:
         """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven."""
-        # There are none if self-stress is unbounded.
+        # Nothing is proven if self-stress is unbounded.
         if self._force_bounds is not None:
             return self._force_bounds
         modes = self.modes
