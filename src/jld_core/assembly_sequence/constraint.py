@@ -111,9 +111,9 @@ class SequenceConstraint:
 
     Conflicts found for one labelling also refute other labellings.
 
-    wish: "translation": some order by translations exists. "standing": every stage of an order also stands without
-    props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its plane.
-    group: largest number of blocks that are moved together where single blocks are locked.
+    wish: "translation" where some order by translations must exist, "standing" where every stage of it must also stand
+    without props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its
+    plane. group: largest number of blocks that are moved together where single blocks are locked.
     """
 
     def __init__(

@@ -153,8 +153,8 @@ class Genetic(Searcher):
 
     Each generation evaluates `GENERATION` children.
 
-    population: population size. Default: by the number of faces that can change. aim: objectives: λ alone, or λ and the
-    counts of the front. objective_count: number of objectives.
+    population: population size. Default: by the number of faces that can change. aim: "best" or "front": λ alone, or λ
+    and the counts of the front. objective_count: number of objectives.
     """
 
     name = "genetic"

@@ -63,8 +63,8 @@ _SECONDS: Final = 0.25
 class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
-    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored: fields
-    have one model.
+    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored, since
+    fields have one model.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
