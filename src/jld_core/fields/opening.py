@@ -44,8 +44,9 @@ def opening_motion(problem: Problem) -> Floats | None:
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function that is linear on triangles, convex in each cell.
 
-    number: (t,) cell of each triangle, counted from 0 without gaps. It exists for every mesh of fans, trees of
-    triangles and their bisections, which are regular subdivisions. A linear program finds it; None where there is none.
+    number: (t,) cell of each triangle, counted from 0 without gaps. A linear program finds the function; None where
+    there is none. One exists for every mesh of fans, trees of triangles and their bisections, which are regular
+    subdivisions.
     """
     from scipy.optimize import linprog  # takes longer to import than most commands need
 

@@ -96,9 +96,9 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the block program of an assembly; None if the batch solver does not support it.
+        """Create the block program of an assembly.
 
-        centroids: (n, d) of the free elements. Also None without the compiled library.
+        None if the batch solver does not support it, or is not compiled. centroids: (n, d) of the free elements.
         """
         if chosen() is None:
             return None

@@ -97,9 +97,8 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
     """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
 
-    Empty where the number of load cases differs.
+    Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
     """
-    # Adds the meshes of the file to `proof`.
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()

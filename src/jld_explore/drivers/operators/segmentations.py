@@ -618,8 +618,8 @@ class Operators(Protocol):
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """Return one child of each couple, then one change of each single parent.
 
-        first, second: (k, m) parents of the couples. single: (i, m) single parents. Both are made in one batch where
-        possible.
+        first, second: (k, m) parents of the couples. single: (i, m) single parents. Children and changes are made in
+        one batch where possible.
         """
 
     def read(self, keys: list[float]) -> Bits:
