@@ -200,9 +200,9 @@ class SequenceConstraint:
     def _stage_conflict(self, labels: Bits) -> Lock | None:
         """Return the conflict of a labelling without an order whose every stage stands.
 
-        labels: (m,) True = dry; blocks can be laid by translations. The conflict covers all faces if the complete
-        structure does not stand, or if blocks may be laid in groups. The conflict is not proven if a search stopped at
-        its limit or a stage was undecided. None if such an order was found.
+        None if there is such an order. labels: (m,) True = dry; blocks can be laid by translations. The conflict covers
+        all faces if the complete structure does not stand, or if blocks may be laid in groups. The conflict is not
+        proven if a search stopped at its limit or a stage was undecided.
         """
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)

@@ -359,10 +359,14 @@ def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scali
 
 
 def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], forces: Floats) -> Reserve:
-    """Return the shares of a state; forces: (m, q) resultants of the program, scene units, with bond."""
+    """Return the shares of their capacity that faces use in a state.
+
+    bracket: proven bounds on the least share. forces: (m, q) resultants of the program, scene units, with bond.
+    """
     scaling = scaling_of(assembly)
     yields = yield_set(assembly, scaling, "uncoupled")
     scaled, friction = forces / scaling.face, yields.associative
+    # `turned` has neither shear nor torsion, so that its utilisation is that of bending, tension and compression alone
     turned = scaled.copy()
     turned[:, 1 : assembly.dimension] = 0.0
     turned[:, 5:] = 0.0

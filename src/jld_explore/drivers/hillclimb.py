@@ -119,7 +119,7 @@ class HillClimb(Searcher):
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Move each run to the best evaluated change, if that is better than its labelling.
 
-        labellings: (k, m), True = dry. Those of no run are ignored. A move resets the count of rounds without
+        labellings: (k, m), True = dry. Labellings of no run are ignored. A move resets the count of rounds without
         improvement.
         """
         values = objective_values(self.space, labellings, evaluations).tolist()
