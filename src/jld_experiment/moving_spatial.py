@@ -162,7 +162,7 @@ def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _edge_along(shape: Floats, contact: Floats) -> int:
-    """Return the edge of a polygon on which a contact lies."""
+    """Return the edge of a polygon (k, 2) on which a contact (2, 2), given by its ends, lies."""
     after = np.roll(shape, -1, axis=0)
     along = after - shape
     along /= np.linalg.norm(along, axis=1, keepdims=True)

@@ -132,7 +132,7 @@ def _cut(corners: Floats) -> Floats:
 
 
 def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
-    """Return (segments², 2) centroids of the equal triangles of a split triangle."""
+    """Return (segments², 2) centroids of the equal triangles of a split triangle with corners base, one, two (2,)."""
     one, two, found = one - base, two - base, []
     for i in range(segments):
         for j in range(segments - i):

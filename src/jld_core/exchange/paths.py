@@ -109,7 +109,8 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
 
-    Raises InputError where all circles together have excessively many arcs.
+    facet: largest distance of a chord from its arc, length. same: distance within which circles are one. Raises
+    InputError where all circles together have excessively many arcs.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:

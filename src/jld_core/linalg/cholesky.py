@@ -189,7 +189,11 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
-        """Build the fronts of the elimination, and the row ranges that receive their updates."""
+        """Build the fronts of the elimination, and the row ranges that receive their updates.
+
+        start, parent: as in `Dissection`. a, b: (e,) ends of edges, by order of elimination. offset: (nodes + 1,) first
+        unknown of each node.
+        """
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]

@@ -200,7 +200,11 @@ class CentralPath:
         matrix: sp.csr_array,
         slopes: Floats,
     ) -> PathPoint | None:
-        """Return the point after one Newton step towards a path parameter; None if singular."""
+        """Return the Newton step towards a path parameter, as changes of a point; None if singular.
+
+        target: path parameter. residuals: of stationarity, of equilibrium and of rows. matrix: G at the point. slopes:
+        from `parameters`.
+        """
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         dual, balance, primal = residuals
         values, _ = rows.parameters(point.y)

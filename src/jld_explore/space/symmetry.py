@@ -202,7 +202,10 @@ def same_marks(
 
 
 def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if a mark is mapped onto another one."""
+    """Return True if a mark is mapped onto another one.
+
+    to: (n,) image of each element. matrix, centre: the map. reach: distance within which places are equal.
+    """
     element = -1 if mark.element < 0 else int(to[mark.element])
     if mark.kind != image.kind or element != image.element or mark.items.shape != image.items.shape:
         return False

@@ -166,7 +166,11 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
 
 
 def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int], float]) -> None:
-    """Assess load cases until each is settled, one is refuted, or the time is over."""
+    """Assess load cases until each is settled, one is refuted, or the time is over.
+
+    count: number of cases. seconds: time for all. assess: returns whether a case verifies, None if undecided, for a gap
+    and a time, s. least: sort key by which cases are refined; of refuted ones only the first is, for its number.
+    """
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
     for k in range(count):

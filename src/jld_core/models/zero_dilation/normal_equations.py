@@ -322,7 +322,11 @@ class _FrontPositions:
 
 
 def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add an update matrix to a front, in the lower half of both (extend-add)."""
+    """Add an update matrix to a front, in the lower half of both (extend-add).
+
+    places: position in the front of each block of the update. at, its: first rows of the blocks of the front, and of
+    the update.
+    """
     # Runs of rows that are contiguous in both are added at once.
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):

@@ -149,7 +149,11 @@ class BlockSweep:
     def _step(
         self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
     ) -> tuple[RltSolution | None, float]:
-        """Solve one program of a region; return its solution and the bound that it proves."""
+        """Solve one program of a region; return its solution and the bound that it proves.
+
+        name: of the step in the log. pairs: products in the program, as in `RltOptions`. slack: relative slack σ. The
+        bound is −inf without a proof.
+        """
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
         left = max(problem.seconds_left, 1.0)

@@ -386,7 +386,7 @@ class Newton:
             self.slope = float(q @ x1 + r @ u1 + h @ self.scaling.divide(wv1)) - it.kappa / it.tau
 
     def direction(self, eta: float, ds: Floats, dk: float) -> Direction:
-        """Return one search direction."""
+        """Return the search direction that removes a share eta of the residuals and ds, dk of complementarity."""
         it, scaling = self.it, self.scaling
         comp = self.cones.quotient(scaling.point, ds)
         x2, u2, wv2 = self.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
