@@ -143,8 +143,7 @@ class LoadCase:
     dead_loads: Loads
     live_loads: Loads
     required: float = 1.0  # required load factor; λ is divided by it, so that 1 is just enough
-    # (str, float) of a moving load: its name and direction, and the distance of its first axle along the path; else
-    # None
+    # of a moving load: its name and direction, and the distance of its first axle along the path; else None
     place: tuple[str, float] | None = None
 
 
@@ -311,7 +310,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def size(self) -> float:
-        """Return the largest side of the bounding box of all elements, see `Elements.size`."""
+        """Return the largest side of the bounding box of all elements."""
         return self.elements.size
 
     @cached_property

@@ -47,7 +47,7 @@ def require_writable(path: Path) -> None:
 def require_folder(folder: Path) -> None:
     """Raise InputError unless a folder exists or can be made, and is writable.
 
-    Raises InputError if the path is a file or a broken link, or the folder is not writable.
+    A file or a broken link at the path is refused, too.
     """
     missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
     for place in missing:

@@ -58,8 +58,8 @@ class Members:
     def push(self, member: int) -> tuple[Ints, Floats, Floats]:
         """Return the elements, points and forces of a unit compression in a member.
 
-        member: position of the member. Result: elements: (r,) elements on which it acts; points: (r, d) points of
-        application; forces: (r, d) forces; they balance each other.
+        member: position of the member. Result: (r,) elements, (r, d) points of application and (r, d) forces, which
+        balance each other.
         """
         elements, points = self.elements[member], self.points[member]
         if self.kinds[member] == "pin":
@@ -127,9 +127,9 @@ class Members:
         )
 
     def refuse(self, what: str) -> None:
-        """Raise InputError if there are members or bond, for computations that do not model them.
+        """Raise InputError for members, fill or joints with tensile strength.
 
-        Raises InputError: there is at least one member, or a joint with tensile strength.
+        what: computation that does not model them.
         """
         if "fill" in self.kinds:
             problem = f"{what} does not model its variable pressure"

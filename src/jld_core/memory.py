@@ -13,7 +13,7 @@ _GROUPS: Final = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory
 
 def memory_limit() -> float:
     """Return the number of bytes that this process may use; inf where it is unknown."""
-    # The result is the smallest of three limits: physical memory, container, and address space of the process.
+    # The smallest of three limits: physical memory, container, and address space of the process.
     known = []
     with suppress(AttributeError, ValueError, OSError):
         known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

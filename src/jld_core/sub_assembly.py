@@ -14,8 +14,8 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
     """Remove elements, with all their interfaces and loads, from an assembly.
 
     gone: (n,) True for the elements to remove; no support that touches another support may be among them. Result:
-    assembly: assembly of the remaining elements, in the same order, with `sink` = −1; faces: (k,) indices, in the given
-    assembly, of the interfaces that remain.
+    assembly of the remaining elements, in the same order, with `sink` = −1; and (k,) indices, in the given assembly, of
+    the interfaces that remain.
     """
     rows = np.flatnonzero(~gone)
     place = np.cumsum(~gone) - 1

@@ -126,8 +126,7 @@ def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: floa
 
     corner: (c,) element of each corner. places: (c, d) positions of the corners.
     """
-    # These are the corners within one typical size of the bounding box of the element. Pairs of two supports are left
-    # out.
+    # Near corners lie within one typical size of the bounding box of the element. Pairs of two supports are left out.
     elements, around = assembly.elements, _AROUND * typical
     found = []
     for other in range(len(elements)):
@@ -163,7 +162,7 @@ def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _edge_along(shape: Floats, contact: Floats) -> int:
-    """Return the edge of a polygon on which a contact lies."""
+    """Return the edge of a polygon (k, 2) on which a contact (2, 2), given by its ends, lies."""
     after = np.roll(shape, -1, axis=0)
     along = after - shape
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -236,10 +235,10 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
 def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
     """Return the edge of a pair's element that is nearest to its corner, and where it is met.
 
-    moved: (n, 3) displacements and rotations of the elements.
+    moved: (n, 3) displacements and rotations of the elements. Result: number of the edge within the element, depth of
+    the corner inside the element (length, negative outside), position along the edge (length), and direction (x, y) of
+    the edge at present.
     """
-    # The result is the number of the edge within the element, the depth of the corner inside the element (length,
-    # negative outside), the position along the edge (length), and the edge's direction (x, y) at present.
     c, j = plane.pair[pair, 0], plane.pair[pair, 1]
     i = plane.corner[c]
     ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
@@ -407,8 +406,10 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """Return (p, k) faces along which a pair's element already touches that of the corner."""
-    # The value is −1 where there is no such face.
+    """Return (p, k) faces along which a pair's element already touches that of the corner.
+
+    −1 where there is no such face.
+    """
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     found = []
     for c, other in pair.tolist():
@@ -422,9 +423,8 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
-    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's."""
-    # Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them. The
-    # value is −1 where there is no such face.
+    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's; −1 where there is none."""
+    # Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them.
     elements, planes = assembly.elements, []
     for shape, sides in zip(elements.shape, elements.faces, strict=True):
         rows = []
@@ -589,8 +589,9 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
 def is_inside(point: Floats, pair: int, space: Space) -> bool:
     """Return True if a point (3,), in the axes at rest of a pair's element, lies within it.
 
-    Flush faces are left out. A point in their plane still sees half the solid angle of a point far inside.
+    Flush faces are left out.
     """
+    # `angle_seen` is half the solid angle: 2π far inside, π in the plane of a face left out, π/2 at the edge of two.
     element, seen = space.pair[pair, 1], 0.0
     for t in range(space.side_first[element], space.side_first[element + 1]):
         if not is_among(space.flush, pair, space.side[t]):

@@ -14,9 +14,9 @@ from jld_experiment.energy import compiled
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
     """Cut the faces of a solid into triangles by ear clipping, also faces that are not convex.
 
-    vertices: (v, 3) corners.
+    vertices: (v, 3) corners. Result: the triangles (t, 3, 3) with the orientation of their faces, and the face (t,) of
+    each.
     """
-    # The result is the triangles (t, 3, 3) with the orientation of their faces, and the face (t,) of each.
     table, which = [], []
     for number, face in enumerate(faces):
         left = list(face)

@@ -132,7 +132,7 @@ def _cut(corners: Floats) -> Floats:
 
 
 def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
-    """Return (segments², 2) centroids of the equal triangles of a split triangle."""
+    """Return (segments², 2) centroids of the equal triangles of a split triangle with corners base, one, two (2,)."""
     one, two, found = one - base, two - base, []
     for i in range(segments):
         for j in range(segments - i):
@@ -222,7 +222,7 @@ def record_loss(
     final: tuple[float, float],
 ) -> None:
     """Add the energy lost from an elastic trial to the final stress to `Motion.work`."""
-    # It is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
+    # The loss is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
     # dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses
     # nothing. A brittle break loses the elastic energy at the beginning, plus the work of the step, less the elastic
     # energy at the end.

@@ -160,10 +160,11 @@ def driven(
 ) -> tuple[float, float, float]:
     """Update velocities by one step under given forces; return λ and convergence measures.
 
-    force: (n, q) forces without live loads; changed. drag: (n, q), set to the damping forces.
+    force: (n, q) forces without live loads; changed. drag: (n, q), set to the damping forces. Result: λ, largest
+    unbalanced force and largest displacement per step.
     """
-    # λ is prescribed, or the multiplier that gives live·u its prescribed rate. The result is λ, the largest unbalanced
-    # force and the largest displacement per step; moments and rotations are compared with them by `bench.radius`.
+    # λ is prescribed, or the multiplier that gives live·u its prescribed rate. Moments and rotations are compared with
+    # forces and displacements by `bench.radius`.
     velocity, live, inverse, radius = motion.velocity, bench.live, bench.inverse, bench.radius
     count, q = velocity.shape
     d = 2 if q == 3 else 3
@@ -230,9 +231,10 @@ def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: floa
 
 @compiled
 def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float, float, float]:
-    """Advance by a number of steps with fixed geometry, planar or spatial."""
-    # `motion` is changed in place. Returns the mean of λ, the largest unbalanced force and the largest displacement of
-    # an element in one step, in scene units.
+    """Advance by a number of steps with fixed geometry, planar or spatial; `motion` is changed in place.
+
+    Result: mean of λ, largest unbalanced force and largest displacement of an element in one step, scene units.
+    """
     force, drag = np.empty_like(motion.velocity), np.zeros_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):

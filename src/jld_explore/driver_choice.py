@@ -44,9 +44,9 @@ def choose_driver(
 ) -> tuple[Driver, int | None]:
     """Choose the driver and count the classes of the space if it is small.
 
-    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver:
-    driver of the search; total: number of classes if known. Raises InputError if the driver or an option is unknown, or
-    the space provably holds no labelling.
+    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver of
+    the search, and number of classes if known. Raises InputError if the driver or an option is unknown, or the space
+    provably holds no labelling.
     """
     wanted = settings.driver
     if isinstance(wanted, str):
@@ -81,8 +81,7 @@ def choose_driver(
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the InputError, not raised, for a search without any layout."""
-    # It says whether the space is proven empty.
+    """Return the InputError, not raised, for a search without any layout; it says whether the space is proven empty."""
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
         problem = "no layout that satisfies the constraints was found"

@@ -155,7 +155,7 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
 
     values: (k,) λ by faces of the best layouts, the best first. low, high: (k,) bounds by fields.
     """
-    # They may change λ of the best layout, the order of the layouts, and whether cuts are of use.
+    # Bounds by fields may change λ of the best layout, the order of the layouts, and whether cuts are of use.
     if not len(values):
         return []
     found = []

@@ -124,7 +124,7 @@ class FieldStudy(Study):
 
     def _run_proof(self, driver: FieldExact) -> StopReason:
         """Prove by the exact driver, then record the bounds that its fields and conflicts prove."""
-        # Each layout on record gets its bounds. The result is also stored in `race`.
+        # Each layout on record gets its bounds. The result of the proof is also stored in `race`.
         try:
             return super().run()
         finally:
@@ -306,9 +306,9 @@ class FieldStudy(Study):
         self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
-        """Return lower bounds at nominal material values: of the best layout, NaN for others.
+        """Return lower bounds on the governing factor at nominal material values.
 
-        They bound the governing factor.
+        Only the best layout has one; others have NaN.
         """
         found: list[float | None] = [math.nan] * len(pool)
         best = int(np.argmax(pool.low())) if len(pool) else -1

@@ -43,8 +43,8 @@ def refuse_together(scene: Scene, settings: ExploreSettings, assembly: Assembly)
 
 
 def refuse_beside_own_objective(scene: Scene, settings: ExploreSettings) -> None:
-    """Raise InputError for settings that exclude an objective of the user."""
-    # These need bounds on λ, or rank by something else. Without such an objective nothing is refused.
+    """Raise InputError for settings that exclude an objective of the user; nothing is refused without one."""
+    # Such settings need bounds on λ, or rank by something else.
     if settings.own_objective is None:
         return
     driver = settings.driver

@@ -267,7 +267,7 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
 
     Raises InputError for a node without a block, or too many.
     """
-    # This is the form of compas_assembly and compas_cra.
+    # compas_assembly and compas_cra write blocks in this form.
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
     nodes = graph["node"].items()

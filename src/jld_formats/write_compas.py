@@ -147,7 +147,11 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written free solids by name, scene units."""
+    """Return weight and centroid of the written free solids by name, scene units.
+
+    cells: True where each element is a solid, False where each block is one. Planar solids lie in x–z, at half the
+    thickness.
+    """
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)

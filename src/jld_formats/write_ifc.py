@@ -36,7 +36,7 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
 
     Raises InputError if ifcopenshell is missing.
     """
-    # Its properties are mass, mould, order, λ and faces.
+    # Each proxy has the properties mass, mould, order, λ and faces.
     ifc = library("ifcopenshell", path)
     file = _Ifc(ifc, layout)
     facts = block_facts(layout)

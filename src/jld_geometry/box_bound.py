@@ -224,9 +224,9 @@ class BoxProblem:
     def bound(self, low: Floats, high: Floats) -> BoxBound:
         """Return a proven bound on λ, in scene units, of every position in a box.
 
-        low, high: (p,) bounds on the parameters, lengths.
+        low, high: (p,) bounds on the parameters, lengths; check them by `require_valid` first. The bound is inf where
+        no mechanism is found that is valid in the whole box.
         """
-        # It is inf where no mechanism valid in the whole box is found. Check the box by `require_valid` first.
         cone = self.generators(low, high)
         if cone is None:
             return BoxBound(math.inf, None)
@@ -438,8 +438,10 @@ class _Search:
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far."""
-        # None where no valid scene has this position.
+        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far.
+
+        None where no valid scene has this position.
+        """
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -555,11 +557,10 @@ def _branch(
     deadline: float,
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
-    """Split the box of largest bound until the gap is closed or time is up.
+    """Split the box of largest bound until the gap is closed or time is up; return a bound on all positions in the box.
 
     low, high: (p,) of the whole box, lengths.
     """
-    # Returns a bound on all positions in the box.
     whole = high - low
     heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf

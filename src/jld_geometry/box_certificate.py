@@ -82,9 +82,9 @@ def _line(node: Node) -> dict[str, Any]:
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
     """Read a certificate without checking its tree.
 
-    Raises InputError if the file cannot be read, is no such certificate, or is not whole.
+    Returns the claim, whose scene is not validated, and the nodes in the order of their lines. Raises InputError if the
+    file cannot be read, is no such certificate, or is not whole.
     """
-    # Returns the claim, whose scene is not validated, and the nodes in the order of their lines.
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:

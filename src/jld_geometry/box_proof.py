@@ -21,8 +21,8 @@ _RELATIVE_SLACK: Final = 1e-9
 def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
     """Return the claim of the certificate of a proof over a box, and the tree of its proof.
 
-    Result: claim: scene, box and bound; the bound is raised by a little for rounding; nodes: nodes of the tree, each
-    before its halves. Raises InputError if no finite bound was proven.
+    Result: scene, box and bound, which is raised by a little for rounding; and the nodes of the tree, each before its
+    halves. Raises InputError if no finite bound was proven.
     """
     nodes = list(_nodes(done.tree, done))
     places = done.places - done.moved
@@ -90,8 +90,8 @@ def write_box_certificate(done: ProvenBox, path: Path) -> None:
 def check_proof(done: ProvenBox) -> tuple[bool | None, float, str]:
     """Check a proof over a box of positions by exact arithmetic.
 
-    Result: passed: True if the bound is verified in every box of the tree, False if not; None if no bound was proven;
-    seconds: time of the check, s; reason: reason for False or None; "" for True.
+    Result: True if the bound is verified in every box of the tree, False if not, None if no bound was proven; time of
+    the check, s; and the reason for False or None, "" for True.
     """
     start = time.perf_counter()
     try:

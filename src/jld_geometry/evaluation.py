@@ -117,9 +117,11 @@ class Evaluator:
         return None if answer is None else replace(answer, change=answer.change * self.unit)
 
     def load_factor(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the point at variables z (k,) with its proven λ."""
-        # None where z is no structure, λ is not proven, or the dead load no longer stands. The first call decides
-        # whether the dead load has to stand.
+        """Return the point at variables z (k,) with its proven λ.
+
+        None where z is no structure, λ is not proven, or the dead load no longer stands.
+        """
+        # The first call decides whether the dead load has to stand.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -176,7 +178,7 @@ class Evaluator:
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
         """Return an unproven point at variables z (k,) with the forces that a step found."""
-        # It is where a second-order correction starts.
+        # A second-order correction starts from such a point.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -188,10 +190,12 @@ class Evaluator:
         return Evaluated(values, answer.value, None, found)
 
     def missing(self, values: Floats) -> Evaluated | None:
-        """Return an unproven point at variables z (k,), whose objective is its spare strength."""
+        """Return an unproven point at variables z (k,), whose objective is its spare strength.
+
+        None where elements turn over or overlap, or the program fails.
+        """
         # The objective is minus the least force that, added to every yield condition, lets the structure stand at some
-        # λ ≥ 0. Phase one maximises it until it is positive. None where elements turn over or overlap, or the program
-        # fails.
+        # λ ≥ 0. Phase one maximises it until it is positive.
         assembly = self.assembly(values)
         if assembly is None:
             return None
@@ -210,9 +214,11 @@ class Evaluator:
         return Evaluated(values, -answer.value * states[0].template.scaling.force, None, states)
 
     def friction(self, values: Floats, first: float) -> Evaluated | None:
-        """Return the point at variables z (k,) with the least factor on friction that it needs."""
+        """Return the point at variables z (k,) with the least factor on friction that it needs.
+
+        None where z is no structure, a program fails or standing is not proven.
+        """
         # The dead load is proven to stand at that factor, which is at most 1e-5 above the one that Newton steps found.
-        # None where z is no structure, a program fails or standing is not proven.
         assembly, factor = self.assembly(values), first
         point = None if assembly is None else self.missing(values)
         if assembly is None or point is None:
@@ -240,9 +246,11 @@ class Evaluator:
         return None
 
     def thickness(self, values: Floats) -> Evaluated | None:
-        """Return a point near variables z (k,) with the least thickness at which it stands."""
-        # Only the last variable, the thickness, differs from z. The dead load is proven to stand there. None where a
-        # program fails, or standing is not proven.
+        """Return a point near variables z (k,) with the least thickness at which it stands.
+
+        None where a program fails, or standing is not proven.
+        """
+        # Only the last variable, the thickness, differs from z. The dead load is proven to stand there.
         values, states = values.copy(), []
         low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
         whole = self.variables.thickness

@@ -82,8 +82,7 @@ class FieldMesh:
         return sp.csr_array(sp.kron(self.inside @ self.follow, sp.eye_array(2)))
 
     def at(self, assembly: Assembly, moved: Floats) -> FieldMesh | None:
-        """Return the mesh with vertices moved by (v, 2); None where it is no longer valid."""
-        # Triangles may turn over, or loads may lose their faces.
+        """Return the mesh with vertices moved by (v, 2); None where triangles turn over, or loads lose their faces."""
         old = self.setting
         points = self.base.points + self.follow @ moved
         try:
@@ -229,8 +228,10 @@ class FieldSearch:
         return FieldPoint(values, min(factors), meshes, forms, tuple(stress for stress, _ in found))
 
     def at(self, point: FieldPoint, values: Floats) -> FieldPoint | None:
-        """Return the point at other variables z (k,), with the triangles of a point nearby."""
-        # None where z is no structure, a triangle turns over, or a load case has no stresses.
+        """Return the point at other variables z (k,), with the triangles of a point nearby.
+
+        None where z is no structure, a triangle turns over, or a load case has no stresses.
+        """
         assembly = self._search.evaluator.assembly(values)
         if assembly is None:
             return None
@@ -266,8 +267,10 @@ class FieldSearch:
     def improve(
         self, point: FieldPoint, deadline: float, report: Callable[[FieldPoint, float, float], None] | None = None
     ) -> tuple[FieldPoint, str]:
-        """Improve a point until it is stationary; return the last point and why the search ended."""
-        # The reason is "stationary", "locked", "time" or "points".
+        """Improve a point until it is stationary; return the last point and why the search ended.
+
+        The reason is "stationary", "locked", "time" or "points".
+        """
         trust, unit = self._search.trust, self._search.unit
         radius, stood, last = trust.first * unit, point.stands, 0.0
         for _ in range(trust.points):
@@ -296,9 +299,11 @@ class FieldSearch:
 
 
 def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeProgram, int, float]:
-    """Set up the program of a step."""
-    # Its columns are stresses and λ of each load case, steps of the variables, and the goal. Also returns the column of
-    # the first step and the unit of the goal, λ / required.
+    """Set up the program of a step.
+
+    Also returns the column of the first step and the unit of the goal, λ / required.
+    """
+    # Columns are stresses and λ of each load case, steps of the variables, and the goal.
     count = region.jacobian.shape[1]
     start = np.cumsum([0, *(form.width for form in point.forms)]).tolist()
     units = [form.problem.units.load / need for form, need in zip(point.forms, required.tolist(), strict=True)]

@@ -58,7 +58,7 @@ class MovedLayout:
     # start, load_factor: λ by faces before and after; NaN where the layout did not stand
     start: float
     load_factor: float
-    # fields_start, fields: (float, float) bounds on λ by fields before and after, with blocks that crack anywhere;
+    # fields_start, fields: bounds on λ by fields before and after, with blocks that crack anywhere;
     # infinite where there are none
     fields_start: tuple[float, float]
     fields: tuple[float, float]
@@ -190,7 +190,7 @@ def explore_and_move(
     setting does not fit, or no layout stands by fields. Raises Interrupted: after a signal; once layouts were moved,
     `done` is the result so far.
     """
-    # docs/method.md, chapter 11.
+    # docs/method.md, chapter 11
     settings = settings or ExploreSettings()
     whole = Deadline(settings.seconds, started)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far

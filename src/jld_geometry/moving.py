@@ -200,7 +200,7 @@ def _check_out(source: Path, out: Path) -> None:
 
 def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | None) -> None:
     """Raise InputError for a certificate that cannot be written, or without `--prove`."""
-    # It is called before any work.
+    # Before any work, so that a long search is not in vain.
     if prove is None:
         raise ParameterError("certificate", "it holds a proof, and none is asked for", "it with `prove`")
     if certificate.is_dir() or not certificate.absolute().parent.is_dir():

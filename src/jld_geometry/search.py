@@ -87,6 +87,7 @@ class GeometrySearch:
             moving |= self.variables.rings != 0.0
         owner, edges = mesh.edges
         free = ~assembly.elements.support[owner]
+        # trust region and tolerances are relative to the mean edge of free elements
         self.unit = float(np.linalg.norm(mesh.places[edges[:, 1]] - mesh.places[edges[:, 0]], axis=1)[free].mean())
         limits: Limits | SpatialLimits
         if isinstance(mesh, SpatialMesh):
@@ -125,8 +126,10 @@ class GeometrySearch:
         return point.objective if self.goal == "load_factor" else -point.objective
 
     def restored(self, values: Floats) -> Floats | None:
-        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps."""
-        # None where the steps do not converge.
+        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps.
+
+        None where the steps do not converge.
+        """
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
@@ -160,9 +163,11 @@ class GeometrySearch:
         return self.evaluate(np.zeros(self.variables.count), None)
 
     def standing(self, values: Floats, deadline: float) -> Evaluated | None:
-        """Move joints from variables z (k,) until the structure stands (phase one)."""
-        # Returns the first point found with a proven value; None where none is found by `deadline`, a time of
-        # `time.perf_counter`, s.
+        """Move joints from variables z (k,) until the structure stands (phase one).
+
+        Returns the first point found with a proven value; None where none is found by `deadline`, a time of
+        `time.perf_counter`, s.
+        """
         point, radius = self.evaluator.missing(values), self.trust.first * self.unit
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
@@ -183,8 +188,10 @@ class GeometrySearch:
     def improve(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
-        """Improve a point until it is stationary; return the last accepted point and why it ended."""
-        # The reason is "stationary", "locked", "time" or "points".
+        """Improve a point until it is stationary; return the last accepted point and why it ended.
+
+        The reason is "stationary", "locked", "time" or "points".
+        """
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
         for _ in range(trust.points):
@@ -286,7 +293,7 @@ class Point:
     start: int  # number of the start, from 0
     step: int  # number of the point within its search; 0 is the start itself
     value: float  # λ, least friction coefficient factor, or least thickness
-    bracket: tuple[float, float]  # (float, float) proven bounds on λ; NaN where λ is not the objective or not bounded
+    bracket: tuple[float, float]  # proven bounds on λ; NaN where λ is not the objective or not bounded
     predicted: float  # value that the program of the step promised
     radius: float  # radius of the trust region, length
     solves: int  # number of proven solves so far

@@ -17,7 +17,11 @@ from jld_geometry.spatial_rates import length_rates, residual_rates, spatial_rat
 
 @one_thread()
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
-    """Compute the derivatives of λ by the positions of all vertices, as `jld_core.geometry_sensitivities` states."""
+    """Compute the derivatives of λ by the positions of all vertices, scene units.
+
+    With load cases: of the governing factor. None where the status is not collapse, for strengths or models whose
+    bounds do not hold for all labellings, and under pressure, members or bond. one_sided: look for kinks in the plane.
+    """
     require_kind("result", result, LimitAnalysisResult)
     if result.cases:
         names = [case.name for case in result.assembly.cases]

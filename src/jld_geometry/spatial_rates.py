@@ -188,9 +188,9 @@ _ROUNDED: Final = 1e-9
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
     """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions, scene units.
 
-    forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1.
+    forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1. None for a labelling with inner faces, or
+    for dry faces that crush.
     """
-    # None for a labelling with inner faces, or for dry faces that crush.
     assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).crush_dry).any():
         return None

@@ -77,12 +77,12 @@ def solve_step(
     goal: Goal,
     kick: Floats | None = None,
 ) -> StepAnswer | None:
-    """Solve the program of one step, over forces and positions at once (11.6).
+    """Solve the program of one step, over forces and positions at once (11.6); None where the solver finds no answer.
 
     labels: (m,) True = dry. kick: (columns of the first case,) objective on its forces. It replaces the goal, which
     keeps its present value, to find other optimal forces.
     """
-    # Returns None where the solver finds no answer. The answer is not proven: positions are linearised.
+    # The answer is not proven: positions are linearised.
     rows = _Rows(states, region.jacobian.shape[1])
     if isinstance(mesh, SpatialMesh):  # joints in space that move have no strength that grows with them
         lengths = sp.csr_array((len(labels), rows.count))

@@ -186,7 +186,7 @@ def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
 
 def _point(ax: Axes, ring: Floats) -> float:
     """Return the length of a point on paper in the unit of an outline (k, 2) that fills its axes."""
-    # before an equal aspect shrinks the axes
+    # Called before an equal aspect shrinks the axes.
     box = ax.get_position(original=True).transformed(ax.figure.transSubfigure)
     room = 72.0 / ax.figure.dpi * np.array([box.width, box.height])
     return float((np.ptp(ring, axis=0) * (1.0 + 2.0 * _MOULD_MARGIN) / room).max())
@@ -213,7 +213,7 @@ class Printed:
     """Content of a printed report."""
 
     layout: Layout
-    # fields, faces: (float, float) proven bounds on λ by fields and by faces, infinite where there are none
+    # fields, faces: proven bounds on λ by fields and by faces, infinite where there are none
     fields: tuple[float, float]
     faces: tuple[float, float]
     status: str  # status of its limit analysis

@@ -46,16 +46,16 @@ class Placed:
 
     stone: int  # number of the stone
     cuboid: int  # number of the stock cuboid, from 1
-    # (float, float, float) corner of the stone's own cuboid nearest to the corner of the stock
+    # corner of the stone's own cuboid nearest to the corner of the stock
     corner: tuple[float, float, float]
-    sides: tuple[float, float, float]  # (float, float, float) sides of the stone's own cuboid along those of the stock
+    sides: tuple[float, float, float]  # sides of the stone's own cuboid along those of the stock
 
 
 @dataclass(frozen=True)
 class Stock:
     """Stones placed in equal stock cuboids."""
 
-    size: tuple[float, float, float]  # (float, float, float) sides of a stock cuboid, in the unit of the scene
+    size: tuple[float, float, float]  # sides of a stock cuboid, in the unit of the scene
     placed: tuple[Placed, ...]  # place of every stone
     cuboids: int  # number of stock cuboids
     least: int  # number of cuboids that no cutting of these stones goes below, whatever their places

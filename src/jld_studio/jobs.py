@@ -77,8 +77,8 @@ class Job:
 
     def told(self) -> dict[str, Any]:
         """Return the facts that a page shows about the search, as JSON data."""
-        # They are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main entries
-        # of summary.json, which are None until the search ends.
+        # The facts are name, kind, state, progress with the best layout so far, seconds_left, shown, error, and main
+        # entries of summary.json, which are None until the search ends.
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
         problem = self.error

@@ -68,9 +68,11 @@ class JointVertices:
         }
 
     def _tied(self) -> dict[int, list[tuple[int, int]]]:
-        """Return the vertices that move with each vertex by the key "ties"."""
-        # They come with the factor on the displacement in x, 1 or −1 for mirrored ones. Vertices without ties have no
-        # entry.
+        """Return the vertices that move with each vertex by the key "ties".
+
+        Each comes with its factor on the displacement in x: 1, or −1 for mirrored vertices.
+        """
+        # Vertices without ties have no entry.
         ties = "none" if self._move is None else self._move.ties
         found: dict[int, list[tuple[int, int]]] = {}
         if ties == "mirror-x":

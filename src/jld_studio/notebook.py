@@ -59,6 +59,7 @@ class NotebookPage:
         self._title, self._solver, self._height = title, solver, height
         self._name = uuid.uuid4().hex
         self._plain = plain
+        # A frame that makes the output larger than LARGEST gives way to that of the next smaller page, or to none.
         first = next(pages)
         data: PageData | None = first
         frame: str | None = _frame(first, height)

@@ -16,8 +16,7 @@ from jld_studio.session import CHANGEABLE, StudioSession
 
 
 def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
-    """Return the data with which the page starts."""
-    # They show the table of a study, or the scene with its own labels solved.
+    """Return the data with which the page starts: the table of a study, or the scene with its own labels solved."""
     if study is not None:
         extra = _extra(desk, root)
         done = read_folder(study)
@@ -31,8 +30,7 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
 
 
 def scene_data(desk: StudioSession, root: Path) -> PageData:
-    """Return the page data of a scene with its own labels, solved."""
-    # Arguments are those of `first_data`.
+    """Return the page data of a scene with its own labels, solved; arguments are those of `first_data`."""
     setup = desk.setup({})
     assembly = setup.assembly
     return page_data(

@@ -44,9 +44,9 @@ class Built:
 
 def built_up(freedom: Freedom, standing: Standing) -> Built:
     """Search an order of single blocks, each touching a laid one, whose every stage stands."""
-    # The search goes depth first and tries the lowest block first. If single blocks can be removed until none is left,
-    # it finds an order wherever one exists. A block that touches no laid block cannot stand. The outcome therefore
-    # depends on the visited blocks alone.
+    # Depth first, the lowest block first. If single blocks can be removed until none is left, an order is found
+    # wherever one exists. A block that touches no laid block cannot stand. The outcome therefore depends on the visited
+    # blocks alone.
     blocks = freedom.blocks
     failed: set[bytes] = set()
     turn = turn_of(blocks)
@@ -111,9 +111,9 @@ class SequenceConstraint:
 
     Conflicts found for one labelling also refute other labellings.
 
-    wish: "translation": some order by translations exists. "standing": every stage of an order also stands without
-    props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its plane.
-    group: largest number of blocks that are moved together where single blocks are locked.
+    wish: "translation" where some order by translations must exist, "standing" where every stage of it must also stand
+    without props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its
+    plane. group: largest number of blocks that are moved together where single blocks are locked.
     """
 
     def __init__(
@@ -153,8 +153,11 @@ class SequenceConstraint:
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def farthest(self) -> Laying | None:
-        """Return the order of a refused labelling with the largest share of standing steps."""
-        # None if no stage of them is proven to fall. Up to eight labellings are compared, the first to be refused.
+        """Return the order of a refused labelling with the largest share of standing steps.
+
+        None if no stage of the refused labellings is proven to fall.
+        """
+        # Up to eight labellings are compared, the first to be refused.
         refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
         best: tuple[float, Laying] | None = None
         for key in refused:
@@ -197,11 +200,10 @@ class SequenceConstraint:
     def _stage_conflict(self, labels: Bits) -> Lock | None:
         """Return the conflict of a labelling without an order whose every stage stands.
 
-        labels: (m,) True = dry; blocks can be laid by translations. The conflict covers all faces if the complete
-        structure does not stand, or if blocks may be laid in groups. The conflict is not proven if a search stopped at
-        its limit or a stage was undecided.
+        None if there is such an order. labels: (m,) True = dry; blocks can be laid by translations. The conflict covers
+        all faces if the complete structure does not stand, or if blocks may be laid in groups. The conflict is not
+        proven if a search stopped at its limit or a stage was undecided.
         """
-        # The result is None if such an order was found.
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)

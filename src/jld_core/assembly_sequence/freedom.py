@@ -145,8 +145,8 @@ class Arcs:
     @cached_property
     def turns(self) -> Floats:
         """Angles (k,) of the directions tried for groups of blocks, radians, from 0 to 2π."""
-        # They are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends has the
-        # directions along its contacts instead, at most 2000.
+        # The directions are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends
+        # has the directions along its contacts instead, at most 2000.
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
             found = _different(every[np.isfinite(every)])
@@ -433,7 +433,7 @@ def _closed(arrows: Bools) -> Bools:
 
 def _directions(normals: Floats) -> Floats:
     """Return candidate unit directions in space (k, 3) derived from contact normals (c, 3)."""
-    # They are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
+    # Candidates are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
     if not len(normals):
         return np.concatenate([np.eye(3), -np.eye(3)])
     both = np.concatenate([normals, -normals]) + 0.0

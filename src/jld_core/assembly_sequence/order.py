@@ -42,8 +42,8 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
 
     Raises InputError for another start.
     """
-    # ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right: farthest from that
-    # side first. springings: farthest from the supports first, in blocks between them.
+    # ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right:
+    # farthest from that side first. springings: farthest from the supports first, in blocks between them.
     if start not in get_args(LayingStart):
         raise ParameterError("start", f"{start!r} is no start of laying", "one of " + ", ".join(get_args(LayingStart)))
     elements, up = blocks.assembly.elements, upwards(blocks)
@@ -93,8 +93,10 @@ def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
 
 
 def _steps_from_supports(blocks: Blocks) -> Floats:
-    """Return for each element (n,) the least number of contacts from its block to a support."""
-    # Elements of fixed blocks have 0; without a connection the number is that of all blocks.
+    """Return for each element (n,) the least number of contacts from its block to a support.
+
+    Elements of fixed blocks have 0; without a connection the number is that of all blocks.
+    """
     steps = np.where(blocks.fixed, 0.0, np.inf)
     while True:
         across = np.concatenate([steps[blocks.first], steps[blocks.second]])
@@ -265,7 +267,7 @@ def locked_blocks(
     labels: (m,) True = dry. Result: element indices, ascending; empty where the labelling can be assembled by
     translations.
     """
-    # These blocks lock one another in every labelling that has them.
+    # The blocks found lock one another in every labelling that has them.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, False, bodies)

@@ -26,11 +26,10 @@ def order_without_stages(
 ) -> Laying | None:
     """Find an order by translations whose stages are not solved, so that props are unknown.
 
-    Raises DeadlinePassed after an enforced deadline.
+    Parameters as in `assembly_order`. Result: steps whose stages have no props and an infinite error; None where blocks
+    lock one another. Raises DeadlinePassed after an enforced deadline.
     """
-    # Of the blocks that can be removed, the first in the order of `start` is removed next. Parameters as in
-    # `assembly_order`. Returns steps whose stages have no props and an infinite error; None where blocks lock one
-    # another.
+    # Of the blocks that can be removed, the first in the order of `start` is removed next.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
     freedom, turn = Freedom(blocks, sideways, bodies), turn_of(blocks, start)

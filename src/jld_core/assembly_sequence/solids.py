@@ -42,11 +42,10 @@ class Solids:
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Return the elements of `others` (k,) that an element of `mine` meets along a direction.
+        """Return the elements of `others` (k,) that an element of `mine` meets along a direction (3,), a unit vector.
 
-        direction: (3,) unit vector.
+        mine, others, and the result: indices of elements.
         """
-        # mine, others, and the result: indices of elements.
         low, high = self.elements.lower, self.elements.upper
         met = np.zeros(len(others), dtype=bool)
         for e in mine.tolist():
@@ -204,7 +203,7 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
     Raises ParameterError for a spacing that is not above 0, leaves no place or more than 500, and for a spatial
     structure.
     """
-    # They are the same on both sides of its middle. Places above a support are left out.
+    # Places are the same on both sides of the structure's middle. Places above a support are left out.
     if assembly.dimension != 2:
         raise ParameterError("props", "props along a line are for planar scenes", "a search without it")
     if not 0.0 < spacing < math.inf:

@@ -63,9 +63,9 @@ class Stage:
 
 @dataclass(frozen=True)
 class _Part:
-    """Prop forces of one part of a stage."""
+    """Prop forces of one part of a stage; error, weight and along are as in `Stage`."""
 
-    props: Floats  # (n,) upward force on each element; error, weight, along: as in `Stage`
+    props: Floats  # (n,) upward force on each element
     error: float
     weight: float
     along: Floats
@@ -248,8 +248,10 @@ class Parts:
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
-    """Return the largest violation of primal and dual rows and the duality gap of a solution."""
-    # It is evaluated here, independently of the solver's own status.
+    """Return the largest violation of primal and dual rows and the duality gap of a solution.
+
+    Computed anew, independently of the solver's own status.
+    """
     if not (np.isfinite(point).all() and np.isfinite(dual).all()):
         return np.inf
     structure = program.structure

@@ -41,7 +41,7 @@ class MinimizationOptions:
     # further minimisations per refuted labelling; each starts with one face of its conflict undecided
     neighbours: int = 0
     tries: int = 2  # number of single faces tried without success after which a conflict is accepted as minimal
-    inner: bool = False  # true: make inner faces undecided before dry ones
+    inner: bool = False  # True to make inner faces undecided before dry ones
     # equilibrium error (scaled) up to which forces that carry more than the threshold end a relaxation
     balance: float = 1e-6
 
@@ -187,7 +187,7 @@ class BatchSolver:
     load_scale: magnitude of scaled λ relative to which a bracket around zero counts as narrow. undecided: rows of faces
     whose label is undecided; they replace the rows of dry faces. variant: variant or path of the compiled library (see
     `library`); default: the variant in use. tries: settings of the passes over the open labellings; default: those of
-    `tries_of`. sampled_start: true: start near the mean solution of a few random labellings. False: start from the
+    `tries_of`. sampled_start: True to start near the mean solution of a few random labellings, False from the
     least-norm forces in equilibrium, which is cheaper for a few labellings. settled_fraction: share of the random
     labellings that got a verdict; 0 if none were solved. Raises ValueError: no batch solver is built or in use, or the
     template's rows have an unsupported shape (see `fits`).
@@ -238,8 +238,8 @@ class BatchSolver:
 
     def _starting(self, template: Template, sampled: int) -> _Start:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
-        # It lies between the least-norm forces in equilibrium and the mean solution of random labellings, of which
-        # there are `sampled`.
+        # The point lies between the least-norm forces in equilibrium and the mean solution of `sampled` random
+        # labellings.
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -399,7 +399,7 @@ class BatchSolver:
 
     def _problem(self) -> library.Problem:
         """Return the problem as a structure of the compiled library."""
-        # It points to arrays of this solver, and is valid while the solver exists.
+        # The structure points to arrays of this solver, and is valid while the solver exists.
         start = self._start
         arrays = library.pointers(
             low=self._low,

@@ -99,7 +99,7 @@ def runs_here(variant: str) -> bool:
 @lru_cache(maxsize=1)
 def processor_flags() -> frozenset[str]:
     """Return the flags of this processor; an empty set where they are unknown."""
-    # They are read from /proc/cpuinfo; on systems without that file numpy is asked, where it is installed.
+    # Flags are read from /proc/cpuinfo; on systems without that file numpy is asked, where it is installed.
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
@@ -144,10 +144,7 @@ def mark() -> str:
 
 
 def is_current(library: Path) -> bool:
-    """Return True if a library was compiled from the present sources.
-
-    The result is also True where the package has no sources to compare with. The library is not loaded.
-    """
+    """Return True if a library was compiled from the present sources, or the package has no sources to compare with."""
     # Read the file without loading it: a library for another processor may crash on loading.
     return not SOURCE.is_dir() or digest().encode() in library.read_bytes()
 

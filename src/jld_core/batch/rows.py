@@ -474,7 +474,10 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, pairs, 3)."""
+    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, 2 or 3, 3).
+
+    None where the rows do not come in such pairs. values: entries of the rows. sides: their right-hand sides.
+    """
     # X is M, V and, where inner faces crush, M again.
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3

@@ -256,8 +256,7 @@ def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tup
 
 
 def _cells(grid: Grid) -> list[Element]:
-    """Return the elements of a grid, named c{column}r{row}."""
-    # Blocks are the connected parts of equal letters.
+    """Return the elements of a grid, named c{column}r{row}; blocks are the connected parts of equal letters."""
     width, height = grid.cell
     count = len(grid.rows)
     block = _joined_letters(grid.rows)
@@ -279,7 +278,10 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block name of each free cell of a grid, by (row, column)."""
+    """Return the block name of each free cell of a grid, by (row, column).
+
+    A letter whose cells form several connected parts names them letter1, letter2, …
+    """
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}
     for r, row in enumerate(rows):
@@ -410,11 +412,10 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
 
 
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:
-    """Convert interfaces stated by the scene to contacts.
+    """Convert interfaces stated by the scene to contacts, whose normals point out of their first element.
 
     Raises InputError for an unknown element, or a polygon that is not spatial and plane.
     """
-    # Normals point out of the first element of each.
     if not entries:
         return []
     couples, polygons = [], []

@@ -197,8 +197,7 @@ def _strengths(members: Members, rows: Ints) -> Strengths:
 
 
 def _prestress(assembly: Assembly, members: Members) -> Floats:
-    """Return forces and moments (n, q) of all prestress about the centroids of elements."""
-    # They are zero on supports.
+    """Return forces and moments (n, q) of all prestress about the centroids of elements; zero on supports."""
     elements, d = assembly.elements, assembly.dimension
     pushes = [(members.prestress[k], *members.push(k)) for k in np.flatnonzero(members.prestress).tolist()]
     if not pushes:

@@ -23,7 +23,7 @@ class PlacedCase(NamedTuple):
 
     where: str  # key in the scene
     case: Case  # the load case
-    # of a moving load, its name and direction and the distance of its first axle along the path; None for other cases
+    # of a moving load: its name and direction, and the distance of its first axle along the path; None for other cases
     place: tuple[str, float] | None = None
 
 

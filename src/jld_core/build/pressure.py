@@ -104,7 +104,6 @@ class Boundary:
 
         Raises InputError for a spatial scene, coinciding points, or a part of the polyline that is no free boundary.
         """
-        # Planar scenes only.
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
             raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')
         points = np.array(along, dtype=float)

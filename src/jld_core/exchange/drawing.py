@@ -123,8 +123,8 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
 
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
     """Return the default snapping tolerance of a drawing, scene units."""
-    # It is at least a tiny share of the size. It grows with the median edge, up to a larger share of the size. Drawings
-    # written by jld use the tiny share alone.
+    # At least a tiny share of the size, which alone counts for drawings written by jld. The tolerance grows with the
+    # median edge, up to a larger share of the size.
     if drawing.facts:
         return SNAP * size
     ends = [
@@ -216,9 +216,11 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene."""
-    # The result is "labels" with pairs of elements. It is "interfaces" with all of them if two faces of one pair have
-    # different labels. It is empty without such lines or contacts.
+    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene.
+
+    Result: "labels" with pairs of elements; "interfaces" with all of them if two faces of one pair have different
+    labels; empty without such lines or contacts.
+    """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):
         role = options.role(path.layer)

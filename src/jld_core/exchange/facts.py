@@ -108,8 +108,10 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
-    """Return a function from the id of a loaded element to its name in the file."""
-    # It raises InputError for an element whose block holds a support: the import refuses loads on supports too.
+    """Return a function from the id of a loaded element to its name in the file.
+
+    The function raises InputError for an element whose block holds a support: the import refuses loads on supports too.
+    """
     if cells:
         return lambda name: name
     index, blocks = layout.assembly.elements.index, layout.blocks
@@ -305,9 +307,12 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step, from 1, in which each block is laid, by the block's index."""
-    # The index is that in `Layout.blocks`. Empty where no order of single blocks is found, for layouts that an assembly
-    # sequence does not model, and for those with too many blocks.
+    """Return the step, from 1, in which each block is laid, by the block's index.
+
+    Empty where no order of single blocks is found, for layouts that an assembly sequence does not model, and for those
+    with too many blocks.
+    """
+    # The index is that in `Layout.blocks`.
     if sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}
     sideways = layout.scene.search.assemble_out_of_plane

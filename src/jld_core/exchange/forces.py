@@ -120,11 +120,10 @@ def closest_first(
 
 
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
-    """Parse one number with its name and unit, matched by `_FORCE`.
+    """Parse one number with its name and unit, matched by `_FORCE`; return name, value and whether it has a unit.
 
-    Raises InputError as `parse_force`.
+    The name is "" without one; the value is in `unit`. Raises InputError as `parse_force`.
     """
-    # Returns the name ("" without one), the value in `unit`, and True if the text gives a unit.
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"

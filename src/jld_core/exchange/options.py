@@ -255,8 +255,9 @@ def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
     """Add materials and a live load to a scene document that lacks them, and return it."""
-    # They come from `options.like` if given, together with its search and units. Otherwise they are `DEFAULT_MATERIALS`
-    # and a horizontal body load. Each assumption is added to `notes`. The document is changed in place.
+    # Materials and load come from `options.like` if given, together with its search and units. Otherwise they are
+    # `DEFAULT_MATERIALS` and a horizontal body load. Each assumption is added to `notes`. The document is changed in
+    # place.
     like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)

@@ -65,8 +65,8 @@ class _Arc:
 
 def without_repeats(path: Path, same: float) -> Path:
     """Return a path that ends where it comes back to its start."""
-    # An open path that comes back to its start is closed. A path that goes on past its start along its own first edges,
-    # as A B C D A B, ends at the start.
+    # An open path that comes back to its start is closed. One that goes on past its start along its own first edges, as
+    # A B C D A B, ends at the start.
     points = path.points
     count = len(points)
     back = np.hypot(*(points[:, :2] - points[0, :2]).T) <= same
@@ -109,7 +109,8 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
 
-    Raises InputError where all circles together have excessively many arcs.
+    facet: largest distance of a chord from its arc, length. same: distance within which circles are one. Raises
+    InputError where all circles together have excessively many arcs.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:

@@ -156,7 +156,7 @@ def _is_binary(data: bytes) -> bool:
 
 def _refuse_counts(kind: str, data: bytes) -> None:
     """Raise InputError for too many faces, or counts in a header that the file cannot hold."""
-    # No memory is allocated for them.
+    # Checked before memory is allocated for them.
     size = len(data)
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")

@@ -86,8 +86,10 @@ def _expanded(root: ElementTree.Element) -> int:
 
 
 def _stated_unit(text: str) -> tuple[float, str] | None:
-    """Return length and unit of one unit of the viewBox, as the page of an SVG states it."""
-    # It is None where width, height and viewBox do not state the same scale in mm, cm or inches.
+    """Return length and unit of one unit of the viewBox, as the page of an SVG states it.
+
+    None where width, height and viewBox do not state the same scale in mm, cm or inches.
+    """
     tag = re.search(r"<svg\b[^>]*>", text)
     page = {key: value[1:-1] for key, value in re.findall(_PAGE, tag[0] if tag else "")}
     sides = [_LENGTH.fullmatch(page.get(key, "")) for key in ("width", "height")]

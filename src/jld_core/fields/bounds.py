@@ -169,8 +169,8 @@ class CoarseBounds:
     def upper(self, labels: Bits) -> tuple[float, FieldMechanism | None]:
         """Bound λ of one labelling from above.
 
-        labels: (m,) True = dry. Result: bound: upper bound, inf where no velocity field was certified; scene units;
-        mechanism: bounds of other labellings by the same field; None where it proves none.
+        labels: (m,) True = dry. Result: upper bound, scene units, inf where no velocity field was certified; and the
+        mechanism that bounds other labellings by the same field, None where it proves none.
         """
         found = self._upper.bound(labels)
         if found is None:
@@ -180,8 +180,8 @@ class CoarseBounds:
     def lower(self, labels: Bits) -> tuple[float, FieldStresses | None]:
         """Bound λ of one labelling from below.
 
-        labels: (m,) True = dry. Result: bound: lower bound, −inf where no stress field was certified; scene units;
-        stresses: bounds of other labellings by the same field; None without a field.
+        labels: (m,) True = dry. Result: lower bound, scene units, −inf where no stress field was certified; and the
+        stresses that bound other labellings by the same field, None without a field.
         """
         found = self._lower.bound(labels)
         return (
@@ -191,7 +191,8 @@ class CoarseBounds:
     def both(self, labellings: Bits) -> tuple[Floats, Floats]:
         """Bound λ of several labellings from both sides.
 
-        labellings: (k, m) True = dry. Returns (k,): bounds, infinite where no field was certified; scene units.
+        labellings: (k, m) True = dry. Result: lower and upper bounds (k,), infinite where no field was certified; scene
+        units.
         """
         lower, upper = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
         low = [-math.inf if found is None else self._load * found.factor for found in lower]

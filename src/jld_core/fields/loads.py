@@ -56,12 +56,12 @@ class FieldLoads:
 
 @dataclass(frozen=True)
 class _FreeFace:
-    """Straight run of free outline edges of a cell."""
+    """Straight run of free outline edges of a cell, scene units."""
 
     cell: int  # element
     start: Floats  # (2,) first point
     along: Floats  # (2,) unit direction, the cell on its left
-    length: float  # of the run. All are in scene units.
+    length: float  # of the run
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ def thickness_of(assembly: Assembly) -> float:
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh of an assembly with its loads.
 
-    Result: mesh: edges of interfaces and of loaded segments are tagged; loads: forces per volume and tractions. Raises
-    InputError: a force on the outline of its cell without a free face, or without room for its patch.
+    Result: the mesh, on which edges of interfaces and of loaded segments are tagged; and forces per volume and
+    tractions. Raises InputError: a force on the outline of its cell without a free face, or without room for its patch.
     """
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
@@ -102,7 +102,7 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
 def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], tuple[Floats, Floats]]:
     """Return the parts of free faces with tractions, and the dead and live loads that they leave.
 
-    patch: as for `loaded_mesh`. The second result holds forces and moments (n, 3) about centroids, scene units. Raises
+    patch: as for `loaded_mesh`. The loads left are forces and moments (n, 3) about centroids, scene units. Raises
     InputError as `loaded_mesh` does.
     """
     plain = outlines_of(assembly)
@@ -285,8 +285,8 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
 
     Raises InputError without room for that.
     """
-    # It covers the face. If forces of one sign have their resultant beyond the middle third, it is uniform about the
-    # resultant instead.
+    # The traction covers the face. If forces of one sign have their resultant beyond the middle third, the traction is
+    # uniform about the resultant instead.
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)

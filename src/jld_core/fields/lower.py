@@ -299,8 +299,9 @@ class LowerBound:
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Set up the program that maximises λ."""
-        # Also returns the edge whose label switches each row, −1 for none.
+        """Set up the program that maximises λ; return it, and the edge whose label switches each row, −1 for none."""
+        # Columns: stresses (9t,), a radius ≥ √(d² + s²) of each corner (3t,), and λ. Rows: equilibrium, yield of the
+        # material over the radius, yield of dry joints at both ends of edges, and the cones of the radii.
         p, count = self.problem, self._triangles
         matrix, rhs = self.equilibrium
         every = np.arange(3 * count)

@@ -16,11 +16,14 @@ _LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion
 
 
 def opening_motion(problem: Problem) -> Floats | None:
-    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled."""
+    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled.
+
+    None if no such motion was found, as for enclosed cells.
+    """
     # A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
     # stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
     # move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
-    # edges: they open without sliding. None: no such motion was found, as for enclosed cells.
+    # edges: they open without sliding.
     mesh = problem.mesh
     cells, number = np.unique(mesh.cell, return_inverse=True)
     area = np.bincount(number, mesh.area)
@@ -41,8 +44,9 @@ def opening_motion(problem: Problem) -> Floats | None:
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function that is linear on triangles, convex in each cell.
 
-    number: (t,) cell of each triangle, counted from 0 without gaps. It exists for every mesh of fans, trees of
-    triangles and their bisections, which are regular subdivisions. A linear program finds it; None where there is none.
+    number: (t,) cell of each triangle, counted from 0 without gaps. A linear program finds the function; None where
+    there is none. One exists for every mesh of fans, trees of triangles and their bisections, which are regular
+    subdivisions.
     """
     from scipy.optimize import linprog  # takes longer to import than most commands need
 
@@ -207,14 +211,15 @@ def _choose(
 ) -> None:
     """Append equations for the active flow rules among head ≥ slope · |tail|.
 
-    head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of each rule. wanted: (k,)
-    whether it applies.
+    rates: all openings and slips. head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of
+    each rule. wanted: (k,) whether it applies. small: rate that counts as zero.
     """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))
     active = wanted & (value - slope * size <= small)
     still = active & (size <= small)
     free = slope == 0.0
+    # opening 0 where nothing resists slip or nothing slips, slip 0 where nothing slips, else the tangent of the cone
     for rows in (head[(active & free) | still], *(part[still] for part in tail)):
         chosen.add([(rows, 1.0)], 0.0, len(rows))
     sliding = np.flatnonzero(active & ~still & ~free)

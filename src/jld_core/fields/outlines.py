@@ -67,7 +67,7 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
 def _ring(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
     """Return the nodes of an outline in order: its corners, and all nodes on its edges.
 
-    points: (p, 2). corners: (k,) nodes.
+    points: (p, 2). near: tree of the points. corners: (k,) nodes. reach: largest distance from an edge, length.
     """
     corners = corners[corners != np.roll(corners, 1)]
     after = np.roll(corners, -1)

@@ -205,7 +205,7 @@ class Problem:
 
     @property
     def edges(self) -> Edges:
-        """Edges of the mesh, (e,) each; see `Mesh.edges`."""
+        """Edges of the mesh, (e,) each."""
         return self.mesh.edges
 
     @cached_property
@@ -321,8 +321,8 @@ __all__ = ["FREE", "Joints", "Problem", "Units", "problem_of", "units_of"]
 def require_fields(assembly: Assembly) -> None:
     """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
 
-    Raises InputError: members, spatial scenes, inner strengths that are missing, zero or different, loads without room
-    for their patch, and outlines or interfaces that no mesh fits.
+    Refused are members, spatial scenes, inner strengths that are missing, zero or different, loads without room for
+    their patch, and outlines or interfaces that no mesh fits.
     """
     require_planar(assembly)
     material_of(assembly)

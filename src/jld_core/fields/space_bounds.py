@@ -64,8 +64,11 @@ class SpatialLowerBound:
         self.status = ""
 
     def bound(self) -> SpatialStress | None:
-        """Find a stress field and certify it, with larger margins to yield where that fails."""
-        # The last attempt is a mean with an interior field. None: the solver failed, or no attempt passed the check.
+        """Find a stress field and certify it, with larger margins to yield where that fails.
+
+        None if the solver failed, or no attempt passed the check.
+        """
+        # The last attempt is a mean with an interior field.
         proposed: Answer | None = None
         for margin in _MARGINS:
             answer = self.propose(margin)
@@ -656,8 +659,8 @@ def _improved(best: SpatialBounds, fields: SpatialFields, seconds: float, gap: f
 def require_spatial_fields(assembly: Assembly) -> None:
     """Raise InputError if fields cannot bound λ of a spatial assembly, whatever its labels.
 
-    Raises InputError: members, inner strengths that are missing, zero or different, cells that are not convex, loads
-    without room for their patch, and interfaces that no mesh fits.
+    Refused are members, inner strengths that are missing, zero or different, cells that are not convex, loads without
+    room for their patch, and interfaces that no mesh fits.
     """
     material_of(assembly)
     for case in assembly.by_case:

@@ -47,7 +47,7 @@ class SpatialProblem:
 
     @property
     def sides(self) -> Sides:
-        """Triangles of the mesh, (f,) each; see `SolidMesh.sides`."""
+        """Triangles of the mesh, (f,) each."""
         return self.mesh.sides
 
     @cached_property
@@ -281,9 +281,11 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats, pull
 
 
 def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
-    """Return the yield conditions of the k dry triangles over their tractions (9k,)."""
-    # The results are inequalities, then second-order cones of size 3: docs/method.md (10.5). Pressure is limited by
-    # crushing of the joint, and by a share of the strength of the blocks in one direction.
+    """Return the yield conditions of the k dry triangles over their tractions (9k,).
+
+    Result: inequalities, then second-order cones of size 3: docs/method.md (10.5).
+    """
+    # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
     one, two = across(normal)

@@ -484,8 +484,8 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
 
 def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     """Return the points (k, 3) where layered cells need nodes, scene units; some repeat."""
-    # They are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on their
-    # facets.
+    # The points are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on
+    # their facets.
     places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
@@ -506,7 +506,8 @@ def pieces(
 ) -> list[shapely.Polygon]:
     """Cut a region of a facet along the parts of its cell, in the plane of the facet.
 
-    Result: pieces without slivers; the region itself where no cell is cut.
+    face: interface on the region; the cells on both of its sides then cut. Result: pieces without slivers; the region
+    itself where no cell is cut.
     """
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
@@ -587,7 +588,7 @@ def _smaller_side(surface: Surface, facet: Facet) -> float:
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
     """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
 
-    normal: (3,) and offset of the plane.
+    normal: (3,) and offset of the plane. reach: distance within which points lie on it.
     """
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])

@@ -305,9 +305,10 @@ def loaded_solids(
 ) -> tuple[SolidMesh, SpatialLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
-    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: mesh:
-    triangles of interfaces and of load patches are tagged; loads: forces per volume and tractions. Raises InputError:
-    cells that are not convex, and a force on the surface of its cell without a free face or room for its patch.
+    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: the
+    mesh, on which triangles of interfaces and of load patches are tagged; and forces per volume and tractions. Raises
+    InputError: cells that are not convex, and a force on the surface of its cell without a free face or room for its
+    patch.
     """
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
@@ -403,9 +404,9 @@ _Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
     """Return facet and number of the free region of a cell that a force acts on.
 
-    Raises InputError for a force on the surface without a free region there.
+    None if it acts inside or beyond the cell. Raises InputError for a force on the surface without a free region there.
     """
-    # None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken.
+    # Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
     height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)

@@ -76,9 +76,11 @@ class SpatialUpperBound:
         return forces
 
     def bound(self) -> SpatialVelocity | None:
-        """Find a velocity field and certify it, with larger margins where that fails."""
-        # The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no
-        # field obeys all flow rules, as for enclosed cells.
+        """Find a velocity field and certify it, with larger margins where that fails.
+
+        None if the solver failed, or no field obeys all flow rules, as for enclosed cells.
+        """
+        # The factor is below 0 for blocks that collapse under their dead load alone.
         for margin in _MARGINS:
             answer = self.propose(margin)
             self.status = answer.status
@@ -92,9 +94,12 @@ class SpatialUpperBound:
         return None
 
     def _falling(self) -> SpatialVelocity | None:
-        """Return a mechanism that the dead load drives, with positive live work, or None."""
-        # Its factor is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance; it is at
-        # least `_RAY`, and any larger bound holds too. None: the solver failed, or the field proves nothing.
+        """Return a mechanism that the dead load drives, with positive live work.
+
+        None if the solver failed, or the field proves nothing.
+        """
+        # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
+        # the factor is at least `_RAY`, and any larger bound holds too.
         answer = _Program(self.problem, self.dead, np.zeros_like(self.dead), _MARGINS[1], self.live).solve()
         if not answer.usable:
             return None
@@ -136,9 +141,12 @@ class SpatialUpperBound:
         return SpatialRates(np.trace(slope, axis1=1, axis2=2), abs(principal).sum(axis=1), opening, slip)
 
     def power(self, rates: SpatialRates) -> Floats:
-        """Return the power (t,) in each tetrahedron with half of its triangles, scaled."""
-        # It is inf where a flow rule is violated. Power on a triangle is the mean of its three corners, which bounds
-        # that of a linear jump from above: dissipation is convex.
+        """Return the power (t,) in each tetrahedron with half of its triangles, scaled.
+
+        The power is inf where a flow rule is violated.
+        """
+        # Power on a triangle is the mean of its three corners, which bounds that of a linear jump from above:
+        # dissipation is convex.
         p, s = self.problem, self.problem.sides
         power = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear)
         total = np.zeros(len(s))
@@ -254,8 +262,9 @@ class _Program:
     def _jump(self, rows: Ints, corner: int) -> tuple[Ints, Floats]:
         """Return columns (k, 6) and values (k, 3, 6) of velocity jumps at a corner of triangles.
 
-        rows: (k,) triangles.
+        rows: (k,) triangles. corner: 0 to 2. The jump is that of b minus a; b at a support does not move.
         """
+        # Column 12·tetrahedron + 3·corner + axis is a velocity; without b, its columns are those of a with values 0.
         s = self.problem.sides
         own = 12 * s.a[rows] + 3 * s.corner_a[rows, corner]
         there = s.b[rows] >= 0

@@ -119,10 +119,10 @@ class PartialUpperBound:
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
         """Return a field that proves collapse under the dead load alone, or None.
 
-        labels, undecided: (m,) as for `field`.
+        labels, undecided: (m,) as for `field`. None where no such mechanism exists, or no multiple tried leads below 0.
         """
-        # It is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program is
-        # unbounded. None: no such mechanism, or no multiple tried leads below 0.
+        # The field is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program
+        # is unbounded.
         p, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
             self._weightless = PartialUpperBound(p.without_dead_load(), self._many)

@@ -218,8 +218,11 @@ class UpperBound:
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
     def _opening(self) -> Floats | None:
-        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule."""
-        # None without such a motion. It is computed at the first call and kept.
+        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule.
+
+        None without such a motion.
+        """
+        # Computed at the first call and kept.
         if not self._tried:
             self._tried = True
             motion = opening_motion(self.problem)

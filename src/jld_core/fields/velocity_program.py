@@ -130,11 +130,14 @@ class VelocityProgram:
         self._when_dry[cone].append(np.full(count, when_dry))
 
     def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
-        """Add flow rule and dissipation of the material for k triangles or edge ends.
+        """Add flow rule and dissipation of the material for k triangles or edge ends, docs/method.md (9.3).
 
-        size: (k,) area over the scale of its entries, or half a length.
+        trace, shear: entries of e and of both parts of g. size: (k,) area over the scale of its entries, or half a
+        length. owner: (k,) edges whose labels switch the rows, None where they always hold.
         """
         material, count = self.problem.material, len(size)
+        # y1 is `first`, y3 `third`; `second` are the entries of y2 = e − sin φ y1 + y3, `head` those of y1 + y2 + y3 ≥
+        # |g|.
         first = self._new(size * (material.intercept - material.tension * material.sine))
         one = np.ones(count)
         second: Entries = [*trace, (first, -material.sine * one)]

@@ -172,8 +172,8 @@ def _axis_mirrors(dimension: int) -> list[Floats]:
 
 def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
     """Return the orthogonal matrices (d, d) that may map one outline onto the other."""
-    # They are rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two,
-    # onto corners at the same distance from the centroid.
+    # Rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two, onto
+    # corners at the same distance from the centroid.
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
     radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)

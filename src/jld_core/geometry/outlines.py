@@ -517,9 +517,11 @@ def _edges(polygon: Floats, step: float) -> _Edges:
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
-    """Unite polygons by removing the edges that two of them share as a whole."""
-    # It takes a tenth of the time of a general union. None if boundaries touch in a corner, edges overlap only in part,
-    # or the union is not one region.
+    """Unite polygons by removing the edges that two of them share as a whole.
+
+    None if boundaries touch in a corner, edges overlap only in part, or the union is not one region.
+    """
+    # A tenth of the time of a general union.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
         for there, back, point in polygon:

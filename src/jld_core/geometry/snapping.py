@@ -455,7 +455,6 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
     place: (n, 3) positions. group: (faces,) plane of each face, −1 for none. normal, origin: (p, 3) of the planes. The
     result is (n, 3).
     """
-    # Nodes that would move further than a multiple of the tolerance stay.
     # One number for a node and a plane: sorting it is many times faster than sorting rows.
     wide = len(normal) + 1
     pairs = np.unique(loops.node * wide + np.repeat(group, loops.count) + 1)
@@ -470,6 +469,6 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
         rows = normal[planes]
         rest = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
         step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), rest)
-        near = np.linalg.norm(step, axis=1) <= _FAR * tolerance
+        near = np.linalg.norm(step, axis=1) <= _FAR * tolerance  # others stay
         moved[which[near]] += step[near]
     return moved

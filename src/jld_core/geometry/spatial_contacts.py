@@ -226,7 +226,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         return owner[inside], facet[inside]
 
     def facing(a: Ints, b: Ints) -> Ints:
-        """Return the opposite facets of a batch of element pairs."""
+        """Return the opposite facets (2, r) of a batch of element pairs a, b (p,)."""
         owner_a, facet_a = within(a, b)
         owner_b, facet_b = within(b, a)
         first = np.searchsorted(owner_b, np.arange(len(a)))

@@ -124,8 +124,7 @@ def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: st
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
     """Raise InputError for a stated plane contact whose outline crosses itself.
 
-    polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane. Raises InputError: the outline crosses
-    itself.
+    polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane.
     """
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
@@ -135,10 +134,9 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
 
 
 def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
-    """Raise InputError for stated contacts of one pair of elements that overlap.
+    """Raise InputError for two contacts of one pair of elements that share more than an end or an edge.
 
-    pairs: elements (a, b) of each contact. places: ends (2, 2) or corners (k, 3) of each contact. Raises InputError:
-    two contacts of the same pair share more than an end or an edge.
+    pairs: elements (a, b) of each contact. places: ends (2, 2) or corners (k, 3) of each contact.
     """
     known: dict[tuple[int, int], list[int]] = {}
     for second, (a, b) in enumerate(pairs):

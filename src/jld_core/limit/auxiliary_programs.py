@@ -81,8 +81,8 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
     """Find a point at which as many yield rows as possible have positive slack.
 
-    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: raw: solution of the
-    auxiliary program; slack: slack of each row of `slack_rows`, in [0, cap].
+    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: solution of the auxiliary
+    program, and slack of each row of `slack_rows`, in [0, cap].
     """
     raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]
@@ -269,8 +269,8 @@ def least_multipliers(
     least: (rows of G,) lower bound of the multipliers in the sense of the cones. Result: u and z, concatenated; NaN if
     the dual program is unbounded.
     """
-    # They minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved as their
-    # dual, min least·G y, E y = 0, G y + s = least. It is a program in forces, whose columns separate by face.
+    # The multipliers minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved
+    # as their dual, min least·G y, E y = 0, G y + s = least: a program in forces, whose columns separate by face.
     equalities, columns = equations.shape
     if is_large(structure):
         rows = sp.vstack([equations, yields])

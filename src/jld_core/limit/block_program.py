@@ -54,15 +54,15 @@ class YieldSetFaces:
         return cls(template.yield_set, dry, template.yield_set.strength(labels))
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the margins (k,) of jumps (k, q) at faces (k,), see `BlockFaces.margin`."""
+        """Return the margins (k,) of jumps (k, q) at faces (k,)."""
         return self._each(self.sets.margin, jumps, faces)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the dissipation (k,) of jumps (k, q) at faces (k,), see `BlockFaces.dissipation`."""
+        """Return the dissipation (k,) of jumps (k, q) at faces (k,)."""
         return self._each(self.sets.dissipation, jumps, faces)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the strengths (k,) of faces (k,), see `BlockFaces.strength`."""
+        """Return the strengths (k,) of faces (k,)."""
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
@@ -261,8 +261,8 @@ class AllBlocksProgram:
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
         """Create the program that has only the allowed blocks.
 
-        allowed: (p,) blocks that may be chosen. Result: program: the program; rows, columns: indices of its rows and
-        columns in the program of all blocks.
+        allowed: (p,) blocks that may be chosen. threshold, most: scaled λ to reach, and scaled λ that is not exceeded.
+        Result: the program, and the indices of its rows and of its columns in the program of all blocks.
         """
         row, column, value = self._table
         value = value.copy()
@@ -349,7 +349,7 @@ class BlockProgram(AllBlocksProgram):
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
         """Add the forces on the dry faces around the blocks."""
-        # They are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
+        # The forces are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
@@ -536,8 +536,8 @@ class _Block:
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
         """Add the columns of a joint, an inner face of the block."""
-        # They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x,
-        # whose entries are `of_x`.
+        # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
+        # of x, whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
         strength = float(inner.cohesion[face] - mu * inner.tension[face])

@@ -96,11 +96,10 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the block program of an assembly; None if the batch solver does not support it.
+        """Create the block program of an assembly.
 
-        centroids: (n, d) of the free elements.
+        None if the batch solver does not support it, or is not compiled. centroids: (n, d) of the free elements.
         """
-        # The result is also None without the compiled library.
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
@@ -177,7 +176,7 @@ Asked = tuple[Bools, float, float]
 class Choice:
     """Result of the block relaxation for the segmentations into allowed blocks."""
 
-    # λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
+    # λ that no segmentation exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
     # comes from `CaseBlockRelaxation`.
     bound: float
     refuted: bool  # True if none of them reaches the threshold
@@ -353,9 +352,8 @@ class BlockRelaxation:
     def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
         """Open the velocities of an answer until every dissipation is finite, and sum their work.
 
-        allowed: (p,) blocks that may be chosen.
+        allowed: (p,) blocks that may be chosen. None where opening fails.
         """
-        # The result is None where opening fails.
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
         parts, velocity, wall = self._parts, answer.velocity, answer.wall

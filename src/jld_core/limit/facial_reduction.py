@@ -121,7 +121,7 @@ class FacialReduction:
 
         labels: (m,) True = dry.
         """
-        # It is more accurate than the mechanism of all rows, `program`.
+        # More accurate than the mechanism of `program`, the program of all rows.
         if not reduced.rays:
             return None
         left = program_of_rows(program, reduced, right=True)
@@ -138,9 +138,9 @@ class FacialReduction:
         labels: (m,) True = dry. Result: states found, not necessarily admissible; empty if the assembly is too large or
         has no cones.
         """
-        # They serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F only
-        # to the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)). The
-        # program of these half-spaces gives F.
+        # Such states serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F
+        # only to the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)).
+        # The program of these half-spaces gives F.
         template = self.template
         if template.matrix.shape[0] > DENSE or not template.structure.cones:
             return []
@@ -467,7 +467,7 @@ class SelfStress:
 
         point: (columns + 1,) forces, further variables and λ, scaled.
         """
-        # They are added from the last to the first, each so large that the rows it was found in hold.
+        # Self-stresses are added from the last to the first, each so large that the rows it was found in hold.
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
             for times in _TIMES:

@@ -48,7 +48,7 @@ class Thrust:
     """Least or greatest value of a linear function of forces, such as a reaction."""
 
     value: float  # R, scene units; NaN where there is no end
-    bracket: tuple[float, float]  # (float, float) proven bounds on R, NaN where unproven
+    bracket: tuple[float, float]  # proven bounds on R, NaN where unproven
     gap: float  # width of the bracket over max(|R|, 1e-3 · weight · unit of the function)
     status: str  # "certified" (both bounds are proven), "unbounded" or "uncertified"
     # forces at this end and the mechanism, moved supports included; its λ is R. None where there is no end.

@@ -42,7 +42,7 @@ class OpeningMotions:
         """
         # Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner
         # one (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings
-        # of the assembly. The result is cached.
+        # of the assembly, and is cached.
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             template = self._steepest()
@@ -93,8 +93,9 @@ class OpeningMotions:
 
     def _steepest(self) -> Template:
         """Return a template with the strictest conditions on jumps of both labels."""
-        # It has no crushing, since a crushing face has finite dissipation for every jump, and the larger friction of
-        # both labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members stay.
+        # The template has no crushing, since a crushing face has finite dissipation for every jump, and the larger
+        # friction of both labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members
+        # stay.
         assembly, scaling = self.template.assembly, self.template.scaling
         if assembly.face_strengths.criteria:
             rows = self.template.yield_set.hull()

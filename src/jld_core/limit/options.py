@@ -390,8 +390,8 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
     """Explain which bound of a result is missing, and why, or how far its bounds are apart.
 
-    bracket: (float, float) lower and upper bound, NaN where missing. Result: one sentence without a full stop; "" where
-    nothing is missing and the bracket is as narrow as asked.
+    bracket: lower and upper bound, NaN where missing. Result: one sentence without a full stop; "" where nothing is
+    missing and the bracket is as narrow as asked.
     """
     apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:

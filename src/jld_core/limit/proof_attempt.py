@@ -207,10 +207,12 @@ class AttemptState:
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`."""
-        # A narrower bracket then makes the reported λ independent of the order of elements. The result is False in
-        # analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and for
-        # large programs.
+        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`.
+
+        False in analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and
+        for large programs.
+        """
+        # A narrower bracket makes the reported λ independent of the order of elements.
         analysis = self.analysis
         if (
             not analysis.single_labelling
@@ -378,7 +380,7 @@ class ProofAttempt(AttemptState):
 
     def find_mechanism(self) -> None:
         """Offer the mechanism of the yield rows whose multipliers are positive in the last raw answer."""
-        # If it does not raise the bound of the raw mechanism, repairs need no other.
+        # If this mechanism does not raise the bound of the raw one, repairs need no other.
         raw, labels = self.raw, self.labels
         if raw is None:
             return

@@ -43,8 +43,8 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
 
     right: True keeps the right-hand sides of the program, otherwise they are zero.
     """
-    # Its rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray of
-    # direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
+    # The new rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray
+    # of direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
     s = program.structure
     first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
     cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
@@ -69,9 +69,9 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
 
     stress: (columns,) the self-stress R.
     """
-    # It is `program_of_rows`, with one more cone for each ray, docs/method.md (3.12a). In a cone on whose boundary the
-    # self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V across d|²,
-    # where s = t − d·V.
+    # The program is `program_of_rows` with one more cone for each ray, docs/method.md (3.12a). In a cone on whose
+    # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
+    # across d|², where s = t − d·V.
     left = program_of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
     rows, ends = [left.matrix.tocsr()], [left.rhs]
@@ -115,7 +115,7 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
     """Reshape a vector with q entries per free element to a table (free, q).
 
-    rows: (q·free,) values, in the order of the equilibrium equations.
+    rows: (q·free,) values, in the order of the equilibrium equations; each further one gets a row of its own.
     """
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))
@@ -178,8 +178,8 @@ class EquilibriumProjectors:
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """Return the projector onto equilibrium for the resultants that a labelling keeps.
 
-        labels: (m,) True = dry. Result: projector: projector of the kept resultants; with dropped resultants it has λ
-        as its last column; mask: (q·m,) 1 for each kept resultant, 0 for the others; None if all are kept.
+        labels: (m,) True = dry. Result: projector of the kept resultants, with λ as last column where any is dropped;
+        and a mask (q·m,), 1 for each kept resultant, 0 for the others, None if all are kept.
         """
         active = self.template.yield_set.active(labels)
         if active.all():

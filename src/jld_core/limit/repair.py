@@ -227,9 +227,8 @@ class Repair:
 
         labels: (m,) True = dry. Result: ray that holds to rounding; None where no proof is found.
         """
-        # It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
-        # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
-        # residual.
+        # A ray R satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)). Faces that crush carry
+        # no ray: drop their columns and with them their cones, which solvers satisfy only to a residual.
         program = self.template.program(labels)
         active = self.template.yield_set.recession_active(labels).ravel()
         if not active.any():
@@ -265,14 +264,14 @@ class Repair:
     def opening(self) -> Motion | None:
         """Find a motion that strictly opens every face; None if the assembly is confined.
 
-        The result is cached, see `OpeningMotions.opening`.
+        The result is cached.
         """
         return self._openings.opening()
 
     def expansion(self) -> Motion | None:
         """Find an opening motion of simple form, without a program; None if none opens every face.
 
-        The result is cached, see `OpeningMotions.expansion`.
+        The result is cached.
         """
         return self._openings.expansion()
 
@@ -296,5 +295,5 @@ class Repair:
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
-        """Repair a motion by the signs of multipliers, see `FacialReduction.of_positive_multipliers`."""
+        """Repair a motion by the signs of multipliers."""
         return FacialReduction(self.template, self.prover).of_positive_multipliers(motion, multipliers, labels)

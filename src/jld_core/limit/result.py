@@ -383,7 +383,7 @@ class LimitAnalysisResult(Result):
         return EffectiveAreas.of(self.facts)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object that `jld solve --json` prints, see `Result.to_json`."""
+        """Return the object that `jld solve --json` prints."""
         assembly = self.assembly
         ids, faces = assembly.elements.ids, assembly.interfaces.take(np.arange(assembly.faces))
         forces = None

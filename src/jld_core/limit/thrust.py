@@ -171,12 +171,12 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
 
 
 def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
-    """Return all components of the resultant of the faces between two elements.
+    """Return all components of the resultant of the faces between two elements, as it acts on the second one.
 
     Raises ParameterError if an element is unknown or the two do not touch; the parameter is `joint`.
     """
-    # It acts on the second element. Components are in the axes of the faces if these are parallel (N is positive in
-    # compression), else in the axes of the scene.
+    # Components are in the axes of the faces if these are parallel (N is positive in compression), else in the axes of
+    # the scene.
     elements, faces = assembly.elements, assembly.interfaces
     for name in (first, second):
         if name not in elements.index:
@@ -194,9 +194,9 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
     """Return N, V and M of all faces of a planar structure that lie on a straight line.
 
     start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure is spatial, the line has no
-    length, or no face lies on it; the parameter is `section`.
+    length, or no face lies on it; the parameter is `section`. The resultant acts on the part to the left of the
+    direction from start to end.
     """
-    # They act on the part to the left of the direction from start to end.
     if assembly.dimension != 2:
         raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
@@ -290,8 +290,7 @@ _IDLE: Final = 1e-6  # shear over the largest force of the structure up to which
 class Reserve:
     """State in which the faces use the least possible share of their capacity."""
 
-    # (float, float) proven bounds on the share: with less than the first one there is no state, with the second one
-    # there is
+    # proven bounds on the share: with less than the first one there is no state, with the second one there is
     bracket: tuple[float, float]
     forces: Floats  # (m, q) resultants of this state, scene units
     share: Floats  # (m,) share of its capacity that each face uses, 0 to 1
@@ -360,10 +359,14 @@ def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scali
 
 
 def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], forces: Floats) -> Reserve:
-    """Return the shares of a state; forces: (m, q) resultants of the program, scene units, with bond."""
+    """Return the shares of their capacity that faces use in a state.
+
+    bracket: proven bounds on the least share. forces: (m, q) resultants of the program, scene units, with bond.
+    """
     scaling = scaling_of(assembly)
     yields = yield_set(assembly, scaling, "uncoupled")
     scaled, friction = forces / scaling.face, yields.associative
+    # `turned` has neither shear nor torsion, so that its utilisation is that of bending, tension and compression alone
     turned = scaled.copy()
     turned[:, 1 : assembly.dimension] = 0.0
     turned[:, 5:] = 0.0

@@ -111,8 +111,8 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
     rows, columns: (e,) ends of the edges.
     """
-    # They follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of the
-    # first coordinate; the third is 0.
+    # Coordinates follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of
+    # the first coordinate; the third is 0.
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))
     parts, part = connected_components(graph, directed=False)
@@ -189,7 +189,11 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
-        """Build the fronts of the elimination, and the row ranges that receive their updates."""
+        """Build the fronts of the elimination, and the row ranges that receive their updates.
+
+        start, parent: as in `Dissection`. a, b: (e,) ends of edges, by order of elimination. offset: (nodes + 1,) first
+        unknown of each node.
+        """
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]

@@ -27,8 +27,8 @@ class Projector:
     The projected vector is F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
 
     matrix: (rows, columns) A, restricted to the active resultants. places: (rows, d) coordinates of the element of each
-    row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full. matrix: (rows, columns) matrix A. rows: a in a
-    form for fast products with vectors (see `dense_if_small`).
+    row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full. rows: A in a form for fast products with
+    vectors (see `dense_if_small`).
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
@@ -52,11 +52,10 @@ class Projector:
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Return a solver of A Aᵀ x = r by multifrontal Cholesky, or None if impossible.
+    """Return a solver of A Aᵀ x = r by multifrontal Cholesky.
 
-    places: (rows, d) coordinates of the rows.
+    None without places, or where A Aᵀ is not positive definite. places: (rows, d) coordinates of the rows.
     """
-    # It needs known places and a positive definite matrix.
     if places is None:
         return None
     rows, columns = normal.tocoo().coords

@@ -25,7 +25,7 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
 
     shear: place of V (planar, 1) or of mT (spatial, 5) among them. parabolas: True if its cones are those of crushing.
     """
-    # A relaxation with these rows bounds λ over both labels, docs/method.md (6.3). The result is the pattern of `sets`
+    # A relaxation with these rows bounds λ over both labels, docs/method.md (6.3). The rows are the pattern of `sets`
     # with `dry` and `h_dry` replaced.
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()

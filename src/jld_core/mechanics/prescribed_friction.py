@@ -49,7 +49,7 @@ class PrescribedFriction:
 
     base: FrictionSet  # set with associative friction
     alpha: float  # α, share of the present N: 1 is associative friction, 0 is friction without dilation
-    previous: Floats  # (m,) n_prev, scaled; raised to the least N that a face can carry
+    previous: Floats  # (m,) N_prev, scaled; raised to the least N that a face can carry
     areas: EffectiveAreas | None = None  # None leaves the torsion of dry faces as in `base`
 
     @property
@@ -206,12 +206,12 @@ class PrescribedFriction:
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
 
-        labels: (m,) True = dry, see `Rows.active`.
+        labels: (m,) True = dry.
         """
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,)."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
         spare = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
@@ -224,21 +224,21 @@ class PrescribedFriction:
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) in the recession cones.
 
-        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        labels: (m,) True = dry.
         """
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
 
-        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        labels: (m,) True = dry.
         """
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
 
-        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        labels: (m,) True = dry.
         """
         frozen = self._frozen(labels) * self.slip(jumps, labels)
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
@@ -246,12 +246,12 @@ class PrescribedFriction:
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
 
-        labels: (m,) True = dry, see `YieldSet.margin`.
+        labels: (m,) True = dry.
         """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def strength(self, labels: Bits) -> Floats:
-        """Return the strength (m,) of the faces with associative friction, see `YieldSet.strength`."""
+        """Return the strength (m,) of the faces with associative friction."""
         return self.base.strength(labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:

@@ -152,14 +152,11 @@ _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strength
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label, stated as rows, in stresses or scaled.
+    """Yield sets of m faces under one label, stated as rows, in stresses or scaled."""
 
-    C: (m, r, 3) rows of the core; zeros are idle.
-    """
-
-    C: Floats
-    d: Floats  # (m, r) constants. B: (m, 2, 2) of the gauge of shear.
-    B: Floats
+    C: Floats  # (m, r, 3) rows of the core, C x + d ≥ 0; zeros are idle
+    d: Floats  # (m, r) constants of these rows
+    B: Floats  # (m, 2, 2) matrix of the gauge of shear |B V|
     # k, c, mu: (m, 2) factor of the torsion, cohesion and friction of the gauge of shear, then of the one of torsion
     k: Floats
     c: Floats
@@ -248,11 +245,11 @@ class RowYield:
         return mask
 
     def active(self, labels: Bits) -> Bools:
-        """Return the mask (m, q) of resultants that may be non-zero, see `Rows.active`."""
+        """Return the mask (m, q) of resultants that may be non-zero."""
         return self._full(labels, "acts", self._of(labels, "held") != 0.0)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return the mask (m, q) of resultants in recession cones, see `YieldSet.recession_active`."""
+        """Return the mask (m, q) of resultants in recession cones."""
         grows = (self._of(labels, "mu") > 0.0) & (self._of(labels, "endless") != 0.0)[:, None]
         return self._full(labels, "grows", grows)
 
@@ -265,7 +262,7 @@ class RowYield:
         return np.column_stack([np.where(coupled, both, shear), np.where(coupled, both, torsion)])
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q), see `YieldSet.slack`."""
+        """Return the slack (m,) of scaled forces (m, q)."""
         d, idle = self._of(labels, "d"), self._of(labels, "idle") != 0.0
         rows = np.einsum("mrj,mj->mr", self._of(labels, "C"), forces[:, self._core]) + d
         slack = np.where(idle, np.inf, rows).min(axis=1)
@@ -276,7 +273,7 @@ class RowYield:
         return np.asarray(np.minimum(slack, np.where(c + mu > 0.0, spare, np.inf).min(axis=1)))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) in recession cones, see `YieldSet.recession_slack`."""
+        """Return the slack (m,) of scaled forces (m, q) in recession cones."""
         c = self._of(labels, "C")
         grows = self._of(labels, "grows") != 0.0
         limits = np.any((c != 0.0) & grows[:, None, :], axis=2)
@@ -302,13 +299,13 @@ class RowYield:
         return core, c[:, 0] * first + c[:, 1] * second
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the dissipation of scaled jumps (m, q) or (k, m, q), see `YieldSet.dissipation`."""
+        """Return the dissipation of scaled jumps (m, q) or (k, m, q)."""
         core, held = self._reduced(jumps, labels)
         work = -np.einsum("mpj,...mj->...mp", self._of(labels, "vertices"), core)
         return np.asarray(work.max(axis=-1) + held)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the margin of scaled jumps (m, q) or (k, m, q), see `YieldSet.margin`."""
+        """Return the margin of scaled jumps (m, q) or (k, m, q)."""
         core, _ = self._reduced(jumps, labels)
         rays = self._of(labels, "rays")
         if not rays.shape[1]:
@@ -317,12 +314,12 @@ class RowYield:
         return np.asarray(np.where(np.any(rays != 0.0, axis=2), spare, np.inf).min(axis=-1))
 
     def strength(self, labels: Bits) -> Floats:
-        """Return the largest dissipation (m,) of a jump of size 1, see `YieldSet.strength`."""
+        """Return the largest dissipation (m,) of a jump of size 1."""
         size = abs(self._of(labels, "vertices")).max(axis=(1, 2))
         return np.asarray(size + (self._of(labels, "c").sum(axis=1) if self.dimension == 3 else 0.0))
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""
+        """Return the largest ratio (m,) of a demand to its capacity."""
         # The demand of a row are its shear and moments, and its capacity the rest. Along N, it is N over the end of N.
         core, c, d = forces[:, self._core], self._of(labels, "C"), self._of(labels, "d")
         least = 1e-6 * max(float(abs(forces[:, :3]).max(initial=0.0)), 1e-300)
@@ -343,11 +340,11 @@ class RowYield:
 
     @property
     def pattern(self) -> RowPattern:
-        """Return the sparsity and numbers of the yield rows of all faces, see `Rows.pattern`."""
+        """Return the sparsity and numbers of the yield rows of all faces."""
         return self._laid_out[0]
 
     def hull(self) -> Rows:
-        """Return yield rows that enclose the sets of both labels of each face, see `YieldSet.hull`."""
+        """Return yield rows that enclose the sets of both labels of each face."""
         every = np.ones(len(self.dry.d), dtype=bool)
         return Hull(self._laid_out[1], self.active(every) | self.active(~every))
 

@@ -35,7 +35,7 @@ class PlanarYield(Frictional):
     `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
 
     friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
-    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) N_c = σcA of either label, scaled; inf where
     none is given. pattern: rows of the program.
 
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
@@ -51,7 +51,7 @@ class PlanarYield(Frictional):
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
 
-        labels: (m,) True = dry, see `Rows.active`.
+        labels: (m,) True = dry.
         """
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self._holds(labels)
@@ -77,7 +77,7 @@ class PlanarYield(Frictional):
         return rows, constants
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,)."""
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide, hold = self._capacity(n)
         dry = np.minimum(n - n * n / self.crush_dry - m, slide - v)
@@ -87,7 +87,7 @@ class PlanarYield(Frictional):
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) in the recession cones.
 
-        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        labels: (m,) True = dry.
         """
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
@@ -101,7 +101,7 @@ class PlanarYield(Frictional):
     def recession_active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
 
-        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        labels: (m,) True = dry.
         """
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self.friction_of(labels) > 0.0
@@ -111,7 +111,7 @@ class PlanarYield(Frictional):
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
 
-        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        labels: (m,) True = dry.
         """
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         cracked = opening - self.inner_friction * slip if self.has_inner_friction else opening
@@ -134,7 +134,7 @@ class PlanarYield(Frictional):
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
 
-        labels: (m,) True = dry, see `YieldSet.margin`.
+        labels: (m,) True = dry.
         """
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
@@ -197,9 +197,9 @@ class PlanarYield(Frictional):
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
+        """Return the yield sets of all faces under one label as wedges; None if any face has a compressive strength.
 
-        The result is None if any face has a compressive strength. dry: True for the dry label.
+        dry: True for the dry label.
         """
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None

@@ -114,11 +114,10 @@ class CoulombWedge:
     ±1/bending).
     """
 
-    # tension, friction, cohesion: (m,) strengths
-    tension: Floats
+    tension: Floats  # (m,) tensile strength, a force
     bending: float  # 1 (dry) or 3 (inner), the same for all faces
-    friction: Floats
-    cohesion: Floats
+    friction: Floats  # (m,) friction coefficient
+    cohesion: Floats  # (m,) shear strength without normal force
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
@@ -217,9 +216,9 @@ class YieldSet(Rows, Protocol):
         """
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
+        """Return the yield sets of all faces under one label as wedges; None if any has a compressive strength.
 
-        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
+        dry: True for the dry label, False for the inner one.
         """
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

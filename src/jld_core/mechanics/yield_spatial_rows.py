@@ -308,7 +308,7 @@ class SpatialYield(Frictional):
     Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc also N³ ≤ N_c (N − |m1|)(N − |m2|)
     (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, with the μ of inner faces.
     friction, cohesion: (m,) μ and c of dry faces, scaled. inner_friction, shear: (m,) μ and τA of inner faces, scaled.
-    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) n_c = σcA of either label, scaled; inf where
+    tension: (m,) σtA of inner faces, scaled. crush_dry, crush_inner: (m,) N_c = σcA of either label, scaled; inf where
     none is given. pattern: rows of the program. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to
     (2.12); support functions (3.4), (3.5), (3.8).
     """
@@ -319,7 +319,7 @@ class SpatialYield(Frictional):
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
 
-        labels: (m,) True = dry, see `Rows.active`.
+        labels: (m,) True = dry.
         """
         mask = np.ones((len(labels), 6), dtype=bool)
         mask[:, [1, 2, 5]] = self._holds(labels)[:, None]
@@ -327,7 +327,7 @@ class SpatialYield(Frictional):
         return mask
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,)."""
         n, shear = forces[:, 0], self.shear_of(forces)
         slide, hold = self._capacity(n)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
@@ -342,7 +342,7 @@ class SpatialYield(Frictional):
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) in the recession cones.
 
-        labels: (m,) True = dry, see `YieldSet.recession_slack`.
+        labels: (m,) True = dry.
         """
         n, shear = forces[:, 0], self.shear_of(forces)
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
@@ -357,7 +357,7 @@ class SpatialYield(Frictional):
     def recession_active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
 
-        labels: (m,) True = dry, see `YieldSet.recession_active`.
+        labels: (m,) True = dry.
         """
         mask, dry = np.ones((len(labels), 6), dtype=bool), self.is_dry(labels)
         mask[:, [1, 2, 5]] = (self.friction_of(labels) > 0.0)[:, None]
@@ -368,7 +368,7 @@ class SpatialYield(Frictional):
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
 
-        labels: (m,) True = dry, see `YieldSet.dissipation`.
+        labels: (m,) True = dry.
         """
         opening, slip = jumps[:, 0], self.slip(jumps)
         dry = self.cohesion * slip if self.has_dry_cohesion else np.zeros(len(jumps))
@@ -393,7 +393,7 @@ class SpatialYield(Frictional):
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
 
-        labels: (m,) True = dry, see `YieldSet.margin`.
+        labels: (m,) True = dry.
         """
         opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
         dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip

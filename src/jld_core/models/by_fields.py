@@ -283,10 +283,10 @@ def least_by_fields(
 ) -> tuple[float, float]:
     """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
 
-    labels: (m,) True = dry. seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Returns
-    (float, float): proven bounds; NaN where one is unknown.
+    labels: (m,) True = dry. seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Result:
+    proven bounds; NaN where one is unknown.
     """
-    # The reversed live load that it carries is the opposite of that λ.
+    # The reversed live load that a structure carries is the opposite of that λ.
     if bounds.upper < 0.0:
         return math.nan, math.nan
     if not alone.dead_loads:
@@ -303,7 +303,7 @@ def stands_by(bounds: FieldBounds | SpatialBounds, least: tuple[float, float]) -
     """Decide whether a structure of crackable blocks stands without live load.
 
     It does if it carries some live load and some of the reversed one, since the states between both are admissible.
-    least: (float, float) bounds on its least λ, see `least_by_fields`. Result: None where it is undecided.
+    least: bounds on its least λ by `least_by_fields`. None where undecided.
     """
     if bounds.upper < 0.0 or least[0] > 0.0:
         return False

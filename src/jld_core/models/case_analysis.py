@@ -114,9 +114,9 @@ _FAR: Final = 4.0
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
     """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
 
-    labels: (m,) True = dry. proof: proof of the labelling, with `stands` decided. Returns (float, float): proven bounds
-    in scene units; zeros where the structure stands without live load. NaN where unknown, and where friction has no
-    dilation or areas are effective, since the states under such models are not convex.
+    labels: (m,) True = dry. proof: proof of the labelling, with `stands` decided. Result: proven bounds in scene units;
+    zeros where the structure stands without live load. NaN where unknown, and where friction has no dilation or areas
+    are effective, since the states under such models are not convex.
     """
     # The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
     # that, it takes λ₀ less the least λ.
@@ -306,7 +306,7 @@ def solve(
 
 
 def solve_cracked(assembly: Assembly, labels: Bits, model: Model) -> Result:
-    """Compute λ of one labelling under the crack model of an assembly, see `under`.
+    """Compute λ of one labelling under the crack model of an assembly.
 
     Parameters
     ----------

@@ -89,7 +89,8 @@ class CentralPath:
 
         Yields: iterate; of a converged path the last ones have a small gap and residual.
         """
-        # It ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the cones.
+        # The path ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the
+        # cones.
         point, reduction = self._start(), _REDUCTIONS[1]
         best, since = np.inf, 0
         while True:
@@ -199,7 +200,11 @@ class CentralPath:
         matrix: sp.csr_array,
         slopes: Floats,
     ) -> PathPoint | None:
-        """Return the point after one Newton step towards a path parameter; None if singular."""
+        """Return the Newton step towards a path parameter, as changes of a point; None if singular.
+
+        target: path parameter. residuals: of stationarity, of equilibrium and of rows. matrix: G at the point. slopes:
+        from `parameters`.
+        """
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         dual, balance, primal = residuals
         values, _ = rows.parameters(point.y)
@@ -399,11 +404,10 @@ def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
 
 
 def load_axes(assembly: Assembly) -> Floats:
-    """Compute three orthonormal directions that turn with the structure and its loads.
+    """Compute three orthonormal directions (3, 3), as rows, that turn with the structure and its loads.
 
-    assembly: spatial assembly. Returns (3, 3): rows: direction of the dead load, of the live load across it, and their
-    cross product. Where loads are parallel or zero, the way to the middle of the live load and the first face's e1 and
-    e2 take their place.
+    Rows: direction of the dead load, of the live load across it, and their cross product. Where loads are parallel or
+    zero, the way to the middle of the live load and the first face's e1 and e2 take their place.
     """
     # Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
     elements, free = assembly.elements, assembly.elements.free

@@ -33,9 +33,7 @@ LONG: Final = 5.0
 class CostEstimate:
     """Expected time and memory to evaluate one labelling."""
 
-    # time on one core, in seconds
     seconds: float  # time on one core, in seconds
-    # memory of one process, in bytes
     memory: float  # memory of one process, in bytes
 
     @property

@@ -36,8 +36,8 @@ def under(assembly: Assembly, model: Model | None = None) -> Assembly:
 def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     """Raise InputError if an assembly cannot be analysed with its crack model.
 
-    Raises InputError if the cells do not divide the grid. With cracks by fields: if an option asks for another model or
-    solver, or as `require_fields` (planar) or `require_spatial_fields`.
+    Cells must divide the grid. With cracks by fields no option may ask for another model or solver, and
+    `require_fields` (planar) or `require_spatial_fields` must pass.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)

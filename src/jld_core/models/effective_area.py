@@ -51,7 +51,8 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 
     labels: (m,) True = dry.
     """
-    # They do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with cohesion.
+    # Effective areas do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with
+    # cohesion.
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     if assembly.members.bond is not None:
@@ -156,9 +157,8 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own effective areas.
 
-    labels: (m,) True = dry.
+    labels: (m,) True = dry. None if no such ray, or no such forces along it, are found.
     """
-    # None if no such ray, or no such forces along it, are found.
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
         return None
@@ -252,7 +252,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
 
     labels: (m,) True = dry.
     """
-    # Along it the live load grows without limit.
+    # Along the ray the live load grows without limit.
     for _ in range(_RAYS):
         if ray is None:
             return None

@@ -51,8 +51,8 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
     """Differentiate the effective areas of dry rectangles with respect to N, m1 and m2.
 
-    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: ratio: (m, 3) derivatives of
-    c_T / c_T,e. At x = 0, where |x| has a kink, the mean of both sides; arm: (m, 2, 3) derivatives of x / c_T.
+    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: derivatives (m, 3) of c_T /
+    c_T,e, at x = 0, where |x| has a kink, the mean of both sides; and derivatives (m, 2, 3) of x / c_T.
     """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
@@ -168,9 +168,9 @@ class MovingRows:
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
         """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives at a point.
 
-        y: (n,) point: forces of all faces, further variables, and λ as the last entry, scaled. Result: values: (3, k)
-        parameters of each torsion row; slopes: (3, 3, k) slopes[i, j]: derivative of parameter i with respect to N, m1
-        or m2 (j = 0, 1, 2).
+        y: (n,) point: forces of all faces, further variables, and λ as the last entry, scaled. Result: parameters (3,
+        k) of each torsion row, and slopes (3, 3, k): entry [i, j] is the derivative of parameter i with respect to N,
+        m1 or m2 (j = 0, 1, 2).
         """
         forces, face = y[: 6 * len(self.labels)].reshape(-1, 6), self.face[self.torsion]
         areas = areas_under(self.assembly, forces, self.labels)

@@ -361,13 +361,12 @@ _ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
     """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
-    labels: (m,) True = dry. Result: expanded: assembly with m' faces. Its labels are dry for point faces and inner for
-    all others. A point face has no area, no moments and a polygon of one point. Its sizes are those of its parent face;
-    they only scale moments, which a point face does not have; parent: (m',) face of `assembly` from which each face of
-    `expanded` comes, sorted. Raises InputError if a dry face has a compressive strength or cohesion, since a point has
-    no area.
+    labels: (m,) True = dry. Result: the assembly with m' faces, and (m',) the face of `assembly` from which each comes,
+    sorted. Raises InputError if a dry face has a compressive strength or cohesion, since a point has no area.
     """
-    # Corners inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
+    # Labels are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one
+    # point. Its sizes are those of its parent face; they only scale moments, which a point face does not have. Corners
+    # inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
     # docs/method.md (2.13).
     faces = assembly.interfaces
     if assembly.members.bond is not None:
@@ -517,7 +516,7 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
 def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
     """Raise InputError if a solver does not accept the programs of an analysis.
 
-    Raises InputError if it does not; the message names the parameter `solver`.
+    The message names the parameter `solver`.
     """
     if options.solver == "auto":
         return

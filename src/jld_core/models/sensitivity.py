@@ -220,10 +220,12 @@ class SolvedProgram:
         return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute the left and the right rate of scaled λ from chords at two steps to either side."""
-        # Returns both rates, the size of the kink, and the rounding error. The size of the kink excludes curvature,
-        # which vanishes as steps shrink, and rounding, which is estimated from the difference of primal and dual
-        # values.
+        """Compute the left and the right rate of scaled λ from chords at two steps to either side.
+
+        Returns both rates, the size of the kink, and the rounding error.
+        """
+        # The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
+        # the difference of primal and dual values.
         here, noise = self._value(self.program)
         chords, kinks, noises = [], [], []
         for step in (_FAR * change.size, _NEARER * _FAR * change.size):
@@ -255,7 +257,7 @@ class SolvedProgram:
         matrix: (rows, columns) ΔM, and rhs: (rows,) Δr, rates of the program data with the parameter. For the rate of a
         decrease, pass −ΔM and −Δr.
         """
-        # It is the value of the linear program in the module docstring.
+        # The rate is the value of the linear program in the module docstring.
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)
         loose = np.setdiff1d(np.arange(self.first, self.last), held)

@@ -216,7 +216,7 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
 
 def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float) -> list[shapely.Polygon]:
     """Return the polygons that joints and the outline enclose; joints straightened between crossings."""
-    # They reach a little beyond the outline.
+    # Cells reach a little beyond the outline.
     body = shapely.union_all(shapely.polygons(field.points[field.triangles]))
     extent = float(np.ptp(field.points, axis=0).max())
     outline = shapely.boundary(body)

@@ -183,9 +183,11 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
 
 
 def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
-    """Join a polygon to the neighbour with the longest common boundary, if that makes one."""
-    # Neighbours whose union with it would have a hole or two components are passed over. Returns the neighbour's index
-    # and the union; None if there is no such neighbour.
+    """Join a polygon to the neighbour with the longest common boundary, if that makes one.
+
+    Returns the neighbour's index and the union; None if there is no such neighbour.
+    """
+    # Neighbours whose union with it would have a hole or two components are passed over.
     edges = _edges(part)
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
     for index in sorted(range(len(others)), key=lambda k: -lengths[k]):

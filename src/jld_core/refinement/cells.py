@@ -89,9 +89,8 @@ def _same(one: Assembly, other: Assembly) -> bool:
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
     """Map each face of the cells to the joint-grid face that it is a piece of, (M,).
 
-    Raises InputError if two cells touch although their elements do not.
+    The value is −1 inside an element. Raises InputError if two cells touch although their elements do not.
     """
-    # The value is −1 inside an element.
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):

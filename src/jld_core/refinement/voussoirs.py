@@ -87,8 +87,10 @@ def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) 
 
 
 def _fit(points: Floats) -> tuple[Floats, float] | None:
-    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius."""
-    # None if a point is off the circle by more than a tolerance, or the points lie on a line.
+    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius.
+
+    None if a point is off the circle by more than a tolerance, or the points lie on a line.
+    """
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     local = (points - middle) / extent
     rows = np.column_stack([2.0 * local, np.ones(len(local))])
@@ -101,8 +103,10 @@ def _fit(points: Floats) -> tuple[Floats, float] | None:
 
 
 def _arc(points: Floats) -> Arc | None:
-    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline."""
-    # None if the points are on no circle, or turn by less than the least angle of an arc.
+    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline.
+
+    None if the points are on no circle, or turn by less than the least angle of an arc.
+    """
     fitted = _fit(points)
     if fitted is None:
         return None

@@ -45,7 +45,11 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
 
 
 def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
-    """Remove an interval, such as an opening, from the stones of a course."""
+    """Remove an interval, such as an opening, from the stones of a course.
+
+    pieces: both ends of each stone. left, right: the interval. least: length below which what is left joins its
+    neighbour.
+    """
     before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
     after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
     if len(before) > 1 and before[-1][1] - before[-1][0] < least:

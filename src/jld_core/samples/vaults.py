@@ -70,7 +70,11 @@ def vault(
 def _barrel(
     inner: float, outer: float, length: float, voussoirs: int, courses: int, first: float, running: bool
 ) -> list[dict[str, Any]]:
-    """Return the elements of a barrel vault along y."""
+    """Return the elements of a barrel vault along y.
+
+    inner, outer: radii, m. first: angle of the springing, radians. running: whether head joints alternate from course
+    to course.
+    """
     fine = 2 if running else 1
     angles = np.linspace(np.pi - first, first, fine * voussoirs + 1)
     spread = float(angles[0] - angles[fine])

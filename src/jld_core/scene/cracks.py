@@ -42,11 +42,10 @@ CrackModel = Literal["faces"] | CellCracks | FieldCracks
 
 
 def cracks_by_kind(given: Any) -> Any:
-    """Validate the value of the key "cracks" by its kind, for messages about the kind meant.
+    """Validate the value of the key "cracks" by its kind: "faces", a CellCracks or a FieldCracks.
 
-    Raises InputError for an unknown kind or a wrong value.
+    Raises InputError for an unknown kind or a wrong value, for messages about the kind meant.
     """
-    # Returns "faces", a CellCracks or a FieldCracks.
     if given == "faces" or isinstance(given, CellCracks | FieldCracks):
         return given
     kind = given.get("kind") if isinstance(given, dict) else None

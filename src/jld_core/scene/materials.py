@@ -57,10 +57,7 @@ class Dry(StatedMaterial):
 
 
 def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
-    """Raise InputError if a tensile strength lies beyond the apex of the friction cone.
-
-    Raises InputError if tension × μ exceeds the shear strength.
-    """
+    """Raise InputError if a tensile strength lies beyond the apex of the friction cone: tension × μ above the shear."""
     if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
         raise InputError(
             where,

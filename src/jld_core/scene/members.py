@@ -23,8 +23,8 @@ class Anchor(Part):
 class Member(Part):
     """Bar or pin that acts on two elements, in addition to the faces between them.
 
-    kind: tie: a bar with axial force. Tendon: a bar with a stated tension. Pin: a bolt or dowel across a face. from_,
-    to: both ends. through: points between the ends over which a tie or tendon slides without friction. tension,
+    kind: "tie", a bar with axial force; "tendon", a bar with a stated tension; or "pin", a bolt or dowel across a face.
+    from_, to: both ends. through: points between the ends over which a tie or tendon slides without friction. tension,
     compression: largest tension and compression, forces. Default tension: the prestress. prestress: tension that always
     acts, force. shear: largest force across a pin. name: name in results; default: kind and position.
     """

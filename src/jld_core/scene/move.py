@@ -61,13 +61,13 @@ class Move(Part):
 
     vertices: vertices that move: all of dry joints, or only those that `along` names. along: lines and circles along
     which vertices slide. ties: vertices that move alike: mirrored about the middle of the structure, or the same way
-    within each list; or elements of equal shape that stay equal, mirrored ones among them. inner: "stay": vertices of
-    inner faces stay. "follow": they move if joints end in them, otherwise they follow their neighbours. straight: keep
-    straight faces of blocks straight where joints end in them. angle: bounds of the angles at corners of elements,
-    degrees. edge: least length of an edge; None for a share of the mean edge. block_mass: bounds of the mass of each
-    block, kg with m and N. draft: least inclination of dry joints. box: largest distance that a vertex moves along each
-    of its directions, length. maximise: objective: λ; or the least friction, or the least thickness of an arch, at
-    which the dead load stands.
+    within each list; or elements of equal shape that stay equal, mirrored ones among them. inner: vertices of inner
+    faces "stay", or "follow": those in which joints end move, others follow their neighbours. straight: keep straight
+    faces of blocks straight where joints end in them. angle: bounds of the angles at corners of elements, degrees.
+    edge: least length of an edge; None for a share of the mean edge. block_mass: bounds of the mass of each block, kg
+    with m and N. draft: least inclination of dry joints. box: largest distance that a vertex moves along each of its
+    directions, length. maximise: λ; or the least friction, or the least thickness of an arch, at which the dead load
+    stands.
     """
 
     vertices: Literal["joints", "along"] = "joints"

@@ -183,7 +183,7 @@ _Path = tuple[Any, "str | int"] | None
 
 def _refuse_extremes(document: object) -> None:
     """Refuse JSON values that cannot be computed with or written again."""
-    # These are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
+    # Refused are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
     pending: list[tuple[_Path, object, int]] = [(None, document, 0)]
     while pending:
         where, value, depth = pending.pop()

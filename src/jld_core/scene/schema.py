@@ -217,8 +217,10 @@ class Scene(Part, Showable):
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
-        """Check that the geometry is given once and has one dimension."""
-        # Also check that names of settlements and of members are unique.
+        """Check that the geometry is given once and has one dimension.
+
+        Names of settlements and of members must be unique.
+        """
         if (self.grid is None) == (self.elements is None):
             how = "missing" if self.grid is None else "given twice"
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')

@@ -224,8 +224,8 @@ def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:
-    """Return the size of a unit in N and m, and its powers of force and length."""
-    # The result is None for an unknown unit. A force and a length may stand together, as in kNm.
+    """Return the size of a unit in N and m, and its powers of force and length; None for an unknown unit."""
+    # A force and a length may stand together, as in kNm.
     if name in NEWTONS:
         return NEWTONS[name], _FORCE
     if name in METRES:

@@ -63,10 +63,12 @@ FONT: Final = 7.5
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Draw the live loads on axes, and return the points that loads and structure cover."""
+    """Draw the live loads on axes, and return the points that loads and structure cover.
+
+    Result: a list of arrays (2,) or (k, 2) on paper, scene units.
+    """
     # Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
-    # added to `drawn` as "live", "body" and "couples". The result is a list of arrays (2,) or (k, 2) on paper, scene
-    # units.
+    # added to `drawn` as "live", "body" and "couples".
     projection = projection_of(assembly)
     lower, upper = extent(assembly, projection)
     covered = [lower, upper]

@@ -58,12 +58,12 @@ NO_MECHANISM: Final = {
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
     """Draw an assembly on axes: blocks in tints, dry and inner faces, supports, live loads.
 
-    labels: (m,) True = dry, default the assembly's own. Raises ValueError for labels of another length than the
-    interfaces.
+    labels: (m,) True = dry, default the assembly's own. Returns artists by name: "elements", "supports", "outlines",
+    "dry", "inner", "ticks", "live", "body", "couples", as present. Raises ValueError for labels of another length than
+    the interfaces.
     """
-    # Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. Returns artists by name:
-    # "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present. In space faces
-    # and elements are in "elements" and "supports", in the order in which they are painted.
+    # Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. In space faces and elements are in
+    # "elements" and "supports", in the order in which they are painted.
     labels = _labels(assembly, labels)
     assembly, labels = faces_of(assembly), labels[: assembly.faces]
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels))
@@ -81,11 +81,14 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """Draw the forces on the faces of a result on axes, with utilisation and thrust line."""
+    """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
+
+    Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
+    "yield inner", "thrust", as present.
+    """
     # Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
     # turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
-    # left out. Without forces the title says so. Returns artists by name: those of `paint`, the loads, and "press",
-    # "tension", "couples on faces", "yield dry", "yield inner", "thrust", as present.
+    # left out. Without forces the title says so.
     whole, result = result, result_of_faces(result)
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
@@ -183,9 +186,11 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Draw the mechanism of a result on axes: displaced elements over the outline at rest."""
-    # Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and
-    # "crack" for the kinds of movement present.
+    """Draw the mechanism of a result on axes: displaced elements over the outline at rest.
+
+    Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
+    for the kinds of movement present.
+    """
     result = result_of_faces(result)
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None

@@ -31,7 +31,7 @@ def draw_members(
     forces: (m, q) resultants of the assembly; the tension is then written beside each member, and lines grow with it.
     move: displacement function (element, points) → points, if any.
     """
-    # Their names there are "fill" and "members", or "pressures" where all members are pressures of fill.
+    # The names in `drawn` are "fill" and "members", or "pressures" where all members are pressures of fill.
     members, projection = assembly.members, projection_of(assembly)
     if assembly.fill:
         joined = shapely.union_all([shapely.Polygon(outline) for outline in assembly.fill])

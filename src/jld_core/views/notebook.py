@@ -160,8 +160,10 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _range(extra: dict[str, Any]) -> dict[str, str]:
-    """Describe the lowest and highest λ found without dilation, and the lower bound."""
-    # The result is empty where these were not sought.
+    """Describe the lowest and highest λ found without dilation, and the lower bound.
+
+    Empty where these were not sought.
+    """
     if extra.get("lowest_found") is None:
         return {}
     ends = (

@@ -154,8 +154,8 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
 
     Raises ValueError where the result holds no forces, and TypeError for yield sets without a utilisation.
     """
-    # It is the largest of bending, shear, tension and crushing, by the yield set of the result's own model. Faces
-    # without force have 0.
+    # Utilisation is the largest of bending, shear, tension and crushing, by the yield set of the result's own model.
+    # Faces without force have 0.
     if result.forces is None:
         raise ValueError("the result holds no forces")
     scaling = scaling_of(result.assembly)

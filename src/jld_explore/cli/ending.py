@@ -80,7 +80,7 @@ def interrupt_on_signals() -> None:
 
 def usage_of(message: str) -> str:
     """Convert a usage error of the command-line parser to one line."""
-    # It names the option, the given value and the expected value; a message of another form is kept.
+    # The line names the option, the given value and the expected value; a message of another form is kept.
     text = " ".join(message.split()).rstrip(".")
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:

@@ -79,7 +79,6 @@ class _Chain:
 class AnnealOptions(DriverOptions):
     """Options of the anneal driver on the command line."""
 
-    # number of annealing chains, 1 to 100 000
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 
@@ -113,7 +112,7 @@ class Anneal(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Number of chains, and the settings of the population; see `Driver.settings`."""
+        """Number of chains, and the settings of the population."""
         return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:
@@ -188,9 +187,8 @@ class Anneal(Searcher):
     def _partner(self, number: int) -> Bits:
         """Return an image under symmetry of a labelling to cross with that of chain `number`.
 
-        Raises ValueError if the chain has none.
+        The labelling is that of this chain or of a random one. Raises ValueError if the chain has none.
         """
-        # It is the labelling of this chain or of a random one.
         own, group = self._chains[number].labelling, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own

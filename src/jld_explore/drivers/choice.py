@@ -78,8 +78,8 @@ def driver_for(
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     """Compute a λ that no labelling of a space exceeds, by one relaxation of all faces.
 
-    Result: the bound, scene units; None if there is no finite bound. The result is also None if cells may be left out,
-    if the model does not support such bounds, or above `BOUNDED` faces.
+    Result: the bound, scene units; None if there is no finite bound, if cells may be left out, if the model does not
+    support such bounds, or above `BOUNDED` faces.
     """
     # Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
     assembly = space.assembly
@@ -139,11 +139,11 @@ _SHARE: Final = 0.2  # largest share of the time left for these batches
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
     """Return a labelling of the space: that of the scene, a random or a constructed one.
 
-    space: search space with m faces. Returns (k, m): canonical labels, True = dry; k = 1, or 0 if no labelling is in
-    the space. Raises DeadlinePassed if the deadline passes first.
+    space: search space with m faces. Result: (k, m) canonical labels, True = dry; k = 1, or 0 if no labelling is in the
+    space. Call it inside `Deadline.enforced`. Raises DeadlinePassed if the deadline passes first.
     """
-    # Call this function inside `Deadline.enforced`. Few random labellings keep tight limits. One is then constructed
-    # from the formula of the limits, which also finds out where no labelling keeps them.
+    # Few random labellings keep tight limits. One is then constructed from the formula of the limits, which also finds
+    # out where no labelling keeps them.
     ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
     none = np.empty((0, len(space.fixed)), dtype=bool)
 
@@ -172,11 +172,10 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
     """Construct a labelling of a space, or prove that there is none.
 
-    Result: (1, m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Raises
-    DeadlinePassed if the deadline passes first.
+    Result: (1, m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Call it
+    inside `Deadline.enforced`. Raises DeadlinePassed if the deadline passes first.
     """
-    # Call this function inside `Deadline.enforced`. Where cells may be left out it seeks labellings with all cells
-    # only.
+    # Where cells may be left out only labellings with all cells are sought.
     low, high = space.search.block_cells
     least, most = max(1, int(low or 1)), len(space.assembly.elements.free) if high is None else int(high)
     for cells in [*range(least, most), None]:

@@ -155,7 +155,7 @@ class Enumeration(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Always True: every class is proposed; see `Driver.exhaustive`."""
+        """Always True: every class is proposed."""
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
@@ -183,12 +183,12 @@ class Enumeration(Driver):
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set the deadline of the study; see `Driver.start`."""
+        """Set the deadline of the study."""
         self._deadline = deadline
 
     @property
     def working(self) -> bool:
-        """True if classes are left to propose; see `Driver.working`."""
+        """True if classes are left to propose."""
         return not self._ended
 
     @property
@@ -226,8 +226,8 @@ class Enumeration(Driver):
         Result: number of classes; None above `limit` or if the count was given up. A space with few labellings behind
         many dead ends does not count as small.
         """
-        # With assembly sequences to check the limit is at most `space.laying.counted`.
-        # the time per frontier grows with the number of elements
+        # With assembly sequences to check the limit is at most `space.laying.counted`, since the time per frontier
+        # grows with the number of elements.
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling needs one frontier per face
             return None

@@ -109,32 +109,32 @@ class StrongestAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the bound that `next` recorded; see `ProofAim.restart`."""
+        """Forget the bound that `next` recorded."""
         self._bound = math.inf
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return None for all labellings; see `ProofAim.target`."""
+        """Return None for all labellings."""
         return None
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the best factor / (1 − gap), 0 where no layout stands; see `ProofAim.goal`."""
+        """Return the best factor / (1 − gap), 0 where no layout stands."""
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the largest factor in `best`, −inf without any; see `ProofAim.enough`."""
+        """Return the largest factor in `best`, −inf without any."""
         return max(best.values(), default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the bound and return None, which ends the proof; see `ProofAim.next`."""
+        """Record the bound and return None, which ends the proof."""
         self._bound = bound
         return None
 
     def claims(self) -> list[Claim]:
-        """Return one claim: no labelling exceeds the recorded bound; see `ProofAim.claims`."""
+        """Return one claim: no labelling exceeds the recorded bound."""
         return [Claim(None, max(self._bound, 0.0))]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return no entries: the driver reports the bound itself; see `ProofAim.facts`."""
+        """Return no entries: the driver reports the bound itself."""
         return {}
 
 
@@ -256,7 +256,7 @@ class RequirementAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the claim and the counts left open; see `ProofAim.restart`."""
+        """Forget the claim and the counts left open."""
         self._claim: Claim | None = None
         self.open_counts: Floats = np.empty(0)
 
@@ -284,7 +284,7 @@ class RequirementAim:
         return self._threshold
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the proven count and return None, which ends the proof; see `ProofAim.next`.
+        """Record the proven count and return None, which ends the proof.
 
         Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
         the place of `met`.

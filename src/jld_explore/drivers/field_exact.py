@@ -95,8 +95,10 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Compute the bounds of the conflicts of a file again, and return those with finite bounds."""
-    # Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
+    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
+
+    Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
+    """
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -213,7 +215,7 @@ class FieldExact(Driver):
 
     @property
     def finished(self) -> bool:
-        """True if the proof ended and passed its check; see `Driver.finished`."""
+        """True if the proof ended and passed its check."""
         return self._proof.check is not None and self._proof.check.passed
 
     @property
@@ -226,12 +228,12 @@ class FieldExact(Driver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """{"aim": "front"} where a front is proven, else empty; see `Driver.settings`."""
+        """{"aim": "front"} where a front is proven, else empty."""
         return {"aim": self._aim} if self._aim == "front" else {}
 
     @property
     def working(self) -> bool:
-        """True until the proof has ended or was contradicted twice; see `Driver.working`."""
+        """True until the proof has ended or was contradicted twice."""
         return not self._proof.settled and not self._given_up
 
     @property
@@ -267,14 +269,13 @@ class FieldExact(Driver):
         self._proof.restart()
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that refute and refine; see `Driver.set_workers`."""
+        """Set the number of processes that refute and refine."""
         self._proof.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """Set deadline and heartbeat, and load the conflicts of a resumed study.
 
-        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts; see
-        `Driver.start`.
+        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts.
         """
         own = Deadline() if deadline is None else deadline.earlier(0.3)
         self._proof.deadline = self._proof.pool.deadline = own
@@ -291,15 +292,17 @@ class FieldExact(Driver):
             save_conflicts(self._folder, self._proof)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the bounds of evaluations of a resumed study; see `Driver.restore`."""
+        """Take over the bounds of evaluations of a resumed study."""
         self._learn(labellings, evaluations)
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings to evaluate, (k, m), True = dry."""
-        # The first labellings come from a search. Later calls continue the proof until it needs evaluations. The result
-        # is empty if the proof ended, was given up, or has no time left.
+        """Return the next labellings to evaluate, (k, m), True = dry.
+
+        Empty if the proof ended, was given up, or has no time left.
+        """
+        # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
         if not self._asked:
             self._asked = True
             self._proof.bound_all()
@@ -324,7 +327,7 @@ class FieldExact(Driver):
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
 
-        The evaluations hold both bounds on the coarsest mesh; see `Driver.tell`.
+        The evaluations hold both bounds on the coarsest mesh.
         """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)

@@ -211,7 +211,7 @@ def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tu
 
 def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
     """Return the relaxation on the meshes of a level, which this thread keeps for a while."""
-    # Its order of problems is reset, so that results do not depend on earlier tasks.
+    # The order of its problems is reset, so that results do not depend on earlier tasks.
     name, known = (setup.name, level), _kept.relaxations
     if name not in known:
         known[name] = FieldRelaxation(setup.problems(level))
@@ -241,8 +241,10 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a velocity field on its labelling, as a conflict of all free faces."""
-    # None without a field or a finite bound.
+    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
+
+    None without a field or a finite bound.
+    """
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)
@@ -315,9 +317,11 @@ class FieldRefuter:
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Compute the bound that the mechanism of a conflict proves, without a solver."""
-        # It is the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
-        # or where it proves none.
+        """Compute the bound that the mechanism of a conflict proves, without a solver.
+
+        Result: the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
+        or where it proves none.
+        """
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
@@ -343,18 +347,21 @@ class FieldRefuter:
                 self.relaxation.add(problem)
 
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
-        """Refute a factor for labellings, and minimise each refuted one to a conflict.
+        """Prove that labellings carry less than a factor, and minimise each refuted one to a conflict.
 
-        Result: one for each labelling, None where no mesh refutes it.
+        threshold: governing factor. Result: one conflict for each labelling, None where no mesh refutes it.
         """
         levels = self._levels()
         found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
         self.programs += sum(one.solves for one in found)
         conflicts: list[Conflict | None] = []
         for one in found:
+            # The level that refuted the labelling, and coarser ones that did not, shift the shares by which `_levels`
+            # picks.
             for level in levels[: levels.index(one.first) + 1 if one.first >= 0 else None]:
                 self._share[level] += _FADING * ((level == one.first) - self._share[level])
             conflict = one.conflict
+            # `case` counts from the first problem of the level; in a proof it is the position among all problems
             if conflict is not None and conflict.mechanism is not None:
                 number = conflict.mechanism.case + self._first[one.level]
                 conflict = replace(conflict, mechanism=replace(conflict.mechanism, case=number))

@@ -48,8 +48,8 @@ class FieldRelaxation:
     mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
     later only weigh mechanisms.
 
-    problems: problems that are asked, at least one. problems: all problems; `Mechanism.case` and `DualBound.case` are
-    their positions. solves: number of programs solved.
+    problems: problems that are asked, at least one; the attribute holds all problems, and `Mechanism.case` and
+    `DualBound.case` are their positions. solves: number of programs solved.
     """
 
     many = False
@@ -146,8 +146,8 @@ class FieldRelaxation:
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
         """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
 
-        velocity: (t, 3, 2), scaled. None where it proves nothing; see `transfer.weighed`. Results are stored, since
-        several conflicts rest on one mechanism.
+        velocity: (t, 3, 2), scaled. None where it proves nothing. Results are stored, since several conflicts rest on
+        one mechanism.
         """
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:
@@ -160,7 +160,7 @@ class FieldRelaxation:
 
     def _of(self, number: int) -> PartialUpperBound:
         """Return the upper bounds of problem `number`."""
-        # Those of problems added to weigh are kept only for a while, and then set up anew.
+        # Bounds of problems that were only added for `weigh` are kept for a while, and then set up anew.
         if number < len(self._asked):
             return self._asked[number]
         if number not in self._others:
@@ -234,8 +234,10 @@ class CommonMeshes:
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it for another step."""
-        # None: no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """Bound all labellings on the next mesh, and refine it for another step.
+
+        None if no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """
         mesh, self._next = self._next, None
         if mesh is None:
             return None

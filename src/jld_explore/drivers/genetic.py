@@ -35,9 +35,9 @@ def fronts_of(values: Floats, enough: int) -> list[Ints]:
     best front first.
     """
     # A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
-    # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front. Deb et
-    # al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to two
-    # objectives take O(k log k), more take O(k² c).
+    # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
+    # Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to
+    # two objectives take O(k log k), more take O(k² c).
     if values.shape[1] <= 2:
         rank = _ranks_of_pairs(values)
         order = np.argsort(rank, kind="stable")
@@ -88,10 +88,10 @@ def _dominators(values: Floats, rivals: Ints) -> Ints:
 
 
 def crowding_of(values: Floats, front: Floats) -> Floats:
-    """Return the crowding distance of each labelling on its front.
+    """Return the crowding distance (k,) of each labelling on its front.
 
-    values: (k, c) objective values. front: (k,) front number of each labelling. Returns (k,): crowding distances: mean
-    over the objectives of the distance between both neighbours, in widths of the front.
+    values: (k, c) objective values. front: (k,) front number of each labelling. Distances are means over the objectives
+    of that between both neighbours, in widths of the front.
     """
     # Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of
     # equal values between others. Deb et al. 2002, section III.B, for all fronts at once.
@@ -143,7 +143,6 @@ _RESOLUTION: Final = 2.0**20  # reciprocal of the relative resolution that disti
 class GeneticOptions(DriverOptions):
     """Options of the genetic driver."""
 
-    # population size
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
     # search for the largest λ, or for the largest λ for every value of the count
     aim: Aim = Field("front", description="best, or front (the best for every count)")
@@ -154,8 +153,8 @@ class Genetic(Searcher):
 
     Each generation evaluates `GENERATION` children.
 
-    population: population size. Default: by the number of faces that can change. aim: objectives: λ alone, or λ and the
-    counts of the front. population: population size. objective_count: number of objectives.
+    population: population size. Default: by the number of faces that can change. aim: "best" or "front": λ alone, or λ
+    and the counts of the front. objective_count: number of objectives.
     """
 
     name = "genetic"
@@ -191,12 +190,12 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Population size and aim by name; see `Driver.settings`."""
+        """Population size and aim by name."""
         return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:
         """Return the next generation: new canonical labellings (k, m), registered as proposed."""
-        # They are random while the population has fewer than two labellings. A population without progress is given up
+        # Labellings are random while the population has fewer than two. A population without progress is given up
         # first, and another one started.
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:

@@ -34,7 +34,6 @@ class _Run:
 class HillClimbOptions(DriverOptions):
     """Options of the hillclimb driver."""
 
-    # letters d and i of the labelling at which all runs start
     start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
 
 
@@ -120,7 +119,7 @@ class HillClimb(Searcher):
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Move each run to the best evaluated change, if that is better than its labelling.
 
-        labellings: (k, m), True = dry. Those of no run are ignored. A move resets the count of rounds without
+        labellings: (k, m), True = dry. Labellings of no run are ignored. A move resets the count of rounds without
         improvement.
         """
         values = objective_values(self.space, labellings, evaluations).tolist()

@@ -99,8 +99,7 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
 class OptunaOptions(DriverOptions):
     """Options of the optuna driver."""
 
-    sampler: str = Field("TPE", description="its sampler, by name")  # name of the sampler
-    # URL of a database; None for a file in the folder of the study
+    sampler: str = Field("TPE", description="its sampler, by name")
     storage: str | None = Field(None, description="URL of its database; default: a file in the folder")
 
 
@@ -139,7 +138,7 @@ class Optuna(Searcher):
         self._waiting: dict[bytes, list[Trial]] = {}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Open the storage for finished trials, if the study has records; see `Driver.start`.
+        """Open the storage for finished trials, if the study has records.
 
         Raises InputError if the storage cannot be used.
         """

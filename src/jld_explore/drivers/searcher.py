@@ -132,7 +132,7 @@ class Searcher(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Always True, because the remaining classes are enumerated; see `Driver.exhaustive`."""
+        """Always True, because the remaining classes are enumerated."""
         return True
 
     @property
@@ -252,7 +252,7 @@ class Pool:
         self._signs, self._covariances = self._signs[places], self._covariances[places]
 
     def predict(self) -> Floats:
-        """Predict the rank of each labelling of the pool, (k,); see `Surrogate.predict`.
+        """Predict the rank of each labelling of the pool, (k,).
 
         Covariances with labellings learned since the last call are computed first.
         """

@@ -67,7 +67,7 @@ class CasesEvaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings under all load cases; see `LabellingEvaluator.evaluate_all`."""
+        """Evaluate labellings under all load cases."""
         # A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         if not self.settings.batched:
             return self._one_by_one(labellings, pruning_thresholds, deadline)
@@ -82,7 +82,7 @@ class CasesEvaluator(SharedEvaluator):
         return [self._combined([answers[k] for answers in found]) for k in range(count)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling under all load cases; see `LabellingEvaluator.evaluate`.
+        """Evaluate one labelling under all load cases.
 
         No further case is solved once a case is unstable or does not exceed the pruning threshold. `cases` of the
         evaluation holds λ of each solved case.
@@ -207,7 +207,7 @@ class RobustEvaluator(SharedEvaluator):
         return [self._combined(one, known.get(k)) for k, one in enumerate(low[:done])]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling; see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling."""
         return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
     def _combined(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
@@ -262,7 +262,7 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings by the objective; see `LabellingEvaluator.evaluate_all`.
+        """Evaluate labellings by the objective.
 
         Pruning thresholds are ignored, since bounds on λ are no bounds on the objective.
         """
@@ -270,7 +270,7 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling by the objective; see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling by the objective."""
         return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
@@ -365,7 +365,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
         return [answer for answer in found[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m + c,); see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling (m + c,)."""
         evaluator, kept = self._evaluator_of(labels)
         return evaluator.evaluate(labels[kept], pruning_threshold)
 

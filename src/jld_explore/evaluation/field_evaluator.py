@@ -66,8 +66,8 @@ _SECONDS: Final = 0.25
 class FieldEvaluator(LabellingEvaluator):
     """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
 
-    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored: fields
-    have one model.
+    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored, since
+    fields have one model.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
@@ -83,7 +83,7 @@ class FieldEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, several at a time; see `LabellingEvaluator.evaluate_all`."""
+        """Evaluate labellings, several at a time."""
         # Pruning thresholds are ignored: bounds by fields have no cheap part.
         found: list[Evaluation] = []
         while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
@@ -95,7 +95,7 @@ class FieldEvaluator(LabellingEvaluator):
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Bound one labelling on the coarsest mesh; see `LabellingEvaluator.evaluate`."""
+        """Bound one labelling on the coarsest mesh."""
         return self._together(labels[None])[0]
 
     def _together(self, labellings: Bits) -> list[Evaluation]:
@@ -139,11 +139,11 @@ class CellEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m) of the joint grid; see `LabellingEvaluator.evaluate_all`."""
+        """Evaluate labellings (k, m) of the joint grid."""
         return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling on the finer cells; see `LabellingEvaluator.evaluate`."""
+        """Evaluate one labelling on the finer cells."""
         return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)
 
 

@@ -34,7 +34,7 @@ _PATIENCE: Final = 6  # meshes after which a layout without one of the bounds is
 class FieldStep:
     """Bounds that one mesh proves for one labelling under one load case."""
 
-    # (float, float) lower and upper bound on λ of the labelling, scene units; infinite where there is none
+    # lower and upper bound on λ of the labelling, scene units; infinite where there is none
     bounds: tuple[float, float]
     # stresses, mechanism: fields of the mesh, which bound other labellings as well
     stresses: FieldStresses | None
@@ -65,12 +65,12 @@ def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: floa
 class FieldPool:
     """Bounds on λ of many labellings of one assembly, by stress and velocity fields.
 
-    assembly: planar assembly, with or without load cases. labellings: (k, m) True = dry. deadline: time after which no
-    further program is begun. jobs: number of processes; results do not depend on it. labellings: (k, m) all labellings.
-    settings: data that all labellings share, one entry for each load case. given_up: (k,) labellings that are refined
-    no more, even if their brackets are wide. late: True if a labelling was given up for lack of time. programs: number
-    of cone programs solved. tasks: processes that refine; close it at the end. rate: time of a mesh over a power of its
-    triangles, s.
+    assembly: planar assembly, with or without load cases. labellings: (k, m) True = dry; the attribute holds those
+    added later, too. deadline: time after which no further program is begun. jobs: number of processes; results do not
+    depend on it. settings: data that all labellings share, one entry for each load case. given_up: (k,) labellings that
+    are refined no more, even if their brackets are wide. late: True if a labelling was given up for lack of time.
+    programs: number of cone programs solved. tasks: processes that refine; close it at the end. rate: time of a mesh
+    over a power of its triangles, s.
     """
 
     def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:

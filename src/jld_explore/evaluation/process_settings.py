@@ -37,7 +37,10 @@ class _OpenContexts:
 
 @contextmanager
 def switch_interval(seconds: float) -> Iterator[None]:
-    """Set the interval after which threads release the interpreter, while a context is open."""
+    """Set the interval after which threads release the interpreter, s, while a context is open.
+
+    Of several open contexts, in any threads, the least interval counts.
+    """
     with _CHANGING:
         if not _OpenContexts.intervals:
             _OpenContexts.before = sys.getswitchinterval()

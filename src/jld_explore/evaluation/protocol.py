@@ -203,7 +203,7 @@ class Evaluator(SharedEvaluator):
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Return an equal evaluator for another thread; see `SharedEvaluator.twin`."""
+        """Return an equal evaluator for another thread."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
@@ -272,7 +272,7 @@ class Evaluator(SharedEvaluator):
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling; see `LabellingEvaluator.evaluate`.
+        """Evaluate one labelling.
 
         A labelling with associative λ at or below the pruning threshold is not solved without dilation.
         """

@@ -59,11 +59,11 @@ class BestAim:
         return np.asarray(~closed & (high > best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows` sorted by upper bound, the greatest first; see `RaceAim.order`."""
+        """Return `rows` sorted by upper bound, the greatest first."""
         return rows[np.argsort(-high[rows], kind="stable")]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the best lower bound, the same for all layouts; see `RaceAim.enough`."""
+        """Return the best lower bound, the same for all layouts."""
         return np.full(len(low), low.max(initial=-np.inf))
 
 
@@ -120,7 +120,7 @@ class RequirementAim:
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor for all layouts; see `RaceAim.enough`."""
+        """Return the required factor for all layouts."""
         return np.full(len(low), self._required)
 
 
@@ -142,7 +142,7 @@ class RaceResult:
     refined: int  # number of layouts that were refined
     programs: int  # number of cone programs solved
     decided: bool  # True if the aim asks for no further refinement
-    best: tuple[float, float]  # (float, float) greatest lower and greatest upper bound on the governing factor
+    best: tuple[float, float]  # greatest lower and greatest upper bound on the governing factor
     rivals: int  # number of layouts whose upper bound is at least the best lower bound, the best layout included
 
 

@@ -603,8 +603,10 @@ class RecordedEvaluator:
         return PendingEvaluations(labellings, found, missing, run, first_required)
 
     def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
-        """Wait for submitted labellings, record their evaluations, and return all k in order."""
-        # The result is None if time ran out before all were evaluated; finished evaluations are recorded also then.
+        """Wait for submitted labellings, record their evaluations, and return all k in order.
+
+        None if time ran out before all were evaluated; finished evaluations are recorded also then.
+        """
         found, labellings, missing = pending.found, pending.labellings, pending.missing
         known = np.array([evaluation is not None for evaluation in found], dtype=bool)
         self._report([evaluation for evaluation in found if evaluation is not None], labellings[known])

@@ -162,10 +162,7 @@ class WorkerPool:
         return next(iter(self), None)
 
     def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
-        """Submit a task to one worker.
-
-        Result: result of the task. None if the worker has died; the worker is then removed.
-        """
+        """Submit a task to one worker and return its future; None if the worker has died, which is then removed."""
         try:
             return worker.submit(function, *arguments)
         except Exception:  # the exception of an executor whose process died depends on its kind
@@ -173,10 +170,9 @@ class WorkerPool:
             return None
 
     def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
-        """Return the result of a task, waiting for it.
+        """Wait for a task and return its result, or `LOST` if its worker died or left; the worker is then removed.
 
-        Result: result of the task. `LOST` if its worker died or left; the worker is then removed. Raises Exception: an
-        error of the task itself, which another worker would repeat.
+        Raises an error of the task itself, which another worker would repeat.
         """
         try:
             return future.result()
@@ -342,7 +338,7 @@ def evaluate_batch(
     """Evaluate one batch in this process with the evaluator of this thread.
 
     labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
-    number: number of the batch; evaluations: evaluations of all k labellings, or of those finished by the deadline.
+    number of the batch, and evaluations of all k labellings, or of those finished by the deadline.
     """
     if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
@@ -562,9 +558,11 @@ class Run:
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
-        # Tasks are numbered from 0 in the order of the labellings. Iterating waits for their results.
-        # Evaluate the labelling needed in any case in this process, while the workers start.
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
+
+        Tasks are numbered from 0 in the order of the labellings; iterating waits for their results.
+        """
+        # The labelling that is needed in any case is evaluated in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
         ]

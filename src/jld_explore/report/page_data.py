@@ -155,8 +155,10 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
 
 
 def _bare_edges(assembly: Assembly) -> list[Edge]:
-    """Return the pieces of the outlines of free elements that no interface covers."""
-    # Each piece has the element and its two ends.
+    """Return the pieces of the outlines of free elements that no interface covers.
+
+    Each piece has its element and its two ends.
+    """
     touching: list[list[list[list[float]]]] = [[] for _ in assembly.elements.ids]
     for k, polygon in enumerate(assembly.interfaces.polygon):
         ends = np.asarray(polygon).tolist()
@@ -563,8 +565,8 @@ def curve_of(name: str, history: pd.DataFrame) -> Curve:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """Describe the proven results of a search: bracket of the best, bound, gap."""
-    # The result is texts by name. The versions of libraries are added if the summary has them.
+    """Describe the proven results of a search: bracket of the best, bound, gap. Result: texts by name."""
+    # The versions of libraries are added if the summary has them.
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)
     if summary.get("best") is not None and len(best):

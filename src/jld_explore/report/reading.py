@@ -302,9 +302,8 @@ def read_folder(folder: str | Path) -> Exploration:
 def history_of(folder: Path) -> pd.DataFrame | None:
     """Return the columns solves, seconds and best of convergence.csv in a results folder.
 
-    Raises InputError if it is damaged.
+    None if the folder has no such file. Raises InputError if it is damaged.
     """
-    # The result is None if the folder has no such file.
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     path = folder / tables.CONVERGENCE

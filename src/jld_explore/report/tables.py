@@ -93,8 +93,8 @@ _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, whi
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
     """Return the table faces.csv: one row per face of the assembly."""
-    # Its columns are index, ids of both elements, end points (scene units), and whether a search may choose the label.
-    # In space the end points are opposite corners of the bounding box of the face.
+    # Columns are index, ids of both elements, end points (scene units), and whether a search may choose the label. In
+    # space the end points are opposite corners of the bounding box of the face.
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     faces, ids = faces_of(assembly).interfaces, assembly.elements.ids
@@ -312,8 +312,8 @@ def is_ahead(results: pd.DataFrame, bound: float | None, gap: float, floor: floa
 
 def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
     """Return the table convergence.csv: the best λ so far at each improvement and at the end."""
-    # Its columns are solves (number so far), seconds (solver time so far, summed over workers) and best. Rows follow
-    # the order in which evaluations finished.
+    # Columns are solves (number so far), seconds (solver time so far, summed over workers) and best. Rows follow the
+    # order in which evaluations finished.
     import pandas as pd
 
     rows = records.rows
@@ -333,7 +333,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     complete: True if every class has been evaluated; the best is then optimal up to the widths of the brackets. A
     driver may also know a bound on λ of all layouts, or have completed a proof of its own.
     """
-    # It names the best labelling, its proof, and how it was found.
+    # The content names the best labelling, its proof, and how it was found.
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
     ranked = that_stand(results)

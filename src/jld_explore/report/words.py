@@ -70,7 +70,7 @@ def columns(done: Exploration) -> list[str]:
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
     """Return the findings of a study as texts by name, for terminal and notebook."""
-    # They include classes by status, the stop reason, and the best λ with its proof.
+    # Findings include classes by status, the stop reason, and the best λ with its proof.
     facts = done.summary.facts
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"

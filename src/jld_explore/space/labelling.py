@@ -279,7 +279,7 @@ def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
     """Select the labellings that are canonical.
 
     labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
-    Result: indices: (r,) rows that are canonical; sizes: (r,) their orbit sizes.
+    Result: (r,) rows that are canonical, and (r,) their orbit sizes.
     """
     kept, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)

@@ -24,7 +24,10 @@ def reasons_against(space: SearchSpace, labels: Bits) -> tuple[str, ...]:
 
 
 def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
-    """Return violations of fixed labels and of `search.segmentation`."""
+    """Return violations of fixed labels and of `search.segmentation`.
+
+    labels: (m,) True = dry. block: (n,) block of each element.
+    """
     found = []
     for label, name in ((True, "dry"), (False, "inner")):
         kept = (labels != space.fixed) & ~space.candidates & (space.fixed == label)

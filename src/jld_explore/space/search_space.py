@@ -324,10 +324,7 @@ class SearchSpace:
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """Return True for the labellings that are in the search space.
-
-    labellings: (k, m) True = dry. Returns (k,): True for labellings in the space.
-    """
+    """Return (k,) True for the labellings that are in the search space. labellings: (k, m) True = dry."""
     # A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)

@@ -67,8 +67,8 @@ class BlockShapes:
     def look(self, blocks: Ints) -> tuple[Bools, Ints]:
         """Find the blocks of labellings among the known outlines, and compute missing outlines.
 
-        blocks: (k, n) block of each element, from `blocks_of`. Result: holds: (k, n) True at columns that name a block
-        with free elements; places: (k, n) positions of these blocks among the known outlines, −1 elsewhere.
+        blocks: (k, n) block of each element, from `blocks_of`. Result: a mask (k, n), True at columns that name a block
+        with free elements; and (k, n) positions of these blocks among the known outlines, −1 elsewhere.
         """
         with self._lock:
             return self._look(blocks)
@@ -171,7 +171,8 @@ class BlockShapes:
 
     def _seed(self) -> None:
         """Give numbers to the smallest blocks first: which of them connect shapes depends on no layout seen."""
-        # They are single elements and, where some are alike without being copies, connected ones of growing number.
+        # The smallest blocks are single elements and, where some are alike without being copies, connected ones of
+        # growing number.
         free = [k for k in self.assembly.elements.free.tolist() if k != self.assembly.sink]
         if len(free) > _SEEDS:
             return

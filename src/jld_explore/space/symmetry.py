@@ -202,7 +202,10 @@ def same_marks(
 
 
 def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if a mark is mapped onto another one."""
+    """Return True if a mark is mapped onto another one.
+
+    to: (n,) image of each element. matrix, centre: the map. reach: distance within which places are equal.
+    """
     element = -1 if mark.element < 0 else int(to[mark.element])
     if mark.kind != image.kind or element != image.element or mark.items.shape != image.items.shape:
         return False
@@ -281,7 +284,7 @@ def symmetry_group(
 
 def _possible_matrices(assembly: Assembly) -> list[Floats]:
     """Return orthogonal matrices (d, d) that may map the assembly onto itself."""
-    # They follow from the possible images of the rarest elements. The identity is left out.
+    # Matrices follow from the possible images of the rarest elements. The identity is left out.
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
     points, kind = elements.centroid - elements.centroid.mean(axis=0), _kinds(assembly)
@@ -489,9 +492,8 @@ def _image_of_members(
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
     """Return (n,) point of the wanted kind within `reach` of each moved point, or None.
 
-    moved, points: (n, d).
+    moved, points: (n, d). None means that the map is not one to one.
     """
-    # None means that the map is not one to one.
     if not len(points):
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.

@@ -98,8 +98,8 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     """Return the structure without the cells that a labelling leaves out, and its labels.
 
-    Result: assembly: remaining structure, the given one if the text has no v; labels: labels of its interfaces, True =
-    dry. Raises ValueError if the text holds a letter other than d, i and v.
+    Result: remaining structure, the given one if the text has no v; and labels of its interfaces, True = dry. Raises
+    ValueError if the text holds a letter other than d, i and v.
     """
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:

@@ -100,8 +100,8 @@ def _line(reason: Reason) -> dict[str, Any]:
 def read(path: Path) -> tuple[Claim, list[Reason]]:
     """Read a certificate without checking its reasons.
 
-    Result: claim: statement of the certificate; its scene is not validated; reasons: the reasons in the order of their
-    lines. Raises InputError if the file cannot be read, is no certificate, is not whole, or has an invalid claim.
+    Result: claim of the certificate, whose scene is not validated, and the reasons in the order of their lines. Raises
+    InputError if the file cannot be read, is no certificate, is not whole, or has an invalid claim.
     """
     try:
         text = path.read_bytes()

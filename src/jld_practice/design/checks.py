@@ -128,9 +128,11 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
 
 
 def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
-    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own."""
-    # Returns the process, a description, and the command with which a user repeats it; or a check that says that no
-    # time is left.
+    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own.
+
+    Returns the process, a description, and the command with which a user repeats it; or a check that says that no time
+    is left.
+    """
     winner = _winner(work)
     assembly = built(winner)
     result, names = solve_rigid(assembly), [case.name for case in assembly.cases]

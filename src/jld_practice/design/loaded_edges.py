@@ -95,7 +95,7 @@ def loaded_line(assembly: Assembly, along: str, down: Floats) -> LoadedLine:
 
     down: (2,) unit vector of weight. Raises ParameterError if there is no such edge.
     """
-    # Edges on supports carry none.
+    # Edges on supports carry no load.
     points = points_of(along)
     if points is not None:
         return _between(assembly, *points)

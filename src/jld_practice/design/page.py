@@ -57,8 +57,11 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
 
 
 def facts_of(work: Design) -> dict[str, Any]:
-    """Return the results of a design as the JSON object of summary.json."""
-    # `jld design --json` prints the same object. None stands for values that are unknown or not finite.
+    """Return the results of a design as the JSON object of summary.json.
+
+    None stands for values that are unknown or not finite.
+    """
+    # `jld design --json` prints the same object.
     winner, usual = work.winner, work.usual
     return {
         "best": None if winner is None else _number(winner.proven),
@@ -107,7 +110,7 @@ def uncut_at_most(work: Design) -> float | None:
 
 def gain_of(work: Design) -> float | None:
     """Return the proven ratio of λ of the best layout to λ of the usual bond; None if unknown."""
-    # It is the lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
+    # The lower bound of the best over the upper bound of the usual bond, both by fields or both by faces.
     winner, usual = work.winner, work.usual
     if winner is None or usual is None:
         return None

@@ -199,7 +199,7 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
 
 def _solve_usual(work: Design) -> None:
     """Solve the stated layout of the usual bond by faces, and add it to the trials."""
-    # Gains are measured by it. Nothing is added if the outline cannot be cut in a bond.
+    # Gains are measured by this layout. Nothing is added if the outline cannot be cut in a bond.
     first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
     if first is None or first.scene is None:
         return

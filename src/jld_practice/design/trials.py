@@ -56,7 +56,7 @@ def searched_scene(scene: Scene) -> Scene:
 
 
 def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Screening:
-    """Solve generations of the genetic driver for some time, at least one.
+    """Solve at least one generation of the genetic driver, and more for some time.
 
     Raises InputError if the limits of the scene cannot be met.
     """
@@ -107,7 +107,7 @@ class Trial:
     kind: str
     scene: Scene  # scene whose own labels are the layout
     load_factor: float  # λ by faces, NaN where unknown
-    # faces, fields: (float, float) proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks;
+    # faces, fields: proven bounds on λ: with cracks along faces, and with cracks anywhere in the blocks;
     # infinite where unproven
     faces: Bounds
     fields: Bounds

@@ -166,7 +166,11 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
 
 
 def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int], float]) -> None:
-    """Assess load cases until each is settled, one is refuted, or the time is over."""
+    """Assess load cases until each is settled, one is refuted, or the time is over.
+
+    count: number of cases. seconds: time for all. assess: returns whether a case verifies, None if undecided, for a gap
+    and a time, s. least: sort key by which cases are refined; of refuted ones only the first is, for its number.
+    """
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
     for k in range(count):
@@ -236,9 +240,13 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
 
 
 def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them."""
-    # They are the weights of free elements, and stated dead loads on elements: names (k,), loads (k, n, q), and their
-    # factors (k, 2), favourable and unfavourable. Beside them (n, q) are prestress and loads whose factors are equal.
+    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them.
+
+    Parts: names (k,), loads (k, n, q), and their factors (k, 2), favourable and unfavourable. Loads beside them: (n,
+    q).
+    """
+    # Parts are the weights of free elements, and stated dead loads on elements. Beside them are prestress and loads
+    # whose factors are equal.
     elements, stress = structure.elements, structure.members.self_stress
     weight = np.zeros_like(structure.dead)
     weight[elements.free, : structure.dimension] = elements.weight[elements.free]
@@ -413,7 +421,7 @@ class CaseCheck:
     structure: Assembly  # the structure under the design loads of the case and the combination
     bounds: CaseBounds  # status and bounds of λ, the factor of the design live load
     stands: bool | None  # True if the structure stands without live load, which may be absent; None if undecided
-    # (str, float) path of a moving load and distance of its first axle along it; None for other cases
+    # path of a moving load and distance of its first axle along it; None for other cases
     place: tuple[str, float] | None = None
 
     @property

@@ -43,8 +43,7 @@ class MonteCarlo:
     resolved: int
     undecided: int
     probability: float  # estimated probability of failure
-    # (float, float) confidence interval of it; its lower end counts undecided samples as safe, its upper end what was
-    # not seen
+    # confidence interval of it; its lower end counts undecided samples as safe, its upper end what was not seen
     interval: tuple[float, float]
     importance: bool  # True for importance sampling
     nearest: Floats | None  # (v,) failing sample nearest to the means, in standard normal space; None where none fails

@@ -343,7 +343,10 @@ class _Measurement:
         ]
 
     def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
-        """Add loads that grow with the variables from `first` on, one per element of `split`."""
+        """Add loads that grow with the variables from `first` on, one per element of `split`.
+
+        rates: dead and live loads (n, q) of each load case. None for `split`: all grow with one variable.
+        """
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():

@@ -169,8 +169,10 @@ class Certifier:
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound."""
-        # The result is scaled, at most region.high, and −inf if nothing is proven.
+        """Correct multipliers until they prove a lower bound on λ, and return that bound.
+
+        The bound is scaled, at most region.high, and −inf if nothing is proven.
+        """
         of_products = BinaryFractions.of(round_to_bits(multipliers.products))
         live_work = BinaryFractions.of(round_to_bits(multipliers.live_work[:, None]))
         bound = BinaryFractions.of(round_to_bits(np.array([[multipliers.bound]])))
@@ -271,7 +273,8 @@ class Certifier:
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
         """Return the left minus the right side of the certificate's identity, without rounding."""
-        # The identity stands in the module docstring; its terms with R, Q and Ψ are left out.
+        # Left: (λ − p)(b_λ·u) − σ cost. Right: Σ g ŷ (b_λ·u) + Σ M ŷ h, without the terms with R, Q and Ψ of the module
+        # docstring. p = `bound`, σ = `slack`, g = `live_work`, M = `of_products`; rows of `facts` are ŷ, the last 1.
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
@@ -298,8 +301,8 @@ def reduce_residual(
     lacking: (q + 2, w) residual, a bilinear form of Φ = (F, λ, 1) and w velocities. zero_forms: (e, w) forms of
     velocities that are zero. unbalanced: (w,) velocities to which no multiple of equilibrium is applied.
     """
-    # They are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md (4.8).
-    # Sums are exact; the result (q + 2, w) is converted to doubles.
+    # The forms are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md
+    # (4.8). Sums are exact; the result (q + 2, w) is converted to doubles.
     exact = BinaryFractions.of(statics)
     if equilibrium is None:
         by_statics = np.asarray(np.linalg.pinv(statics.T, rcond=1e-12))
@@ -375,7 +378,7 @@ def _factor(normal: Any, shift: float) -> Any:
 
 def _exact_rates(modes: Modes) -> BinaryFractions:
     """Return the matrix of mode rates z = H (u, t) as fractions, without rounding."""
-    # It is formed from the numbers of the equilibrium matrix, see `modes`.
+    # Formed from the numbers of the equilibrium matrix, as `modes` does in doubles.
     jumps = BinaryFractions.of(modes.matrix.T.copy())
     values = jumps.values.reshape(modes.faces, 3, -1)
     beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)

@@ -45,22 +45,18 @@ _PRESSED = 1e-6  # N relative to the largest N above which a face counts as comp
 class ProximalOptions:
     """Parameters of the fixed-point search: proximal steps and minimisation of Γ in turn."""
 
-    # alpha, damping, anchor: share of N in friction, weight of the proximal term of a step, and where Γ is minimised
     # share of the present N in friction at the first step, 0 to 1. The share falls tenfold with each step, down to 0,
     # and is 0 in the last step before each minimisation of Γ.
     alpha: float = 0.01
     # weight ε of the proximal term about the previous forces, for scaled forces of order one; positive
     damping: float = 1e-2
     anchor: float = 1e-3  # weight of the same term where Γ is minimised; positive
-    # block, most: number of proximal steps before a minimisation of Γ, and of programs from each start
     # number of proximal steps before a minimisation of Γ, apart from a last step with alpha = 0; at least 1
     block: int = 5
-    # forces to start from
-    # start: forces of the associative solution, the state of least forces at λ = 0, or a vertex of the associative
-    # problem (planar)
+    # forces to start from: those of the associative solution, the state of least forces at λ = 0, or a vertex of the
+    # associative problem (planar)
     start: Literal["associative", "gravity", "vertex"] = "associative"
     most: int = 60  # number of programs from each start after which no further attempt begins; at least 1
-    # True if effective areas are updated. Raises InputError if a value is outside its range.
     effective_area: bool = False  # update effective areas in the same iteration (spatial, dry rectangles)
 
     def __post_init__(self) -> None:

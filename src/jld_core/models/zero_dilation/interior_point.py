@@ -172,7 +172,11 @@ class _InteriorPointMethod:
         return ProductSolution(self.x, table, 1.0 - float(self.v[-1]), error, step, error <= _SURE * self.tolerance)
 
     def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, tolerance: float) -> None:
-        """Take one predictor-corrector step, which changes the iterate."""
+        """Take one predictor-corrector step, which changes the iterate.
+
+        rp, re, rd: residuals of positive rows, of zero rows and of the dual equations. mu: mean complementarity.
+        tolerance: relative residual of the linear solves.
+        """
         d = 1.0 / (self.s / self.v + _POSITIVE)
         weights = np.zeros(self.shape)
         weights[self.k, self.l] = d[:-1]

@@ -43,7 +43,7 @@ _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
     """Solve the RLT relaxation of one region by matrix blocks; None without convergence."""
-    # It is the program of `solve_rlt`, and faster for many faces.
+    # The same program as that of `solve_rlt`, solved faster where faces are many.
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)
     unit, wide = scaling_matrix(region, force_bounds), region.high - region.low
@@ -51,6 +51,9 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
     largest = row_maxima(facts)
     local_space = LocalProductSpace(modes, region.closed, options.distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
+    # Rows of `facts` are the slacks y, then λ − low, high − λ and 1; columns are mode rates, then forms of loops.
+    # Products y z of held and moving modes are zero, those asked for by `pairs` are ≥ 0, and the last three rows take
+    # part with each form that moves.
     equal, positive = np.zeros((2, len(facts), len(local_space.forms)), dtype=bool)
     equal[zero_product_pairs(held, moving)] = True
     positive[:count] = pairs & moving_forms(local_space.forms, region) & ~equal[:count]
@@ -60,6 +63,7 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
     positive[count : count + 2] = positive[count + 2]
     positive[count : count + 2, :count] &= modes.hinges | ~np.repeat(lone, 4)
     velocities = velocities_of(local_space, facts / largest[:, None], modes.statics @ unit, lone)
+    # Minimise ((λ − low)(b_λ·u) − σ cost) / wide.
     above = np.zeros(len(unit))
     above[-2:] = 1.0, -region.low
     goal = unit.T @ (np.outer(above, modes.live_rate) - slack * cost_form(modes)) / wide @ velocities.basis
@@ -96,8 +100,10 @@ class BlockCertifier(Certifier):
         self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound."""
-        # The result is scaled, at most region.high, and −inf if nothing is proven.
+        """Correct multipliers until they prove a lower bound on λ, and return that bound.
+
+        The bound is scaled, at most region.high, and −inf if nothing is proven.
+        """
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
         self.unbalanced[-len(lone) :] = lone

@@ -144,13 +144,13 @@ class LinearModes:
     scaled.
     """
 
-    matrix: Floats  # (equations, q) a
+    matrix: Floats  # (equations, q) A
     dead: Floats  # (equations,) b
     live_rate: Floats  # (w,) coefficients of b_λ·u in w
-    # rows, constants: (k, q) c and d
+    # rows, constants: (k, q) C and (k,) d
     rows: Floats
     constants: Floats
-    rates: Floats  # (k, w) h
+    rates: Floats  # (k, w) H
     capacities: Floats  # (m, q + 2) shear capacity of each face, μN or τA, as a linear form of (F, λ, 1)
     adjacent: Bools  # (m, m) True for faces that meet at an element, and on the diagonal
 
@@ -311,7 +311,7 @@ class Statics:
     @cached_property
     def force_bounds(self) -> Floats:
         """Return upper bounds (3m + 2,) on |F|, |λ| and 1; inf where none is proven."""
-        # There are none if self-stress is unbounded.
+        # Nothing is proven if self-stress is unbounded.
         if self._force_bounds is not None:
             return self._force_bounds
         modes = self.modes

@@ -58,10 +58,11 @@ class NormalEquations:
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
         """Factor the matrix for given weights, and return the function that solves with it.
 
-        weights: (r, forms) weights d_kl ≥ 0 of the products.
+        weights: (r, forms) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: least number added
+        to the diagonal. plain: refine without conjugate directions. The function takes a right-hand side (Z, T), the
+        relative residual to reach, and the largest number of corrections; it returns the point of least residual.
+        Raises LinAlgError if the matrix cannot be factored.
         """
-        # The function takes a right-hand side (Z, T), the relative residual to reach, and the largest number of
-        # corrections. It returns the point of least residual. LinAlgError is raised if the matrix cannot be factored.
         once = self._once(weights, live, shift)
         space = self.space
 
@@ -103,8 +104,10 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Factor the shifted matrix, and return a function that solves without refinement."""
+        """Factor the shifted matrix, and return a function that solves without refinement; arguments as of `factor`."""
         space, shift = self.space, max(shift, self._shift)
+        # T couples to Z only through the slip of its own lone face, so its (f, 4, 4) diagonal blocks `both` are
+        # eliminated first; `half` is what the two slides add to Z after that.
         slides = space.ones * (4 * space.lone)
         first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
         across = np.swapaxes(space.own, 1, 2)
@@ -121,6 +124,7 @@ class NormalEquations:
         else:
             raise np.linalg.LinAlgError("normal equations of products are not positive definite")
         solved = held
+        # The live work is a matrix of rank one: Sherman and Morrison.
         forms = space.rates[4 * space.lone + 3]
         unit = space.unit
         along = solved(unit)
@@ -318,7 +322,11 @@ class _FrontPositions:
 
 
 def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add an update matrix to a front, in the lower half of both (extend-add)."""
+    """Add an update matrix to a front, in the lower half of both (extend-add).
+
+    places: position in the front of each block of the update. at, its: first rows of the blocks of the front, and of
+    the update.
+    """
     # Runs of rows that are contiguous in both are added at once.
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):

@@ -315,7 +315,7 @@ class PrimalDualPair:
     violation: float  # largest excess of friction (|V| − μN)⁺ over the largest N
     dilation: float  # largest dilation of pressed faces over the largest slip; inf without a mechanism
     gap: float  # complementarity gap Γ, docs/method.md (4.3); inf without a mechanism
-    dissipation: float  # σ D_N(J), docs/method.md (4.5)
+    dissipation: float  # Σ D_N(J), docs/method.md (4.5)
     area_change: float  # change of effective areas that the forces require; 0 without effective areas
     load_scale: float  # scaled λ below which λ counts as zero
     settled: bool  # True if λ of the last two programs agree: minimisation of Γ, and frozen problem

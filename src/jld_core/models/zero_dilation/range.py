@@ -188,11 +188,11 @@ def load_range(
 
     labels: (m,) True = dry. Result: proof of the lowest solution found. `extra` also holds `lowest_found` and
     `highest_found` (λ, None if no solution was certified), `solutions_found`, `highest` (evidence for the highest
-    solution: λ, violation, dilation, gap, forces, mechanism), and the entries of the bound: - `lowest_proven`: no
+    solution: λ, violation, dilation, gap, forces, mechanism), and the entries of the bound. `lowest_proven`: no
     solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None if no bound above zero is
-    proven. - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
-    solver. - `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within
-    1e-6. - `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
+    proven. `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
+    solver. `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6.
+    `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
     """
     # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
     # a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner faces.
@@ -236,10 +236,10 @@ def _lower_bound(
 ) -> LowerBound | None:
     """Compute a lower bound on λ of all solutions by the function `bound`.
 
-    labels: (m,) True = dry.
+    labels: (m,) True = dry. None without any solution, without time, with effective areas, and where dry faces have
+    cohesion or inner faces friction.
     """
-    # If a solution at λ = 0 is known, the bound is 0 without a search. The result is None without any solution, without
-    # time, with effective areas, and where dry faces have cohesion or inner faces friction.
+    # If a solution at λ = 0 is known, the bound is 0 without a search.
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None

@@ -118,7 +118,8 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
     i, j: (k,) rows of `first` and of `second`, in pairs. The result is sparse, (k, columns of first × columns of
     second).
     """
-    # They state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md (4.7).
+    # The rows state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md
+    # (4.7).
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
     count = a * b
@@ -343,10 +344,10 @@ class LowerBound:
 class LowerBoundProblem:
     """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
-    load: scaled λ of the lowest solution found. seconds: processor time from now, s, after which no further program
-    begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a lower solution. It returns
-    the scaled λ of the lowest solution found. load: as above, updated by `offer_states`. programs: number of programs
-    solved. solve_log: steps in order.
+    load: scaled λ of the lowest solution found, updated by `offer_states`. seconds: processor time from now, s, after
+    which no further program begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a
+    lower solution. It returns the scaled λ of the lowest solution found. programs: number of programs solved.
+    solve_log: steps in order.
     """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:

@@ -149,7 +149,11 @@ class BlockSweep:
     def _step(
         self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
     ) -> tuple[RltSolution | None, float]:
-        """Solve one program of a region; return its solution and the bound that it proves."""
+        """Solve one program of a region; return its solution and the bound that it proves.
+
+        name: of the step in the log. pairs: products in the program, as in `RltOptions`. slack: relative slack σ. The
+        bound is −inf without a proof.
+        """
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
         left = max(problem.seconds_left, 1.0)
@@ -277,7 +281,7 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
     forces: (q·m,) scaled start. Iterations end early where a program fails.
     """
-    # This removes thrust that the mechanism does not need.
+    # Decreasing friction removes thrust that the mechanism does not need.
     previous = search.normals(forces)
     for _ in range(_FALLS):
         template, _ = search.freeze_friction(_SLOPE, previous, search.areas(forces))
@@ -291,10 +295,13 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Search for a solution from a state of low compression on random faces."""
+    """Search for a solution from a state of low compression on random faces.
+
+    Result: the pair reached, which need not be a solution; None where a program fails.
+    """
     # Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
     # From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed
-    # in turn. The result is the pair reached, which need not be a solution; None where a program fails.
+    # in turn.
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
     program.objective[: search.count : freedoms] = rng.exponential(size=len(search.labels))
@@ -366,8 +373,10 @@ class Found:
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a new best, lowest or highest solution."""
-        # The result is True if the pair is a certified solution.
+        """Store a pair if it is a new best, lowest or highest solution.
+
+        Result: True if the pair is a certified solution.
+        """
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.is_solution(self.width):
@@ -448,8 +457,9 @@ class MultiStartSearch:
 
     def search_mixtures(self, sufficient_load: float = -math.inf) -> None:
         """Descend from mixtures of the lowest solution with states of low compression."""
-        # It runs only if earlier descents ended at different λ, and stops after several mixtures in a row without gain.
-        # If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
+        # The search runs only if earlier descents ended at different λ, and stops after several mixtures in a row
+        # without gain. If all descents end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to
+        # 141 faces.
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.alternation is None or apart <= _LOWER * max(self._ends, default=0.0):
             return

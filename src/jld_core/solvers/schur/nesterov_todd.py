@@ -68,7 +68,7 @@ class Cones:
 
     def step(self, vector: Floats, direction: Floats) -> float:
         """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside."""
-        # It is the largest α for which vector + α·direction lies in the cones.
+        # α is the largest number for which vector + α·direction lies in the cones.
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
         most = 1e-10
         if self.linear:
@@ -129,7 +129,7 @@ class NesterovTodd:
 
 def _blocks(w: Floats) -> Floats:
     """Return the symmetric square-root matrices (k, size, size) of unit vectors w (k, size)."""
-    # They are [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)], where w₀² − ‖w₁‖² = 1.
+    # The matrices are [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)], where w₀² − ‖w₁‖² = 1.
     count, size = w.shape
     blocks = np.zeros((count, size, size))
     if size:

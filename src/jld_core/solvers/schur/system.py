@@ -386,7 +386,7 @@ class Newton:
             self.slope = float(q @ x1 + r @ u1 + h @ self.scaling.divide(wv1)) - it.kappa / it.tau
 
     def direction(self, eta: float, ds: Floats, dk: float) -> Direction:
-        """Return one search direction."""
+        """Return the search direction that removes a share eta of the residuals and ds, dk of complementarity."""
         it, scaling = self.it, self.scaling
         comp = self.cones.quotient(scaling.point, ds)
         x2, u2, wv2 = self.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
@@ -497,7 +497,7 @@ class SchurSolver(Solver):
         return self.solve_until(program, None)
 
     def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
-        """Solve a program, or stop at the first iterate that suffices; see `Solver.solve_until`.
+        """Solve a program, or stop at the first iterate that suffices.
 
         Raises SolverError as `solve`.
         """
@@ -525,9 +525,11 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
-        """Return the transformation of a program to equilibrium of whole blocks."""
-        # None for a program without `bodies`, and where every block is one element. The last transformation is stored
-        # and reused if it fits the program.
+        """Return the transformation of a program to equilibrium of whole blocks.
+
+        None for a program without `bodies`, and where every block is one element.
+        """
+        # The last transformation is stored and reused if it fits the program.
         bodies, known = program.bodies, self._equations
         if bodies is None:
             return None

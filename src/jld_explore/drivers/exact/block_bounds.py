@@ -66,9 +66,10 @@ class BlockSpace:
 
 @one_thread()
 def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
-    """Solve a block relaxation in this worker process."""
-    # Returns the result and the number of programs solved. None if `program` is None or no relaxation is stored under
-    # the name.
+    """Solve a block relaxation in this worker process; return the result and the number of programs solved.
+
+    None if `program` is None or no relaxation is stored under the name.
+    """
     if block_space is not None:
         _relaxations.clear()
         made: BlockSpace = pickle.loads(block_space)
@@ -120,7 +121,7 @@ class BlockBoundPool:
             self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Solve one block relaxation in this process; see `BlockRelaxation.choose`.
+        """Solve one block relaxation in this process.
 
         allowed: (p,) True for blocks that may be chosen.
         """
@@ -387,8 +388,10 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
-        """Return True if the mechanisms stored in a conflict refute its labels, without a solver."""
-        # False says nothing: the mechanisms may not be in memory.
+        """Return True if the mechanisms stored in a conflict refute its labels, without a solver.
+
+        False proves nothing, since the mechanisms may not be in memory.
+        """
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:
@@ -409,8 +412,7 @@ class _BlockRefutation:
         return False
 
     def by_programs(self, conflict: Conflict) -> bool | None:
-        """Return True if new block relaxations refute a conflict, and False if they do not."""
-        # None if time ran out.
+        """Return True if new block relaxations refute a conflict, False if they do not, and None if time ran out."""
         threshold = _raised(conflict.bound)
         for labels in self._labellings(conflict, threshold):
             if time.perf_counter() >= self._end:
@@ -421,8 +423,8 @@ class _BlockRefutation:
         return True
 
     def _labellings(self, conflict: Conflict, threshold: float) -> Iterator[Bits | None]:
-        """Yield the labellings (m,) of a conflict that no block relaxation refutes."""
-        # Yields None before each program, so that the caller can check the time.
+        """Yield the labellings (m,) of a conflict that no block relaxation refutes, and None before each program."""
+        # The None lets the caller check the time.
         nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._most > threshold else []
         while nodes:
             left = self._tables.propagated(nodes.pop())

@@ -315,9 +315,10 @@ class BlockTree:
     def _with_forced_labels(
         self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
     ) -> Node | None:
-        """Decide each face that has one child left as in that child; return the node, or None."""
-        # `forced` holds the children left of each such face, at most one each. None if no labelling is left, which may
-        # add to `conflicts`.
+        """Decide each face that has one child left as in that child; return the node, or None if no labelling is left.
+
+        forced: children left of each such face, at most one each. May add to `conflicts`.
+        """
         if not all(forced):
             return None
         left = [one for (one,) in forced]

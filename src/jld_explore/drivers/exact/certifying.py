@@ -53,9 +53,9 @@ _REMEDY: Final = "a search whose proof has a certificate"
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
     """Raise InputError if the proof of a driver cannot have a certificate.
 
-    Raises InputError if the driver is not `Exact` or aims at a front, or nothing bounds λ of several labellings at
-    once. Also if the search limits assembly sequences, requires a load factor or uses robust values. Also if friction
-    is not associative, or a face has no work balance. The message has one line.
+    Refused are drivers that are not `Exact` or aim at a front, and models for which nothing bounds λ of several
+    labellings at once. So are searches that limit assembly sequences, require a load factor or use robust values,
+    friction that is not associative, and faces without a work balance.
     """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
@@ -97,8 +97,8 @@ def certify(
 class Certifier:
     """Search for the mechanisms and rules that certify a bound on λ over a space.
 
-    bound: upper bound on λ in scene units; with load cases on the governing factor. bound: bound that the certificate
-    claims: the given one plus `_SLACK`, scene units.
+    bound: upper bound on λ, scene units; with load cases on the governing factor. The attribute `bound` is what the
+    certificate claims: the given one plus `_SLACK`.
     """
 
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
@@ -236,9 +236,10 @@ class Certifier:
     # --- mechanisms -------------------------------------------------------------------------------------
 
     def _mechanism(self, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Return a mechanism in whole numbers that proves the bound for given labels, or None."""
-        # `decided` (m,) selects the faces whose labels (m,) hold. The result is None if no load case has such a
-        # mechanism.
+        """Return a mechanism in whole numbers that proves the bound for given labels; None if no load case has one.
+
+        decided: (m,) faces whose labels (m,) hold.
+        """
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):

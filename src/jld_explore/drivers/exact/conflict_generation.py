@@ -46,10 +46,12 @@ _DECAY: Final = 0.9  # weight of the earlier average when the share of refuted l
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
-    """Return the windows of each width, (w, m) bool, True where a face touches the window."""
+    """Return the windows of each width, (w, m) bool, True where a face touches the window.
+
+    Empty for structures of fewer than `_LEAST_SLABS` slabs.
+    """
     # A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a
-    # window alone refutes gives a small conflict. The result is empty for structures of fewer than `_LEAST_SLABS`
-    # slabs.
+    # window alone refutes gives a small conflict.
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)

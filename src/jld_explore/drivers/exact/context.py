@@ -39,8 +39,8 @@ class PartialLabellingRelaxation(Protocol):
     ) -> list[DualBound | None]:
         """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
 
-        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried; see `Relaxation.refute_all`. A
-        proof holds its mechanism and its bound.
+        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried. A proof holds its mechanism
+        and its bound.
         """
         ...
 
@@ -186,8 +186,8 @@ def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
 class Heuristics:
     """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
 
-    driver: driver that runs whenever it is due. due: number of its labellings before the proof. due: number of its
-    labellings that are due now. limit: largest number of labellings that are proposed together; None for no limit.
+    driver: driver that runs whenever it is due. due: number of its labellings before the proof; the attribute is the
+    number that are due now. limit: largest number of labellings that are proposed together; None for no limit.
     """
 
     def __init__(self, driver: Driver, due: int) -> None:
@@ -207,7 +207,7 @@ class Heuristics:
         self.due = 0
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
+        """Take in evaluations of labellings (k, m)."""
         self.driver.tell(labellings, evaluations)
         if self._starter is not None:
             self._starter.tell(labellings, evaluations)

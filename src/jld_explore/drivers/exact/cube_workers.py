@@ -443,9 +443,11 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results of the threads, and start those that are idle."""
-        # Returns True once no labelling is left that may exceed the threshold. `threshold` is a scaled λ that must not
-        # decrease between calls for the same target, which `begin` sets. An exception of a thread is raised here.
+        """Wait briefly for results of the threads, and start those that are idle.
+
+        True once no labelling is left that may exceed the threshold. threshold: scaled λ, which must not decrease
+        between calls for the same target, which `begin` sets. An exception of a thread is raised here.
+        """
         with self._results_changed:
             if self._target is None:
                 self._target = _Target(self._count, threshold)
@@ -583,8 +585,10 @@ class ConflictSources:
             self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return True if no labelling is left."""
-        # `threshold` is a scaled λ, at least that of the call before with the same formula.
+        """Add the conflicts of a short time to the proof; return True if no labelling is left.
+
+        threshold: scaled λ, at least that of the call before with the same formula.
+        """
         formula = self.formula
         if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only

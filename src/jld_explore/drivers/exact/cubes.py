@@ -23,7 +23,7 @@ class Cube:
     """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry."""
 
     faces: tuple[int, ...] = ()
-    labels: tuple[bool, ...] = ()  # their labels, True = dry
+    labels: tuple[bool, ...] = ()
 
     def and_face(self, face: int, *, dry: bool) -> Cube:
         """Return the part of the cube with the label `dry` on one more face."""

@@ -100,7 +100,7 @@ class ConflictDriver(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """True if the driver enumerates its space; see `Driver.exhaustive`."""
+        """True if the driver enumerates its space."""
         return self._enumeration is not None
 
     def _new_sources(self) -> ConflictSources | None:
@@ -152,7 +152,7 @@ class ConflictDriver(Driver):
         return here + (0 if self._sources is None else self._sources.solves)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the cost of the proof and the result of its check; see `Driver.facts`."""
+        """Return the cost of the proof and the result of its check."""
         found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
         if self._proof_check is not None:
             found["proof_check"] = self._proof_check.to_dict()
@@ -164,12 +164,12 @@ class ConflictDriver(Driver):
 
     @property
     def complaints(self) -> list[str]:
-        """Contradictions found, and a failed check of the proof; see `Driver.complaints`."""
+        """Contradictions found, and a failed check of the proof."""
         failed = self._proof_check is not None and not self._proof_check.passed
         return [*self._contradictions, *([f"not proven: {self._proof_check.problem}"] if failed else [])]  # type: ignore[union-attr]
 
     def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and start the proof again; see `Driver.withdraw`.
+        """Forget all conflicts and start the proof again.
 
         After a second contradiction the proof is given up.
         """
@@ -205,19 +205,19 @@ class ConflictDriver(Driver):
         return len(self._contradictions) > 1
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of workers that refute parts of the space; see `Driver.set_workers`."""
+        """Set the number of workers that refute parts of the space."""
         self._jobs = jobs
         if self._sources is not None:
             self._sources.set_workers(jobs)
 
     def close(self) -> None:
-        """Stop all workers and save the conflicts; see `Driver.close`."""
+        """Stop all workers and save the conflicts."""
         if self._sources is not None:
             self._sources.close()
             self._state.conflicts.save()
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set deadline, heartbeat and records of the search; see `Driver.start`."""
+        """Set deadline, heartbeat and records of the search."""
         # The search stops early enough to evaluate the labellings found last.
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
@@ -226,7 +226,7 @@ class ConflictDriver(Driver):
             self._state.conflicts.keep(records, self._context.key)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over evaluations of labellings (k, m) from a resumed study; see `Driver.restore`."""
+        """Take over evaluations of labellings (k, m) from a resumed study."""
         self._learn(labellings, evaluations)
         self._state.note_evaluated(labellings)
 
@@ -396,7 +396,7 @@ class Exact(ConflictDriver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Options that the sequence of proposals depends on; see `Driver.settings`."""
+        """Options that the sequence of proposals depends on."""
         return {"aim": self.aim}
 
     @property
@@ -424,7 +424,7 @@ class Exact(ConflictDriver):
 
     @property
     def working(self) -> bool:
-        """True if targets are left and the proof is not given up; see `Driver.working`."""
+        """True if targets are left and the proof is not given up."""
         if self._enumeration is not None:
             return self._enumeration.working
         return bool(self._targets_left) and not self._given_up
@@ -435,7 +435,7 @@ class Exact(ConflictDriver):
         return [] if self._given_up else self._targets.left
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the cost of the proof, and the front if it is the aim; see `Driver.facts`."""
+        """Return the cost of the proof, and the front if it is the aim."""
         found = super().facts(results, complete)
         asked = self.space.search.front
         if self.aim == "front" and not asked.counts:
@@ -447,7 +447,7 @@ class Exact(ConflictDriver):
         return found
 
     def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and bounds and start the proof again; see `Driver.withdraw`."""
+        """Forget all conflicts and bounds and start the proof again."""
         super().withdraw(reason)
         self._targets.restart()
         self._steps = self._search()
@@ -455,13 +455,13 @@ class Exact(ConflictDriver):
             self._block_search.abandon()
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of workers that refute parts of the space; see `Driver.set_workers`."""
+        """Set the number of workers that refute parts of the space."""
         super().set_workers(jobs)
         if self._block_search is not None:
             self._block_search.set_workers(jobs)
 
     def close(self) -> None:
-        """Stop all workers and save the conflicts; see `Driver.close`."""
+        """Stop all workers and save the conflicts."""
         if self._block_search is not None:
             self._block_search.close()
         super().close()
@@ -475,7 +475,7 @@ class Exact(ConflictDriver):
             self._heuristics.begin_with(starter, labellings)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate; see `Driver.ask`."""
+        """Return the next labellings (k, m) to evaluate."""
         # When nothing is left to prove this method checks the proof.
         if self._enumeration is not None:
             return self._enumeration.ask(limit)
@@ -505,7 +505,7 @@ class Exact(ConflictDriver):
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
+        """Take in evaluations of labellings (k, m)."""
         if self._enumeration is not None:
             self._enumeration.tell(labellings, evaluations)
             return
@@ -647,7 +647,7 @@ class Exact(ConflictDriver):
         return self._labellings_to_evaluate()
 
     def least(self, target: int | None) -> float:
-        """Return the λ that a labelling must exceed to count as better, see `Targets.least`."""
+        """Return the λ that a labelling must exceed to count as better."""
         return self._targets.least(target)
 
     def _begin_step(self, target: int | None, schedule: TargetSchedule) -> ScheduledStep:

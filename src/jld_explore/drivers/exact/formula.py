@@ -100,12 +100,12 @@ class AssumptionLiterals:
 class UnaryCounter:
     """Number of true literals among some, plus a constant, as a unary number.
 
-    The clauses in `clauses` must be added to the solver; then assuming literals of `within` bounds the number.
-    Two totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer
-    implies only upper bounds.
+    The clauses in `clauses` must be added to the solver; then assuming literals of `within` bounds the number. Two
+    totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer implies only
+    upper bounds.
 
-    literals: literals to count. constant: constant added to the number. top: largest variable in use. clauses: clauses
-    that define the digits. top: largest variable in use afterwards.
+    literals: literals to count. constant: constant added to the number. top: largest variable in use; the attribute is
+    the one in use afterwards. clauses: clauses that define the digits.
     """
 
     def __init__(self, literals: Sequence[int], constant: int, top: int) -> None:

@@ -63,7 +63,7 @@ class MinimumCount(ConflictDriver):
 
     @property
     def working(self) -> bool:
-        """True if the proof is neither done nor given up; see `Driver.working`."""
+        """True if the proof is neither done nor given up."""
         if self._enumeration is not None:
             return self._enumeration.working
         return not self._done and not self._given_up
@@ -84,7 +84,9 @@ class MinimumCount(ConflictDriver):
         )
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate; see `Driver.ask`."""
+        """Return the next labellings (k, m) to evaluate."""
+        # In this order: labellings of the genetic driver, those that no conflict refutes at the required λ, and, once
+        # none is left, the check of the proof, after which a proof that it corrected goes on.
         if self._enumeration is not None:
             return self._enumeration.ask(limit)
         if self._sources is not None:
@@ -116,12 +118,12 @@ class MinimumCount(ConflictDriver):
         return given
 
     def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and start the proof again; see `Driver.withdraw`."""
+        """Forget all conflicts and start the proof again."""
         super().withdraw(reason)
         self._target_begun = self._done = False
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
+        """Take in evaluations of labellings (k, m)."""
         if self._enumeration is not None:
             self._enumeration.tell(labellings, evaluations)
             return

@@ -212,8 +212,8 @@ class ProofState:
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
         """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new."""
-        # They are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling that
-        # has an evaluation is not queued.
+        # Labellings are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling
+        # that has an evaluation is not queued.
         new = 0
         for labels in labellings:
             row = np.asarray(canonical(labels[None], self.space.group))[0]

@@ -144,7 +144,7 @@ class Cutter:
 
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
         """Return the parts joined so far if all are allowed, else None."""
-        # Such parts cut exactly the pairs whose key exceeds the threshold.
+        # The parts joined so far cut exactly the pairs whose key exceeds the threshold.
         least, most = self._least, self._most
         cells = self.graph.cells
         parts: dict[int, list[int]] = {}
@@ -163,9 +163,11 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join parts in ascending order of the keys of pairs, where the union `fits`."""
-        # Pairs whose key exceeds the threshold stay apart. Returns all parts, among them those that remain too small.
-        # Arguments are as in `assemble`.
+        """Join parts in ascending order of the keys of pairs, where the union `fits`.
+
+        Returns all parts, among them those that remain too small.
+        """
+        # Pairs whose key exceeds the threshold stay apart. Arguments are as in `assemble`.
         name = {a: a for a in members}
         parts = {a: [a] for a in members}
         for key, _, a, b in keyed:

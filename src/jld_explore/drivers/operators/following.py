@@ -81,8 +81,11 @@ class Following:
     def _child(
         self, segmentations: Segmentations, labels: Bits, part: Parts, moving: Floats, rng: BufferedRandom
     ) -> Parts | None:
-        """Return a partition joined at a moving face, cut where nothing moves, or varied."""
-        # The choice is random. None where the chosen change fails.
+        """Return a partition joined at a moving face, cut where nothing moves, or varied.
+
+        None where the chosen change fails.
+        """
+        # The choice is random.
         choice = rng.real()
         if choice < _JOIN_SHARE and (faces := self._moving_joints(labels, moving)):
             face = rng.pick(faces)

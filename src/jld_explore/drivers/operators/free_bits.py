@@ -61,8 +61,10 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Flip one random label of each parent (k, m), sometimes more, and repair the results."""
-        # Returns the rows (j, m), j ≤ k, that could be repaired.
+        """Flip one random label of each parent (k, m), sometimes more, and repair the results.
+
+        Returns the rows (j, m), j ≤ k, that could be repaired.
+        """
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)

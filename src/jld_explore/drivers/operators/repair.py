@@ -148,9 +148,9 @@ class Repair:
 class Groups:
     """Partition under construction: the atoms of each part by its name, an integer.
 
-    graph: atoms of the search space. cutter: cuts regions and checks limits. part: initial partition; parts to check
-    that are not connected are split. unchecked: names of the parts to check; None for all parts. part: the part of each
-    atom at present.
+    graph: atoms of the search space. cutter: cuts regions and checks limits. part: initial partition, of which parts to
+    check that are not connected are split; the attribute is the part of each atom at present. unchecked: names of the
+    parts to check; None for all parts.
     """
 
     def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, unchecked: list[int] | None) -> None:

@@ -195,8 +195,10 @@ class Batches:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """Join atoms by keys as `read`; return the part of each atom (j, atoms)."""
-        # Also returns (k,) True for the j rows without a part that is too small; the others are left out.
+        """Join atoms by keys as `read`; return the part of each atom (j, atoms).
+
+        Also returns (k,) True for the j rows without a part that is too small; the others are left out.
+        """
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -332,7 +334,7 @@ class Segmentations:
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Change each parent (k, m) once, sometimes two or three times; see `Operators.vary`."""
+        """Change each parent (k, m) once, sometimes two or three times."""
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
@@ -517,10 +519,13 @@ class Segmentations:
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cross two parents: overlay their joints, and merge the fragments."""
+        """Cross two parents: overlay their joints, and merge the fragments.
+
+        Result: the partition of the child, None if none is found.
+        """
         # A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
         # faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
-        # face. The result is the partition of the child, None if none is found.
+        # face.
         patch = self._patch(rng) if rng.real() < 0.7 else None
         bias = rng.real()
         keys = []
@@ -550,8 +555,10 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """Return a random pair of neighbours in different parts, None if all are in one part."""
-        # The result is (a, b, index of the pair), a and b in random order.
+        """Return a random pair of neighbours in different parts, None if all are in one part.
+
+        Result: (a, b, index of the pair), a and b in random order.
+        """
         pairs = self.graph.pairs
         if not pairs:
             return None
@@ -584,13 +591,13 @@ class Operators(Protocol):
     that cannot be made to keep the limits. They may be neither canonical nor new.
     """
 
-    keys: int  # number of keys that `read` takes
+    keys: int
     """Number of keys that `read` takes."""
 
-    offspring_factor: int  # number of children to make for each evaluated one
+    offspring_factor: int
     """Number of children that are cheap enough to make for each evaluated one."""
 
-    always_feasible: bool  # whether every row is feasible without a check
+    always_feasible: bool
     """True if every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
@@ -611,8 +618,8 @@ class Operators(Protocol):
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """Return one child of each couple, then one change of each single parent.
 
-        first, second: (k, m) parents of the couples. single: (i, m) single parents. Both are made in one batch where
-        possible.
+        first, second: (k, m) parents of the couples. single: (i, m) single parents. Children and changes are made in
+        one batch where possible.
         """
 
     def read(self, keys: list[float]) -> Bits:
