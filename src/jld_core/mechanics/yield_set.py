@@ -74,7 +74,7 @@ class Rows(Protocol):
 class Hull:
     """Yield rows of undecided faces: they enclose the dry and the inner yield set.
 
-    Relaxations use them in the places of the rows of dry faces, see `hull_rows`.
+    Relaxations use them in the places of the rows of dry faces, docs/method.md (6.3).
 
     pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
     either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
