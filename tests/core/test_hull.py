@@ -68,7 +68,7 @@ def test_rows_enclose_either_label_and_hardly_more(name: str) -> None:
     v, m = rng.uniform(0.0, 2.0 * limit, n.size), rng.uniform(0.0, limit, n.size)
     for label in np.array([[True], [False]]):
         dry = bool(label[0])
-        shear = sets.cohesion_of(label) + sets.friction_of(label) * n
+        shear = sets.capacity_of(label) + sets.friction_of(label) * n
         bend = n - n * n / limit if dry else np.minimum(n + sets.tension[0], sets.numbers.crush_inner[0] - n) / 3.0
         held = (bend >= 0.0) & (shear >= 0.0)
         # what lies outside is taken to the boundary

@@ -80,7 +80,7 @@ class FieldStresses:
     It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
 
     load_factor: λ that the field carries, scene units. may_be_dry: (m,) faces on which tractions are within friction,
-    cohesion and crushing of the dry joint.
+    shear strength and crushing of the dry joint.
     """
 
     load_factor: float

@@ -15,7 +15,7 @@ from jld_core.mechanics.criteria import FaceRows, Gauge, geometry_of, rows_of
 from jld_core.mechanics.polytopes import corners, enclosing_rows
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.standard import ROUTE_OF_ROWS, scaled_strengths, side_of, standard_rows, standard_yield
+from jld_core.mechanics.standard import ROUTE_OF_ROWS, scaled_strengths, standard_rows, standard_yield
 from jld_core.mechanics.yield_set import YieldSet
 from jld_core.strengths import Strengths
 
@@ -40,7 +40,7 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
         none = np.zeros(len(assembly.interfaces), dtype=bool)
-        bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.crush_inner))
+        bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
     dry, inner = (_compiled(assembly, _rows(assembly, numbers, bending, label), label) for label in (True, False))
     return dry, inner
 
@@ -103,7 +103,7 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
 def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
     """Return the rows of the standard criterion under one label, in stresses; in the plane they limit V too."""
     point = np.zeros(len(numbers.friction), dtype=bool)
-    side = side_of(scaled_strengths(numbers, np.ones(len(point))), dry=dry)
+    side = scaled_strengths(numbers, np.ones(len(point))).side(dry=dry)
     late = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
     own = standard_rows(side, bending, point, 0 if dry else late, dry=dry)
     if bending is not None:
@@ -130,7 +130,7 @@ def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: 
 
 def _taken(gauge: Gauge, faces: Bools) -> Gauge:
     """Return a gauge of some faces (m,)."""
-    numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.cohesion, gauge.friction))
+    numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 
 
@@ -171,7 +171,7 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     numbers[0] = any(rows.gauges for _, rows in groups)  # in the plane, rows limit V
     for which, rows in groups:
         for gauge in rows.gauges:
-            torsion, cohesion, friction = (np.asarray(one) for one in (gauge.torsion, gauge.cohesion, gauge.friction))
+            torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
             size = np.array(torsion)
             if gauge.shear is not None:
                 size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
@@ -179,7 +179,7 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
                 coupled[which] = torsion > 0.0
             for place, limits in ((0, gauge.shear is not None), (1, bool(np.all(torsion > 0.0)))):
                 if limits and len(which):
-                    numbers[:, which, place] = np.array([torsion if place else size, cohesion, friction]) / size
+                    numbers[:, which, place] = np.array([torsion if place else size, capacity, friction]) / size
     return shear, numbers, coupled
 
 

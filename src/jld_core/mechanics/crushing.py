@@ -15,19 +15,21 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics.sheet import Row, Sheet, Term
 from jld_core.mechanics.yield_set import ParabolicBending, used
-from jld_core.strengths import Strengths
+from jld_core.strengths import Side
 
 _STEPS: Final = 257  # number of points on a parabola at which `_interaction_planes` evaluates tangent planes
 
 
 class Crushing(Protocol):
-    """Curved sets of the dry faces that crush; a yield set adds them to its rows.
+    """Curved sets of the dry faces that crush; a yield set adds them to its rows."""
 
-    faces: (k,) faces. limit: (k,) N_c, scaled.
-    """
+    @property
+    def faces(self) -> Ints:
+        """Return the faces (k,)."""
 
-    faces: Ints
-    limit: Floats
+    @property
+    def limit(self) -> Floats:
+        """Return N_c (k,), scaled."""
 
     def slack(self, forces: Floats) -> Floats:
         """Return the slack (k,) of scaled forces (k, q)."""
@@ -185,7 +187,7 @@ class Rectangles:
         return [first, second, third]
 
 
-def parabolic_hull(sets: Strengths, crushed: Ints) -> ParabolicBending | None:
+def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | None:
     """Return sets that enclose the yield sets of both labels, for planar faces that crush.
 
     crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
@@ -196,7 +198,7 @@ def parabolic_hull(sets: Strengths, crushed: Ints) -> ParabolicBending | None:
     # the line from the foot to the top. If the tangent through the foot passes above the top, it replaces the last two.
     # The tangent from a point (x, y) touches at n₀ = x + √(x² − N_c (x − y)). Shear: in N and |V|, the bound is the
     # line through (−T, τA − μ_inner T) above all corners. Bending and shear interact, see `ParabolicBending`.
-    tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
+    tension, limit, inner_limit = inner.tension[crushed], dry.crush[crushed], inner.crush[crushed]
     if not np.all(inner_limit <= limit):
         return None
     foot_knee = np.sqrt(tension * (tension + limit)) - tension
@@ -204,12 +206,12 @@ def parabolic_hull(sets: Strengths, crushed: Ints) -> ParabolicBending | None:
     at = np.maximum(x, foot_knee)
     above = y > at * at / limit + (1.0 - 2.0 * at / limit) * x
     knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
-    inner, dry = sets.inner_friction[crushed], sets.friction[crushed]
-    foot = sets.shear[crushed] - inner * tension
-    # Without tensile strength the foot is at N = 0, where the dry face may have cohesion.
-    foot = np.where(tension > 0.0, foot, np.maximum(foot, sets.cohesion[crushed]))
-    corners = [(inner_limit, sets.shear[crushed] + inner * inner_limit)]
-    corners += [(normal, sets.cohesion[crushed] + dry * normal) for normal in (0.0 * limit, limit)]
+    (rough, stuck), (mu, c) = ((one.friction[crushed], one.shear[crushed]) for one in (inner, dry))
+    foot = stuck - rough * tension
+    # Without tensile strength the foot is at N = 0, where the dry face may resist shear.
+    foot = np.where(tension > 0.0, foot, np.maximum(foot, c))
+    corners = [(inner_limit, stuck + rough * inner_limit)]
+    corners += [(normal, c + mu * normal) for normal in (0.0 * limit, limit)]
     slopes = [(v - foot) / np.where(n + tension > 0.0, n + tension, 1.0) for n, v in corners]
     slope = np.maximum(np.max(slopes, axis=0), 0.0)
     one, none = np.ones(len(crushed)), np.zeros(len(crushed))
@@ -218,9 +220,9 @@ def parabolic_hull(sets: Strengths, crushed: Ints) -> ParabolicBending | None:
     height = foot + slope * tension
     size = np.maximum(np.maximum(one, slope), height)
     rows = np.array([[one, one, none], [slope / size, one / size, height / size], line]).transpose(2, 0, 1)
-    holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
+    holds = stuck + rough + mu + c > 0.0
     rows[~holds, 1] = (0.0, 1.0, 1.0)
-    strengths = np.column_stack([limit, dry, sets.cohesion[crushed], tension, inner_limit, sets.shear[crushed], inner])
+    strengths = np.column_stack([limit, mu, c, tension, inner_limit, stuck, rough])
     interaction = _interaction_planes(strengths)
     interaction[~holds] = 0.0
     return ParabolicBending(
@@ -242,11 +244,11 @@ def _interaction_planes(strengths: Floats) -> Floats:
     # plane of the hull where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else
     # the one with the longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds
     # little.
-    limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
+    limit, mu, c, tension, inner_limit, stuck, rough = strengths.T
     top = 0.5 * (inner_limit - tension)
     normal = np.stack([-tension, top, inner_limit])[:, :, None]
     moment = np.stack([0.0 * top, (inner_limit + tension) / 6.0, 0.0 * top])[:, :, None]
-    more = (shear - cohesion)[:, None] + (inner_friction - friction)[:, None] * normal
+    more = (stuck - c)[:, None] + (rough - mu)[:, None] * normal
     share = np.linspace(0.0, 1.0, _STEPS)
     touch, slope = share * limit[:, None], 1.0 - 2.0 * share
     above = moment - slope * normal - share * touch  # height of the corners above the tangent

@@ -43,7 +43,7 @@ class EffectiveAreas:
 class PrescribedFriction:
     """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas.
 
-    Bending and cohesion are those of `base`. Faces of both labels have friction.
+    Bending and capacity without N are those of `base`. Faces of both labels have friction.
 
     base: set with associative friction. alpha: α, share of the present N: 1 is associative friction, 0 is friction
     without dilation. previous: (m,) n_prev, scaled; raised to the least N that a face can carry. areas: None leaves the
@@ -167,7 +167,7 @@ class PrescribedFriction:
         N is the present normal force. Negative values mean that shear stays within its capacity; faces without friction
         have −inf. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
-        capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
+        capacity = self.base.capacity_of(labels) + self.base.friction_of(labels) * forces[:, 0]
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
@@ -218,12 +218,12 @@ class PrescribedFriction:
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
-        spare = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
+        spare = self.base.capacity_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
             # A unit change of the resultants changes e by up to ρ (1 + |a|).
             steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
             spare = np.where(self.base.is_dry(labels), spare / steep, spare)
-        holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
+        holds = self.base.friction_of(labels) + self.base.capacity_of(labels) > 0.0
         return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:

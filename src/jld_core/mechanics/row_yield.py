@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
@@ -170,7 +172,7 @@ class RowYield:
         """Return True if one gauge |V| + k|mT| limits shear and torsion under either label."""
         return self.dry.plain and self.inner.plain
 
-    def _of(self, labels: Bits, name: str) -> Floats:
+    def _of(self, labels: Bits, name: str) -> NDArray[Any]:
         """Return an array of `LabelRows` by its name, for the label of each face."""
         dry, inner = getattr(self.dry, name), getattr(self.inner, name)
         return np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)

@@ -22,7 +22,8 @@ from jld_core.mechanics.crushing import Crushing, Parabolas, Rectangles, parabol
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, ParabolicBending
-from jld_core.strengths import CRITERIA, STANDARD, Route, Strengths
+from jld_core.scene.standard import ENDS
+from jld_core.strengths import CRITERIA, STANDARD, Route, Side, Strengths
 
 _ROUTE: Final = Route("the standard yield set")
 
@@ -33,26 +34,6 @@ ROUTE_OF_ROWS: Final = Route("yield sets stated as rows", STANDARD - {"dry crush
 # Rows of the moment of a planar face, as (m1, m2) of a spatial one; corners of the set of an inner face that crushes
 _PAIR: Final = np.array([[0.0, 1.0], [0.0, -1.0]])
 _SOLID: Final = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0 / 6.0], [0.5, 0.0, -1.0 / 6.0]])
-
-
-@dataclass(frozen=True)
-class Side:
-    """Numbers of the standard criterion of m faces under one label, as stresses or scaled; each field is (m,).
-
-    tension: σt. shear: c, the resistance to shear without N. friction: μ. crush: σc; inf where there is none.
-    """
-
-    tension: Floats
-    shear: Floats
-    friction: Floats
-    crush: Floats
-
-
-def side_of(numbers: Strengths, *, dry: bool) -> Side:
-    """Return the numbers of one label, from strengths that are scaled."""
-    if dry:
-        return Side(0.0 * numbers.cohesion, numbers.cohesion, numbers.friction, numbers.crush_dry)
-    return Side(numbers.tension, numbers.shear, numbers.inner_friction, numbers.crush_inner)
 
 
 def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, *, dry: bool) -> LabelRows:
@@ -142,12 +123,12 @@ class StandardYield(RowYield):
     @cached_property
     def has_inner_friction(self) -> bool:
         """Return True if any inner face has friction."""
-        return bool((self.numbers.inner_friction > 0.0).any())
+        return bool((self.numbers.side(dry=False).friction > 0.0).any())
 
     @cached_property
-    def has_dry_cohesion(self) -> bool:
-        """Return True if any dry face has cohesion."""
-        return bool((self.numbers.cohesion > 0.0).any())
+    def has_dry_shear(self) -> bool:
+        """Return True if any dry face resists shear without N."""
+        return bool((self.numbers.side(dry=True).shear > 0.0).any())
 
     @property
     def tension(self) -> Floats:
@@ -167,7 +148,7 @@ class StandardYield(RowYield):
         """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
         return self._of(labels, "mu")[:, 0]
 
-    def cohesion_of(self, labels: Bits) -> Floats:
+    def capacity_of(self, labels: Bits) -> Floats:
         """Return the scaled shear capacity (m,) of each face at N = 0."""
         return self._of(labels, "c")[:, 0]
 
@@ -201,7 +182,7 @@ class StandardYield(RowYield):
             return None
         crushed, limit = self.crushing.faces, self.crushing.limit
         if undecided:
-            return parabolic_hull(self.numbers, crushed)
+            return parabolic_hull(*_sides(self.numbers, self.point), crushed)
         c, mu = self.dry.c[crushed, 0], self.dry.mu[crushed, 0]
         one, none, size = np.ones(len(crushed)), np.zeros(len(crushed)), self.dry.gauge_sizes[crushed, 0]
         slide = [mu / size, one / size, c / size]
@@ -230,7 +211,7 @@ class StandardYield(RowYield):
         rows[:, 2:, 0] = self.friction_of(labels)[:, None]
         rows[:, 2:, 1] = (-1.0, 1.0)
         constants[:, :2] = np.where(labels, 0.0, self.numbers.tension)[:, None]
-        constants[:, 2:] = self.cohesion_of(labels)[:, None]
+        constants[:, 2:] = self.capacity_of(labels)[:, None]
         return rows, constants
 
 
@@ -254,7 +235,7 @@ def _standard_yield(numbers: Strengths, bending: Bending | None, point: Bools) -
 
 def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
     """Return the numbers of dry and of inner faces; points (m,) are dry under either label."""
-    dry, inner = (side_of(numbers, dry=label) for label in (True, False))
+    dry, inner = (numbers.side(dry=label) for label in (True, False))
     if point.any():
         inner = Side(*(np.where(point, getattr(dry, one.name), getattr(inner, one.name)) for one in fields(Side)))
     return dry, inner
@@ -285,11 +266,14 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
     if assembly.dimension == 2:
         return _standard_yield(numbers, None, np.zeros(len(faces), dtype=bool))
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
-    odd = np.flatnonzero(np.isfinite(strengths.crush_dry) & ~np.isnan(strengths.friction) & ~faces.rectangle)
+    dry = strengths.side(dry=True)
+    odd = np.flatnonzero(np.isfinite(dry.crush) & ~np.isnan(dry.friction) & ~faces.rectangle)
     if odd.size:
         problem = f"face {assembly.pair(odd[0])} is no rectangle"
         raise InputError("compressive_strength of dry faces", problem, "rectangles only")
-    return _standard_yield(numbers, bending_of(faces, point, inner_bending, np.isfinite(numbers.crush_inner)), point)
+    return _standard_yield(
+        numbers, bending_of(faces, point, inner_bending, np.isfinite(numbers.side(dry=False).crush)), point
+    )
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
@@ -298,21 +282,12 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
     unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
     strength. `require_materials` refuses the labellings that need such a material.
     """
-    return Strengths(
-        friction=np.nan_to_num(strengths.friction, nan=0.0),
-        tension=np.nan_to_num(strengths.tension, nan=0.0) * unit,
-        shear=np.nan_to_num(strengths.shear, nan=0.0) * unit,
-        crush_dry=_bounded(strengths.crush_dry, unit),
-        crush_inner=_bounded(strengths.crush_inner, unit),
-        cohesion=strengths.cohesion * unit,
-        inner_friction=strengths.inner_friction.copy(),
-    )
 
+    def scaled(stress: Floats) -> Floats:
+        # A face without area has no limit, as one without compressive strength.
+        free = np.isinf(stress)
+        return np.where(free, np.inf, np.nan_to_num(np.where(free, 0.0, stress)) * unit)
 
-def _bounded(strength: Floats, unit: Floats) -> Floats:
-    """Return scaled compressive strengths (m,), inf where none is given or a face has no area.
-
-    strength: (m,) scene units. unit: (m,) area of each face over the force scale.
-    """
-    given = np.isfinite(strength) & (unit > 0.0)
-    return np.asarray(np.where(given, np.where(given, strength, 0.0) * unit, np.inf))
+    found = strengths.changed(scaled, np.nan_to_num)
+    ends = {name: np.where(unit > 0.0, value, np.inf) for name, value in found.stresses.items() if name in ENDS}
+    return replace(found, **ends)

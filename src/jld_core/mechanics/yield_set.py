@@ -113,16 +113,16 @@ class ParabolicBending:
 class CoulombWedge:
     """Yield sets of planar faces of one label without compressive strength, scaled.
 
-    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ cohesion + friction·N. Directions of recession are N (1, ±μ,
+    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ shear + friction·N. Directions of recession are N (1, ±μ,
     ±1/bending).
 
-    tension, friction, cohesion: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
+    tension, friction, shear: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
     """
 
     tension: Floats
     bending: float
     friction: Floats
-    cohesion: Floats
+    shear: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
@@ -139,16 +139,14 @@ class CoulombWedge:
         The value holds where `margin` is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of each jump.
         """
         slip = abs(jumps[:, 1])
-        return np.asarray(
-            self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
-        )
+        return np.asarray(self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.shear[faces] * slip)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the sum of tensile strength and cohesion (k,) of faces (k,).
+        """Return the sum of tensile and shear strength (k,) of faces (k,).
 
         It is the largest dissipation of a jump of size 1.
         """
-        return np.asarray(self.tension[faces] + self.cohesion[faces])
+        return np.asarray(self.tension[faces] + self.shear[faces])
 
 
 class YieldSet(Rows, Protocol):
@@ -242,7 +240,11 @@ class YieldSet(Rows, Protocol):
 
 
 class FrictionSet(YieldSet, Protocol):
-    """Interface of a yield set with cohesion and friction, whose friction may be prescribed."""
+    """Interface of a yield set with friction, whose friction may be prescribed."""
+
+    @property
+    def numbers(self) -> Strengths:
+        """Return the scaled strengths of the faces."""
 
     @property
     def tension(self) -> Floats:
@@ -253,8 +255,8 @@ class FrictionSet(YieldSet, Protocol):
         """Return True if any inner face has friction."""
 
     @property
-    def has_dry_cohesion(self) -> bool:
-        """Return True if any dry face has cohesion."""
+    def has_dry_shear(self) -> bool:
+        """Return True if any dry face resists shear without N."""
 
     def is_dry(self, labels: Bits) -> Bools:
         """Return a mask (m,), True for faces that have the strengths of a dry face.
@@ -265,7 +267,7 @@ class FrictionSet(YieldSet, Protocol):
     def friction_of(self, labels: Bits) -> Floats:
         """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
 
-    def cohesion_of(self, labels: Bits) -> Floats:
+    def capacity_of(self, labels: Bits) -> Floats:
         """Return the scaled shear capacity (m,) of each face at N = 0.
 
         labels: (m,) True = dry.

@@ -152,8 +152,7 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
     """
     slip = sets.slip(jumps) * normal
     found = {"friction": np.where(labels, slip, 0.0), "inner_friction": np.where(labels, 0.0, slip)}
-    for name in ("tension", "shear", "cohesion", "crush_dry", "crush_inner"):
-        values = getattr(sets.numbers, name)
+    for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
         ends = [
             sets.with_strengths(replace(sets.numbers, **{name: values + sign * step})).dissipation(jumps, labels)
