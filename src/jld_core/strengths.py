@@ -1,8 +1,8 @@
 """Strengths of faces: the structure owns the numbers, and a route reads them only if it knows every fact in them.
 
-A **fact** is a kind of statement about strengths, such as cohesion or a criterion of a plug-in. A **route** is what
-reads the numbers: programs, fields, an exported file. A route that does not know a fact of the structure is refused,
-so that a new fact is refused by every route that was not taught it.
+A **fact** is a kind of statement about strengths, such as friction of joints or a criterion of a plug-in. A **route**
+is what reads the numbers: programs, fields, an exported file. A route that does not know a fact of the structure is
+refused, so that a new fact is refused by every route that was not taught it.
 """
 
 from __future__ import annotations
@@ -19,25 +19,23 @@ from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.parameters import near
+from jld_core.scene.standard import ENDS, PARAMETERS
 
 FACTS: Final[Mapping[str, tuple[str, str]]] = {
-    "friction": ("materials.dry", "friction of joints"),
-    "cohesion": ("materials.dry.cohesion", "cohesion of joints"),
-    "dry crushing": ("materials.dry.compressive_strength", "compressive strength of joints"),
-    "tension": ("materials.inner.tensile_strength", "tensile strength of inner faces"),
-    "shear": ("materials.inner.shear_strength", "shear strength of inner faces"),
-    "inner friction": ("materials.inner.friction_coefficient", "friction of inner faces"),
-    "inner crushing": ("materials.inner.compressive_strength", "compressive strength of inner faces"),
+    **{one.fact: (one.where, one.words) for one in PARAMETERS},
     "dry criterion": ("materials.dry.criterion", "criterion"),
     "inner criterion": ("materials.inner.criterion", "criterion"),
 }
 """Key of a scene and a name in words for each fact about strengths."""
 
+ADHESION: Final = frozenset({"cohesion"})
+"""Facts of joints that resist shear without pressure."""
+
 CRITERIA: Final = frozenset({"dry criterion", "inner criterion"})
 """Facts of yield criteria that plug-ins add."""
 
 STANDARD: Final = frozenset(FACTS) - CRITERIA
-"""Facts of the standard criterion: friction, cohesion, tension, shear and crushing."""
+"""Facts of the standard criterion."""
 
 
 GROUP: Final = "jld.criteria"
@@ -53,8 +51,21 @@ class Route:
 
 
 @dataclass(frozen=True)
+class Side:
+    """Numbers of the standard criterion of m faces under one label, as stresses or scaled; each field is (m,).
+
+    tension: σt. shear: c, the resistance to shear without N. friction: μ. crush: σc; inf where there is none.
+    """
+
+    tension: Floats
+    shear: Floats
+    friction: Floats
+    crush: Floats
+
+
+@dataclass(frozen=True)
 class Strengths:
-    """Strengths of m interfaces, each as dry and as inner, in scene units.
+    """Strengths of m interfaces, each as dry and as inner, in scene units; `side` and `under` give those of a label.
 
     The values of a material that the scene does not state are NaN.
     """
@@ -69,6 +80,40 @@ class Strengths:
     cohesion: Floats  # (m,) cohesion of dry faces, stress; 0 where none is given
     inner_friction: Floats  # (m,) friction coefficient μ of inner faces; 0 where none is given
 
+    @classmethod
+    def of(cls, dry: Side, inner: Side) -> Strengths:
+        """Return strengths from the numbers of either label; dry faces have no tension."""
+        return cls(**{one.field: getattr(dry if one.label == "dry" else inner, one.side) for one in PARAMETERS})
+
+    def side(self, *, dry: bool) -> Side:
+        """Return the numbers of all faces under one label."""
+        label = "dry" if dry else "inner"
+        found = {one.side: getattr(self, one.field) for one in PARAMETERS if one.label == label}
+        return Side(**{"tension": np.zeros(len(self.friction)), **found})
+
+    def under(self, labels: Bits) -> Side:
+        """Return the numbers of each face under labels (m,), True = dry."""
+        dry, inner = self.side(dry=True), self.side(dry=False)
+        return Side(**{name: np.where(labels, value, getattr(inner, name)) for name, value in vars(dry).items()})
+
+    def changed(
+        self, stress: Callable[[Floats], Floats], friction: Callable[[Floats], Floats] = lambda mu: mu
+    ) -> Strengths:
+        """Return strengths with a function applied to all stresses, and one to friction coefficients."""
+        return Strengths(**{
+            one.field: (friction if one.side == "friction" else stress)(getattr(self, one.field)) for one in PARAMETERS
+        })  # fmt: skip
+
+    @property
+    def stresses(self) -> dict[str, Floats]:
+        """Return all strengths (m,) that are stresses, by fields."""
+        return {one.field: getattr(self, one.field) for one in PARAMETERS if one.side != "friction"}
+
+    @property
+    def crushes(self) -> Bools:
+        """Return a mask (m,) of the faces that have a compressive strength under either label."""
+        return np.asarray(np.isfinite(self.crush_dry) | np.isfinite(self.crush_inner))
+
     def take(self, rows: Ints) -> Strengths:
         """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
@@ -81,15 +126,8 @@ class Strengths:
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact of the standard criterion a mask (m,) of the interfaces that state it."""
-        return {
-            "friction": self.friction > 0.0,
-            "cohesion": self.cohesion > 0.0,
-            "dry crushing": np.isfinite(self.crush_dry),
-            "tension": self.tension > 0.0,
-            "shear": self.shear > 0.0,
-            "inner friction": self.inner_friction > 0.0,
-            "inner crushing": np.isfinite(self.crush_inner),
-        }
+        values = [(one, getattr(self, one.field)) for one in PARAMETERS]
+        return {one.fact: np.isfinite(value) if one.field in ENDS else value > 0.0 for one, value in values}
 
 
 @dataclass(frozen=True)
@@ -141,7 +179,7 @@ class FaceStrengths:
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
                 continue
-            of_dry = fact in ("friction", "cohesion", "dry crushing", "dry criterion")
+            of_dry = FACTS[fact][0].startswith("materials.dry")
             taken = stated & among
             if labels is not None:
                 taken = taken & (labels if of_dry else ~labels)

@@ -43,7 +43,7 @@ class Joints:
     dilation : float or "friction"
         Tangent of the dilation angle of dry joints; "friction" is associative.
     inner : str
-        "plastic" keeps tension and cohesion of inner faces; "brittle" loses both when either is exceeded.
+        "plastic" keeps tension and shear strength of inner faces; "brittle" loses both when either is exceeded.
     residual_friction : float
         Friction coefficient of a crack, 0 in Table 2 of the paper.
 

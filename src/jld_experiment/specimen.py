@@ -433,18 +433,15 @@ def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Float
     Raises InputError if a material is missing.
     """
     # Tension is limited by the apex of the friction cone.
-    strengths = assembly.strengths(_ROUTE)
-    friction = np.where(labels, strengths.friction, strengths.inner_friction)
-    cohesion = np.where(labels, strengths.cohesion, strengths.shear)
-    tension = np.where(labels, 0.0, strengths.tension)
-    crushing = np.where(labels, strengths.crush_dry, strengths.crush_inner)
-    lacking = np.flatnonzero(np.isnan(friction + cohesion + tension))
+    own = assembly.strengths(_ROUTE).under(labels)
+    friction, tension = own.friction, own.tension
+    lacking = np.flatnonzero(np.isnan(friction + own.shear + tension))
     if lacking.size:
         face = int(lacking[0])
         name = "dry" if labels[face] else "inner"
         raise InputError(f"materials.{name}", "missing", f"this material, since face {assembly.pair(face)} is {name}")
     with np.errstate(divide="ignore", invalid="ignore"):
-        tension = np.where(friction > 0.0, np.minimum(tension, cohesion / friction), tension)
+        tension = np.where(friction > 0.0, np.minimum(tension, own.shear / friction), tension)
     dilation = friction if joints.dilation == "friction" else np.where(labels, joints.dilation, 0.0)
     residual = np.full(len(labels), joints.residual_friction)
-    return np.ascontiguousarray(np.column_stack([kn, ks, friction, dilation, cohesion, tension, crushing, residual]))
+    return np.ascontiguousarray(np.column_stack([kn, ks, friction, dilation, own.shear, tension, own.crush, residual]))

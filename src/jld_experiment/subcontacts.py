@@ -182,7 +182,7 @@ def _balanced(points: Floats, areas: Floats) -> Floats:
 
 
 Law = tuple[float, float, float, float, float, float, float, float]
-"""Row of `law` for one face: kn, ks, friction, dilation, cohesion, tension, crushing, residual friction."""
+"""Row of `law` for one face: kn, ks, friction, dilation, strength (shear at p = 0), tension, crushing, residual."""
 
 
 @compiled
@@ -198,16 +198,16 @@ def sub_contact(
     """Return overlap, compressive stress, shear stress and broken state after a trial step."""
     # A brittle sub-contact breaks if it exceeds its tension or shear strength. Afterwards it has residual friction
     # alone.
-    kn, ks, mu, psi, cohesion, tension, crushing, residual = law
+    kn, ks, mu, psi, strength, tension, crushing, residual = law
     p = kn * overlap
     if broken:
-        mu, psi, cohesion, tension = residual, 0.0, 0.0, 0.0
-    failing = p < -tension or size > cohesion + mu * p
+        mu, psi, strength, tension = residual, 0.0, 0.0, 0.0
+    failing = p < -tension or size > strength + mu * p
     if failing or p > crushing:
         if failing and brittle and not broken:
             broken = True
-            mu, psi, cohesion, tension = residual, 0.0, 0.0, 0.0
-        overlap, p, size = contact_stress(overlap, size, kn, ks, mu, psi, cohesion, tension, crushing, gaps or broken)
+            mu, psi, strength, tension = residual, 0.0, 0.0, 0.0
+        overlap, p, size = contact_stress(overlap, size, kn, ks, mu, psi, strength, tension, crushing, gaps or broken)
     return overlap, p, size, broken
 
 
@@ -223,7 +223,7 @@ def record_loss(
 ) -> None:
     """Add the energy lost from an elastic trial to the final stress to `Motion.work`."""
     # The loss is the mean stress of the step times the plastic jump, which is (trial − final)/stiffness. Sliding with a
-    # dilation equal to friction therefore loses nothing without cohesion. A gap that opens without tension loses
+    # dilation equal to friction therefore loses nothing without strength. A gap that opens without tension loses
     # nothing. A brittle break loses the elastic energy at the beginning, plus the work of the step, less the elastic
     # energy at the end.
     dry, was, broken = face
@@ -247,7 +247,7 @@ def contact_stress(
     ks: float,
     friction: float,
     dilation: float,
-    cohesion: float,
+    strength: float,
     tension: float,
     crushing: float,
     gaps: bool,
@@ -259,19 +259,19 @@ def contact_stress(
     """
     # The return is the closest point in the elastic energy where dilation equals friction. With compressive stress p
     # and shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the
-    # slip and c the cohesion. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
+    # slip and c the strength. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.
     p = kn * overlap
     if p > crushing:
         p = crushing
         overlap = p / kn
-    over = size - cohesion - friction * p
+    over = size - strength - friction * p
     if over > 0.0:
         gamma = over / (ks + friction * dilation * kn)
         raised = p + kn * dilation * gamma
         if raised >= -tension and ks * gamma <= size:
             return overlap + dilation * gamma, raised, size - ks * gamma
     if p >= -tension:
-        return overlap, p, min(size, max(cohesion + friction * p, 0.0))
+        return overlap, p, min(size, max(strength + friction * p, 0.0))
     if not gaps:
         overlap = -tension / kn
-    return overlap, -tension, min(size, max(cohesion - friction * tension, 0.0))
+    return overlap, -tension, min(size, max(strength - friction * tension, 0.0))

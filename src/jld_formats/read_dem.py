@@ -17,6 +17,9 @@ from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, several
 from jld_core.geometry import area_vector
+from jld_core.scene.standard import key_of
+
+_SHEAR: Final = key_of("dry", "shear")  # key of a joint's resistance without pressure
 
 _GRAVITY: Final = 9.81  # acceleration of a problem that states none, m/s²
 
@@ -117,9 +120,9 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
         raise InputError("contact model", f"it is {kind.rpartition('/')[2]}", "MohrCoulomb")
     dry: dict[str, Any] = {"friction_coefficient": float(values["mu"])}
     if values.get("c"):
-        dry["cohesion"] = float(values["c"])
+        dry[_SHEAR] = float(values["c"])
     if values.get("t_c"):
-        apex = dry.get("cohesion", 0.0) / dry["friction_coefficient"] if dry["friction_coefficient"] else math.inf
+        apex = dry.get(_SHEAR, 0.0) / dry["friction_coefficient"] if dry["friction_coefficient"] else math.inf
         dry["tensile_strength"] = min(float(values["t_c"]), apex)
         if apex < float(values["t_c"]):
             notes.assumed.append(f"tensile strength {apex:g} of joints for t_c {values['t_c']:g}: the apex of friction")

@@ -15,6 +15,7 @@ from jld_core.exchange.facts import facts_of
 from jld_core.exchange.read_mesh import solids_of
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement
+from jld_core.scene.standard import key_of
 from jld_core.strengths import Route
 from jld_core.views.quantities import mechanism_scale
 from jld_formats.write_compas import mesh_data, named_faces, point_in_space
@@ -29,7 +30,7 @@ def dem_text(layout: Layout, *, cells: bool) -> str:
     """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`.
 
     Without an analysis of the layout there are no results. Raises InputError for a scene whose joints differ in
-    friction or cohesion.
+    friction or shear strength.
     """
     file = _Dem(layout, cells)
     document: dict[str, Any] = {"analysis": file.analysis()}
@@ -251,11 +252,12 @@ class _Dem:
         dry = self._layout.labels
         if not dry.any():
             return {"name": "MohrCoulomb", "phi": 0.0, "mu": 0.0, "c": None, "t_c": None}
-        friction, cohesion = strengths.friction[dry], strengths.cohesion[dry]
-        for what, values in (("friction", friction), ("cohesion", cohesion)):
+        side = strengths.side(dry=True)
+        friction, shear = side.friction[dry], side.shear[dry]
+        for what, values in (("friction", friction), (key_of("dry", "shear"), shear)):
             if np.ptp(values) > 1e-9 * float(np.abs(values).max()):
                 raise InputError(f"materials ({what})", "joints differ in it", "one contact model for all joints")
-        mu, c = float(friction[0]), float(cohesion[0])
+        mu, c = float(friction[0]), float(shear[0])
         return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
 
     def results(self) -> dict[str, Any]:

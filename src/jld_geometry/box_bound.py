@@ -65,10 +65,10 @@ class BoxProblem:
     """Bounds on λ of one load case over boxes of up to four parameters.
 
     Positions are X = X0 + Σ y_j D_j, with the p parameters y and the positions X0 of `mesh`. All faces are dry, without
-    cohesion and compressive strength.
+    shear strength and compressive strength.
 
     assembly: planar assembly at y = 0, with one load case. labels: (m,) True = dry. mesh: its vertices. directions: (p,
-    v, 2) D, the movements of all vertices by each parameter. Raises InputError: a face is inner or has cohesion or
+    v, 2) D, the movements of all vertices by each parameter. Raises InputError: a face is inner or has a shear or
     compressive strength, or a load on an element that changes is neither fixed nor proportional to its volume.
     """
 

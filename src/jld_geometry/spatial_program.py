@@ -29,7 +29,7 @@ _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")  # keys of "move" 
 
 def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
     """Raise InputError for labels, strengths, options or loads that joints in space exclude."""
-    # Excluded are inner faces, cohesion, compressive strength, pressure on faces, and planar options of the key "move".
+    # Excluded are inner faces, shear and compressive strength, pressure on faces, and planar options of the key "move".
     if not labels.all():
         raise InputError("move", "in space only joints move, and no inner faces", "a scene of joints alone")
     assembly.strengths(_ROUTE, labels)  # refuses what it does not know

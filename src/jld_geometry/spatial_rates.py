@@ -192,7 +192,7 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     for dry faces that crush.
     """
     assembly = result.assembly
-    if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).crush_dry).any():
+    if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).side(dry=True).crush).any():
         return None
     mesh = spatial_mesh(assembly)
     rates = np.zeros_like(mesh.places)
@@ -322,7 +322,7 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
     held = held_forces(assembly, face, polygon, forces, (velocity + spun(spin, polygon)) @ normal)
     rates = -held.rates(polygon) @ np.concatenate([velocity, spin])
     slip = max(float(np.linalg.norm(axes @ velocity)), float(faces.c_t[face] * abs(normal @ spin)))
-    stuck = float(assembly.strengths(_ROUTE).cohesion[face]) * slip
+    stuck = float(assembly.strengths(_ROUTE).side(dry=True).shear[face]) * slip
     # dA/dx_i = ½ (x_{i+1} − x_{i−1}) × n, with the polygon counter-clockwise about n
     sign = np.sign(area_vector(polygon) @ normal)
     after = np.roll(polygon, -1, axis=0) - np.roll(polygon, 1, axis=0)

@@ -17,6 +17,7 @@ from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
+from jld_core.scene.standard import PARAMETERS
 from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.sub_assembly import with_members
 from jld_explore.report.page_contract import Solution
@@ -29,15 +30,7 @@ _ROUTE: Final = Route("sliders of materials", STANDARD | CRITERIA)  # faces with
 _KEPT: Final = 8  # number of materials whose analyses are stored
 
 # Field of `Strengths` of each material value that a slider may state
-_STRENGTHS: Final = {
-    ("dry", "friction_coefficient"): "friction",
-    ("dry", "cohesion"): "cohesion",
-    ("dry", "compressive_strength"): "crush_dry",
-    ("inner", "tensile_strength"): "tension",
-    ("inner", "shear_strength"): "shear",
-    ("inner", "friction_coefficient"): "inner_friction",
-    ("inner", "compressive_strength"): "crush_inner",
-}
+_STRENGTHS: Final = {(one.label, one.key): one.field for one in PARAMETERS}
 
 
 class Structure(Protocol):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import jld_core.strengths
 from cases import grid_assembly
 from jld_core import InputError
 from jld_core.strengths import CRITERIA, FACTS, STANDARD, FaceStrengths, Route, StatedCriterion
@@ -48,7 +49,7 @@ def test_a_route_states_facts_that_exist() -> None:
     for name, tree in _modules():
         for node in ast.walk(tree):
             if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "_ROUTE" and node.value is not None:
-                route = eval(ast.unparse(node.value), {"Route": Route, "STANDARD": STANDARD, "CRITERIA": CRITERIA})
+                route = eval(ast.unparse(node.value), vars(jld_core.strengths))
                 assert set(FACTS) >= route.KNOWS, f"{name}: {route}"
 
 

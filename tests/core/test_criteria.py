@@ -18,7 +18,7 @@ from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, plugins, solve, solve_many
 from jld_core.batch.rows import rows_of_sets
 from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, maps_criteria, scaling_of, yield_set
-from jld_core.mechanics.row_yield import row_yield
+from jld_core.mechanics.compiled_rows import row_yield
 from jld_core.scene import load_scene
 from jld_explore import explore
 from jld_explore.space import search_space

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 from cases import grid_assembly
 from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.mechanics.yield_planar import PlanarYield
+from jld_core.mechanics.standard import StandardYield
 from jld_core.mechanics.yield_set import ParabolicBending
 
 KINDS: dict[str, tuple[dict[str, float], float]] = {
@@ -27,10 +27,10 @@ KINDS: dict[str, tuple[dict[str, float], float]] = {
 with a fiftieth of what crushes added."""
 
 
-def sets_of(**other: float) -> PlanarYield:
+def sets_of(**other: float) -> StandardYield:
     strengths = {"friction": 0.577, "tension": 2e6, "shear": 2e5, "crush_dry": 5e6, "crush_inner": 5e6} | other
     sets = LimitAnalysis(grid_assembly(["a", "#"], **strengths)).template.yield_set
-    assert isinstance(sets, PlanarYield)
+    assert isinstance(sets, StandardYield)
     return sets
 
 
@@ -49,7 +49,7 @@ def planes(bow: ParabolicBending, limit: float) -> Floats:
     return np.array(found)
 
 
-def support(sets: PlanarYield, direction: Floats) -> float:
+def support(sets: StandardYield, direction: Floats) -> float:
     """Largest F·direction of both sets."""
     labels = np.array([True, False])
     return float(max(sets.dissipation(-direction[None], one[None])[0] for one in labels))
@@ -61,15 +61,15 @@ def test_rows_enclose_either_label_and_hardly_more(name: str) -> None:
     sets = sets_of(**other)
     bow = sets.parabolic_bending(undecided=True)
     assert bow is not None
-    limit = float(sets.crush_dry[0])
+    limit = float(sets.numbers.crush_dry[0])
     rows = planes(bow, limit)
     rng = np.random.default_rng(6)
     n = rng.uniform(-float(sets.tension[0]), limit, 4000)
     v, m = rng.uniform(0.0, 2.0 * limit, n.size), rng.uniform(0.0, limit, n.size)
     for label in np.array([[True], [False]]):
         dry = bool(label[0])
-        shear = sets.cohesion_of(label) + sets.friction_of(label) * n
-        bend = n - n * n / limit if dry else np.minimum(n + sets.tension[0], sets.crush_inner[0] - n) / 3.0
+        shear = sets.capacity_of(label) + sets.friction_of(label) * n
+        bend = n - n * n / limit if dry else np.minimum(n + sets.tension[0], sets.numbers.crush_inner[0] - n) / 3.0
         held = (bend >= 0.0) & (shear >= 0.0)
         # what lies outside is taken to the boundary
         points = np.column_stack([n, np.minimum(v, shear), np.minimum(m, bend)])[held]

@@ -16,7 +16,7 @@ from jld_core.errors import SolverError
 from jld_core.limit import Prover
 from jld_core.limit.repair import Repair
 from jld_core.mechanics import scaling_of
-from jld_core.mechanics.yield_spatial_rows import spatial_yield
+from jld_core.mechanics.standard import standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make_solver
@@ -82,7 +82,7 @@ def test_spatial_yield_sets(name: str) -> None:
 def test_kern_form() -> None:
     built = SPATIAL["wall"]()
     scaling = scaling_of(built)
-    compare(built, 4, seed=13, template=Template(built, scaling, spatial_yield(built, scaling, "kern")))
+    compare(built, 4, seed=13, template=Template(built, scaling, standard_yield(built, scaling, "kern")))
 
 
 def test_point_contacts() -> None:

@@ -15,7 +15,7 @@ from jld_core.build import build_assembly
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
-from jld_core.mechanics.yield_planar import PlanarYield
+from jld_core.mechanics.standard import StandardYield
 from jld_core.scene import parse_scene
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.space import search_space
@@ -153,7 +153,7 @@ def _stated(case: Case, most: float) -> float:
     """max λ of formulation P in CVXPY, faces as rows instead of rays, solved by HiGHS's simplex."""
     template = case.analysis.template
     sets, faces, elements = template.yield_set, template.assembly.interfaces, template.assembly.elements
-    assert isinstance(sets, PlanarYield)
+    assert isinstance(sets, StandardYield)
     matrix, free = template.matrix.toarray(), elements.free.tolist()
     load, x = cp.Variable(), cp.Variable(len(case.blocks), nonneg=True)
     rows: list[Any] = []
@@ -170,9 +170,12 @@ def _stated(case: Case, most: float) -> float:
                 continue
             n, v, m = forces[face] = cp.Variable(3)
             if face in inside:
-                rows += [cp.abs(m) <= (n + sets.tension[face] * x[p]) / 3.0, cp.abs(v) <= sets.shear[face] * x[p]]
+                rows += [
+                    cp.abs(m) <= (n + sets.tension[face] * x[p]) / 3.0,
+                    cp.abs(v) <= sets.numbers.shear[face] * x[p],
+                ]
             else:
-                rows += [cp.abs(m) <= n, cp.abs(v) <= sets.friction[face] * n]
+                rows += [cp.abs(m) <= n, cp.abs(v) <= sets.numbers.friction[face] * n]
                 sides.setdefault((face, ends[0]), []).append(forces[face])
         for e in members:
             covered[e].append(x[p])
@@ -202,7 +205,7 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
 def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The program for faces of any yield set, of faces that are wedges."""
     case = Case(*CASES[name])
-    monkeypatch.setattr(PlanarYield, "coulomb_wedge", lambda self, dry: None)
+    monkeypatch.setattr(StandardYield, "coulomb_wedge", lambda self, dry: None)
     general = BlockRelaxation(case.analysis, case.blocks.members, case.blocks.inside)
     every = np.ones(len(case.blocks), dtype=bool)
     rays, rows = (one.choose(every, 0.0, 10.0) for one in (case.relaxation, general))

@@ -19,7 +19,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.mechanics import InnerBending, scaling_of
-from jld_core.mechanics.yield_spatial_rows import SpatialYield, spatial_yield
+from jld_core.mechanics.standard import StandardYield, standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.scene import parse_scene
@@ -66,25 +66,25 @@ COPIES = 20
 
 
 @cache
-def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, SpatialYield]:
+def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, StandardYield]:
     """Prisms of every shape on a slab; rectangles only where dry faces can be crushed."""
     shapes = [OBLONG, TURNED, 0.3 * OBLONG] if name == "crushable" else SHAPES
     built = stools(shapes * copies, materials=MATERIALS[name])
-    return built, spatial_yield(built, scaling_of(built), bending)
+    return built, standard_yield(built, scaling_of(built), bending)
 
 
 def labellings(count: int) -> list[NDArray[np.bool_]]:
     return [np.ones(count, dtype=bool), np.zeros(count, dtype=bool), np.arange(count) % 2 == 0]
 
 
-def random_forces(rng: np.random.Generator, sets: SpatialYield, labels: NDArray[np.bool_]) -> Array:
+def random_forces(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
     """Forces on either side of the boundary, dropped resultants zero."""
     forces = rng.normal(size=(len(labels), 6)) * rng.uniform(0.02, 0.6, size=6)
     forces[:, 0] = rng.uniform(-0.3, 2.5, size=len(labels))
     return forces * sets.active(labels)
 
 
-def random_jumps(rng: np.random.Generator, sets: SpatialYield, labels: NDArray[np.bool_]) -> Array:
+def random_jumps(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
     """Jumps of finite dissipation, some of them just."""
     jumps = rng.normal(size=(len(labels), 6)) * rng.choice([0.0, 1.0], p=[0.2, 0.8], size=(len(labels), 6))
     short = sets.margin(jumps, labels)
@@ -93,11 +93,11 @@ def random_jumps(rng: np.random.Generator, sets: SpatialYield, labels: NDArray[n
     return jumps
 
 
-def row_slacks(sets: SpatialYield, forces: Array, labels: NDArray[np.bool_]) -> Array:
+def row_slacks(sets: StandardYield, forces: Array, labels: NDArray[np.bool_]) -> Array:
     """(m,) least s = h − G y of the rows of each face, cones as s0 − |s1…|, extra variables at their best."""
     p = sets.pattern
     best = [np.hypot(forces[:, 1], forces[:, 2])[~sets.point]]
-    crushed = np.isfinite(sets.crush_dry)
+    crushed = np.isfinite(sets.numbers.crush_dry)
     n, m1, m2 = (np.where(labels[crushed], forces[crushed, j], 0.0) for j in (0, 3, 4))
     one, two = n - abs(m1), n - abs(m2)
     best += [one, two, np.sqrt(np.maximum(one * two, 0.0)), np.sqrt(np.maximum(n, 0.0))]
@@ -228,7 +228,7 @@ def test_strengths_of_any_size_leave_rows_of_order_one() -> None:
         inner = {"tensile_strength": size, "shear_strength": size, "compressive_strength": 10.0 * size}
         dry = {"friction_coefficient": 0.7, "compressive_strength": size}
         built = stools([OBLONG, TURNED], materials={"inner": inner, "dry": dry})
-        pattern = spatial_yield(built, scaling_of(built)).pattern
+        pattern = standard_yield(built, scaling_of(built)).pattern
         for values in (pattern.dry, pattern.inner, pattern.h_dry, pattern.h_inner):
             assert abs(values).max() <= 4.0
 
@@ -237,12 +237,12 @@ def test_dry_crushing_wants_rectangles() -> None:
     dry = {"friction_coefficient": 0.5, "compressive_strength": 1.0}
     built = stools([TRIANGLE], materials={"dry": dry})
     with pytest.raises(InputError, match=r"p0.slab is no rectangle; expected rectangles only"):
-        spatial_yield(built, scaling_of(built))
+        standard_yield(built, scaling_of(built))
 
 
 def template(built: Assembly, bending: InnerBending = "uncoupled") -> Template:
     scaling = scaling_of(built)
-    return Template(built, scaling, spatial_yield(built, scaling, bending))
+    return Template(built, scaling, standard_yield(built, scaling, bending))
 
 
 def solved(built: Assembly, bending: InnerBending = "uncoupled") -> float:
@@ -366,7 +366,7 @@ def test_point_contact_keeps_glued_faces_and_drops_moments_of_the_rest() -> None
     np.testing.assert_array_equal(parent, [0] * 4 + [1] * 5 + [2])
     assert len(points.interfaces) == 10
     np.testing.assert_array_equal(points.labels, parent < 2)
-    sets = spatial_yield(points, scaling_of(points))
+    sets = standard_yield(points, scaling_of(points))
     active = sets.active(points.labels)
     assert not active[:9, 3:].any()
     assert active[9].all()
@@ -416,7 +416,7 @@ def test_point_faces_have_rows_and_dissipation_of_their_cones(seed: int) -> None
     """Rows against slacks, and weak duality, as for the others."""
     built = stools(SHAPES)
     points, _ = point_contact_assembly(built, np.ones(len(built.interfaces), dtype=bool))
-    sets = spatial_yield(points, scaling_of(points))
+    sets = standard_yield(points, scaling_of(points))
     rng = np.random.default_rng(seed)
     labels = points.labels
     for _ in range(100):

@@ -49,7 +49,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
         for k in range(3):
             m, radius = (s[t][k][0] + s[t][k][1]) / 2, cp.norm(cp.hstack([(s[t][k][0] - s[t][k][1]) / 2, s[t][k][2]]))
             slope = math.atan(material.friction)
-            rules += [radius <= material.cohesion / unit * math.cos(slope) - m * math.sin(slope)]
+            rules += [radius <= material.shear / unit * math.cos(slope) - m * math.sin(slope)]
             rules += [m + radius <= material.tension / unit]
             if math.isfinite(material.crushing):
                 rules += [radius - m <= material.crushing / unit]
@@ -90,7 +90,7 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
         if not crush:
             rules.append(y[2] == 0)
         rules.extend([math.sin(slope) * y[0] + y[1] - y[2] == trace, y[0] + y[1] + y[2] >= cp.norm(shear)])
-        return (material.cohesion * math.cos(slope) * y[0] + material.tension * y[1] + crush * y[2]) / unit
+        return (material.shear * math.cos(slope) * y[0] + material.tension * y[1] + crush * y[2]) / unit
 
     dead: Any = 0.0
     live: Any = 0.0

@@ -197,9 +197,9 @@ class Backing:
 
     @property
     def _free_depth(self) -> float:
-        """Return the depth down to which cohesion leaves no active pressure, length; at least 0."""
+        """Return the depth down to which the soil leaves no active pressure, length; at least 0."""
         weight = self.fill.density * self.gravity
-        upright = 2.0 * self.fill.cohesion * math.sqrt(self.fill.passive_coefficient) - self.fill.surcharge
+        upright = self.fill.held(self.fill.passive_coefficient) - self.fill.surcharge
         return max(0.0, upright / weight) if weight else 0.0
 
     def _vertical(self, depth: Floats) -> Floats:
@@ -210,15 +210,16 @@ class Backing:
         """Return the active pressure (2,) at the ends of an edge, at least 0."""
         coefficient = 1.0 / self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
-        full = coefficient * stress - 2.0 * self.fill.cohesion * math.sqrt(coefficient)
+        full = coefficient * stress - self.fill.held(coefficient)
         return np.asarray(self.fill.active * np.maximum(full, 0.0))
 
     def _passive(self, edge: CoveredEdge) -> Floats:
         """Return the largest pressure (2,) at the ends of an edge."""
         coefficient = self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
-        cohesion = self.fill.passive_cohesion * 2.0 * self.fill.cohesion * math.sqrt(coefficient)
-        return np.asarray(self.fill.passive * coefficient * stress + cohesion)
+        return np.asarray(
+            self.fill.passive * coefficient * stress + self.fill.passive_cohesion * self.fill.held(coefficient)
+        )
 
     def _rise(self, edge: CoveredEdge) -> float:
         """Return the vertical length of an edge, 0 for a level one."""

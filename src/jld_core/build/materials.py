@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import resultants
 from jld_core.scene import Scene
-from jld_core.scene.materials import Dry, DryFace, FaceMaterial, Inner, InnerFace, Materials, lies_within_apex
+from jld_core.scene.materials import Dry, FaceMaterial, Inner, Materials, lies_within_apex
 from jld_core.scene.schema import Contact, Element
+from jld_core.scene.standard import PARAMETERS, StandardParameter, key_of
 from jld_core.strengths import Route, StatedCriterion, Strengths, stated
 
 
@@ -73,18 +74,22 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     return (density or 0.0) * volume * gravity * direction
 
 
-def _of_face(face: FaceMaterial) -> dict[str, float]:
+def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
+    """Return the value that a material, an entry of faces or of interfaces states for a parameter; None: not stated.
+
+    prefix: of the keys of friction in the entry.
+    """
+    if source is None:
+        return None
+    if one.side == "friction":
+        return _coefficient(*(getattr(source, f"{prefix}friction_{what}") for what in ("coefficient", "angle")))
+    value: float | None = getattr(source, one.key)
+    return value
+
+
+def _of_face(face: FaceMaterial) -> dict[str, float | None]:
     """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
-    dry, inner = face.dry or DryFace(), face.inner or InnerFace()
-    given = {
-        "friction": _coefficient(dry.friction_coefficient, dry.friction_angle),
-        "tension": inner.tensile_strength,
-        "shear": inner.shear_strength,
-        "crush_dry": dry.compressive_strength,
-        "crush_inner": inner.compressive_strength,
-        "cohesion": dry.cohesion,
-        "inner_friction": _coefficient(inner.friction_coefficient, inner.friction_angle),
-    }
+    given = {one.field: _stated(getattr(face, one.label), one) for one in PARAMETERS}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -116,13 +121,16 @@ def criteria(
     return tuple(StatedCriterion(*key, np.isin(mask, places)) for key, places in found.items())
 
 
-# Keys of "interfaces" that state strengths of one label
+# Prefix of the keys of friction of a label in "interfaces", and the keys there that state strengths of one label
+_PREFIX = {"dry": "", "inner": "inner_"}
 _OF_CONTACTS = {
-    "dry": ("friction_coefficient", "friction_angle", "cohesion", "compressive_strength"),
-    "inner": (
-        *("tensile_strength", "shear_strength", "compressive_strength"),
-        *("inner_friction_coefficient", "inner_friction_angle"),
-    ),
+    label: [
+        key
+        for one in PARAMETERS
+        if one.label == label
+        for key in ([f"{prefix}{one.key}", f"{prefix}friction_angle"] if one.side == "friction" else [one.key])
+    ]
+    for label, prefix in _PREFIX.items()
 }
 
 
@@ -133,48 +141,29 @@ def strengths(
 
     Raises InputError where the inner tension of a face or contact entry exceeds the apex of its friction cone.
     """
-    # Friction, tension and shear that are not stated are NaN; compressive strengths are inf, cohesion and inner
-    # friction 0.
-    dry, inner = materials.dry, materials.inner
-    usual = {
-        "friction": friction(dry) if dry else None,
-        "tension": inner.tensile_strength if inner else None,
-        "shear": inner.shear_strength if inner else None,
-        "crush_dry": dry.compressive_strength if dry else None,
-        "crush_inner": inner.compressive_strength if inner else None,
-        "cohesion": dry.cohesion if dry else None,
-        "inner_friction": friction(inner) if inner else None,
-    }
-    absent = {"crush_dry": math.inf, "crush_inner": math.inf, "cohesion": 0.0, "inner_friction": 0.0}
+    usual = {one.field: _stated(getattr(materials, one.label), one) for one in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
         if face is not None:
-            if face.dry is not None and face.dry.criterion is not None:
-                own |= dict.fromkeys(("friction", "crush_dry", "cohesion"))
-            if face.inner is not None and face.inner.criterion is not None:
-                own |= dict.fromkeys(("tension", "shear", "crush_inner", "inner_friction"))
+            stating = [label for label in _PREFIX if getattr(getattr(face, label), "criterion", None) is not None]
+            own |= {one.field: None for one in PARAMETERS if one.label in stating}
             own |= _of_face(face)
-            where = f"materials.faces of {'–'.join(face.between)}"
-            lies_within_apex(own["tension"], own["shear"], own["inner_friction"], where)
+            _check_apex(own, f"materials.faces of {'–'.join(face.between)}")
         if contact is not None:
-            inner_friction = _coefficient(contact.inner_friction_coefficient, contact.inner_friction_angle)
-            given = {
-                "friction": friction(contact),
-                "tension": contact.tensile_strength,
-                "shear": contact.shear_strength,
-                "crush_dry": contact.compressive_strength,
-                "crush_inner": contact.compressive_strength,
-                "cohesion": contact.cohesion,
-                "inner_friction": inner_friction,
-            }
+            given = {one.field: _stated(contact, one, _PREFIX[one.label]) for one in PARAMETERS}
             own |= {name: value for name, value in given.items() if value is not None}
-            lies_within_apex(
-                own["tension"], own["shear"], own["inner_friction"], f"interface {'–'.join(contact.elements)}"
-            )
-        rows.append([absent.get(name, math.nan) if value is None else value for name, value in own.items()])
-    table = np.array(rows, dtype=float).reshape(-1, len(usual))
-    return Strengths(**{name: np.ascontiguousarray(column) for name, column in zip(usual, table.T, strict=True)})
+            _check_apex(own, f"interface {'–'.join(contact.elements)}")
+        rows.append([one.absent if own[one.field] is None else own[one.field] for one in PARAMETERS])
+    table = np.array(rows, dtype=float).reshape(-1, len(PARAMETERS))
+    columns = zip(PARAMETERS, table.T, strict=True)
+    return Strengths(**{one.field: np.ascontiguousarray(column) for one, column in columns})
+
+
+def _check_apex(own: Mapping[str, float | None], where: str) -> None:
+    """Raise InputError if the inner tension of strengths by fields exceeds the apex of friction."""
+    found = {one.side: own[one.field] for one in PARAMETERS if one.label == "inner"}
+    lies_within_apex(found["tension"], found["shear"], found["friction"], where)
 
 
 _ROUTE: Final = Route("the bond of joints")
@@ -188,20 +177,21 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     Result: assembly with changed strengths and dead loads, and the forces σt A in `members.bond`. Raises InputError: a
     tensile strength exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
     """
-    # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has the cohesion c −
-    # μ σt, an inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of
-    # the face together, part of the dead load. Results subtract it from N'.
+    # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has c − μ σt, an
+    # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face
+    # together, part of the dead load. Results subtract it from N'.
     usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
     values = [None if one is None or one.dry is None else one.dry.tensile_strength for one in entries]
     strength = np.array([usual if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly
     own, faces, d = assembly.strengths(_ROUTE), assembly.interfaces, assembly.dimension
+    dry, inner = own.side(dry=True), own.side(dry=False)
     with np.errstate(invalid="ignore"):
-        over = strength * own.friction > own.cohesion * (1.0 + 1e-12)
-        weak = strength > own.tension * (1.0 + 1e-12)
+        over = strength * dry.friction > dry.shear * (1.0 + 1e-12)
+        weak = strength > inner.tension * (1.0 + 1e-12)
     for wrong, what, limit in (
-        (over, "beyond the apex of its friction", "at most cohesion over friction"),
+        (over, "beyond the apex of its friction", f"at most {key_of('dry', 'shear')} over friction"),
         (weak, "above the tensile strength of the same face as an inner one", "at most that of materials.inner"),
     ):
         if wrong.any():
@@ -210,13 +200,18 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
             own_value = entry is not None and entry.dry is not None and entry.dry.tensile_strength is not None
             where = f"materials.faces of {assembly.pair(face)}: dry.tensile_strength" if own_value else _KEY
             raise InputError(where, f"{strength[face]:g} is {what} (face {assembly.pair(face)})", limit)
-    strengths = replace(
-        own,
-        cohesion=np.where(strength > 0.0, np.maximum(own.cohesion - own.friction * strength, 0.0), own.cohesion),
-        tension=np.where(np.isnan(own.tension), np.nan, np.maximum(own.tension - strength, 0.0)),
-        shear=np.where(np.isnan(own.shear), np.nan, np.maximum(own.shear - own.inner_friction * strength, 0.0)),
-        crush_dry=own.crush_dry + strength,
-        crush_inner=own.crush_inner + strength,
+    strengths = Strengths.of(
+        replace(
+            dry,
+            shear=np.where(strength > 0.0, np.maximum(dry.shear - dry.friction * strength, 0.0), dry.shear),
+            crush=dry.crush + strength,
+        ),
+        replace(
+            inner,
+            tension=np.maximum(inner.tension - strength, 0.0),
+            shear=np.maximum(inner.shear - inner.friction * strength, 0.0),
+            crush=inner.crush + strength,
+        ),
     )
     force = strength * faces.area
     vector = np.concatenate([force[:, None] * faces.normal, -force[:, None] * faces.normal])

@@ -17,7 +17,7 @@ from jld_core.geometry.vectors import across, resultants
 from jld_core.linalg.sums import summed
 from jld_core.members import Members
 from jld_core.scene.members import Anchor, Member
-from jld_core.strengths import Strengths
+from jld_core.strengths import Side, Strengths
 
 
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
@@ -182,18 +182,11 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
 def _strengths(members: Members, rows: Ints) -> Strengths:
     """Return the strengths of the interfaces of members: those of inner faces without bending."""
     none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    bare = Side(none, none, none, never)
     tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]
     # A pin without axial capacity has no column of N; the range of N only has to leave its yield set an interior.
     idle = np.where(members.axial[rows], 0.0, members.shear[rows])
-    return Strengths(
-        friction=none,
-        tension=tension + idle,
-        shear=members.shear[rows],
-        crush_dry=never,
-        crush_inner=compression + idle,
-        cohesion=none,
-        inner_friction=none,
-    )
+    return Strengths.of(bare, Side(tension + idle, members.shear[rows], none, compression + idle))
 
 
 def _prestress(assembly: Assembly, members: Members) -> Floats:

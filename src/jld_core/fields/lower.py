@@ -124,7 +124,7 @@ class LowerBound:
         """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
 
         labels: (m,) True = dry. margin: slack that the solver keeps to each yield condition, scaled stress. Shear of
-        joints without friction and cohesion has no slack. `Answer.point` begins with the stresses (9t,), as
+        joints without friction and shear strength has no slack. `Answer.point` begins with the stresses (9t,), as
         `StressField.stress` in C order, and ends with λ.
         """
         program, owner = self._program_with(margin)
@@ -181,20 +181,20 @@ class LowerBound:
         """Return the distances of tractions to the yield of dry joints, (k, 2), scaled stress.
 
         stress: (t, 3, 3) as in `StressField`. rows: (k,) edges on interfaces, taken as dry. The columns are both ends
-        of an edge; a negative distance is a violation. Shear on joints without friction and cohesion is left out:
+        of an edge; a negative distance is a violation. Shear on joints without friction and shear strength is left out:
         `certify` makes it zero.
         """
         p = self.problem
         normal, shear = self.tractions(stress, rows)
         face = p.face[rows]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - abs(shear))
         return np.minimum(np.minimum(-normal, slides), crush + normal)
 
     @cached_property
     def frictionless(self) -> Bools:
-        """(m,) True for interfaces whose dry joint has neither friction nor cohesion."""
-        return np.asarray((self.problem.joints.friction == 0.0) & (self.problem.joints.cohesion == 0.0))
+        """(m,) True for interfaces whose dry joint has neither friction nor shear strength."""
+        return np.asarray((self.problem.joints.friction == 0.0) & (self.problem.joints.shear == 0.0))
 
     def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
         """Return normal and shear tractions at both ends of some edges, (k, 2) each.
@@ -249,8 +249,8 @@ class LowerBound:
 
         labels: (m,) True = dry. Factors are kept.
         """
-        # The equations are equilibrium, and no shear on dry joints without friction and cohesion. λ is no unknown here:
-        # its dense column would fill A Aᵀ.
+        # The equations are equilibrium, and no shear on dry joints without friction and shear strength. λ is no unknown
+        # here: its dense column would fill A Aᵀ.
         p = self.problem
         edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]
         key = edges.tobytes()
@@ -318,7 +318,7 @@ class LowerBound:
         one = np.ones(len(rows))
         normal = (one, nx**2 - ny**2, 2.0 * nx * ny)
         shear = (0.0 * one, -2.0 * nx * ny, nx**2 - ny**2)
-        mu, c = p.joints.friction[face], p.joints.cohesion[face]
+        mu, c = p.joints.friction[face], p.joints.shear[face]
         size = np.maximum(1.0, mu)
         for end in (0, 1):
             base = 9 * e.a[rows] + 3 * e.corner_a[rows, end]

@@ -15,6 +15,7 @@ from jld_core.errors import InputError
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
 from jld_core.fields.mesh import Edges, Mesh
 from jld_core.fields.outlines import FREE
+from jld_core.scene.standard import key_of
 from jld_core.strengths import Route
 
 _ROUTE: Final = Route("cracks by fields")
@@ -25,7 +26,7 @@ class Material:
     """Mohr–Coulomb material with tension cut-off in plane stress."""
 
     tension: float  # tensile strength σt, a stress
-    cohesion: float  # shear strength τ without normal stress, a stress
+    shear: float  # shear strength τ without normal stress, a stress
     friction: float = 0.0  # friction μi = tan φ of crack planes
     crushing: float = np.inf  # compressive strength σc, a stress; inf where none is given
 
@@ -37,11 +38,11 @@ class Material:
     @property
     def intercept(self) -> float:
         """Largest R = (σ1 − σ2)/2 that Mohr–Coulomb admits at m = 0: τ cos φ, stress."""
-        return self.cohesion / float(np.hypot(1.0, self.friction))
+        return self.shear / float(np.hypot(1.0, self.friction))
 
     def scaled(self, unit: float) -> Material:
         """Return the same material with its strengths divided by `unit`, a stress above 0."""
-        return Material(self.tension / unit, self.cohesion / unit, self.friction, self.crushing / unit)
+        return Material(self.tension / unit, self.shear / unit, self.friction, self.crushing / unit)
 
     @cached_property
     def lines(self) -> Floats:
@@ -68,7 +69,7 @@ class Material:
                 if b != d:
                     m = (c - a) / (b - d)
                     corners.append((m, a + b * m))
-        slack = 1e-12 * max(self.tension, self.cohesion)
+        slack = 1e-12 * max(self.tension, self.shear)
         kept = [(m, r) for m, r in corners if r >= 0.0 and (r <= self.lines @ (1.0, m) + slack).all()]
         return np.array(kept)
 
@@ -105,8 +106,7 @@ def material_of(assembly: Assembly) -> Material:
     """
     # The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
     assembly.members.refuse("an analysis by fields")
-    given = assembly.strengths(_ROUTE)
-    values = np.column_stack([given.tension, given.shear, given.inner_friction, given.crush_inner])
+    values = np.column_stack(list(vars(assembly.strengths(_ROUTE).side(dry=False)).values()))
     named = values[~np.isnan(values[:, :2]).any(axis=1)]
     if not len(named):
         raise InputError(
@@ -119,14 +119,14 @@ def material_of(assembly: Assembly) -> Material:
         raise InputError(
             "interfaces", "inner strengths differ between faces; fields take one material", "one inner material"
         )
-    tension, cohesion, friction, crushing = (float(value) for value in named[0])
-    for key, value in (("tensile_strength", tension), ("shear_strength", cohesion)):
+    tension, shear, friction, crushing = (float(value) for value in named[0])
+    for key, value in ((key_of("inner", "tension"), tension), (key_of("inner", "shear"), shear)):
         if not value > 0.0:
             raise InputError(f"materials.inner.{key}", f"{value:g} is too small for stress fields", "a stress above 0")
     if friction:
         # at the apex of friction the cut-off idles
-        tension = min(tension, cohesion / friction)
-    return Material(tension, cohesion, friction, crushing)
+        tension = min(tension, shear / friction)
+    return Material(tension, shear, friction, crushing)
 
 
 @dataclass(frozen=True)
@@ -149,13 +149,20 @@ class Units:
 class Joints:
     """Scaled strengths of the m interfaces as dry joints, (m,) each.
 
-    friction: coefficient μ, 0 where the scene gives none. cohesion: over `Units.stress`. crushing: compressive strength
-    over `Units.stress`, inf where the joint cannot crush.
+    friction: coefficient μ, 0 where the scene gives none. shear: resistance to shear without pressure, and crushing:
+    compressive strength, over `Units.stress`; inf where the joint cannot crush.
     """
 
     friction: Floats
-    cohesion: Floats
+    shear: Floats
     crushing: Floats
+
+
+def joints_of(assembly: Assembly, units: Units) -> Joints:
+    """Return the scaled strengths of all interfaces as dry joints."""
+    own = assembly.strengths(_ROUTE).side(dry=True)
+    crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
+    return Joints(np.nan_to_num(own.friction, nan=0.0), own.shear / units.stress, crushing / units.stress)
 
 
 @dataclass(frozen=True)
@@ -249,7 +256,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
     """
     elements, free, thickness = assembly.elements, assembly.elements.free, thickness_of(assembly)
     length = float(np.sqrt(elements.volume[free].sum() / thickness))
-    strength = min(material.cohesion, material.tension)
+    strength = min(material.shear, material.tension)
     dead = assembly.total_dead / (length * thickness)
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
@@ -279,14 +286,10 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
     Problem
         Stresses, lengths and loads of order one.
     """
-    faces, strengths, support = assembly.interfaces, assembly.strengths(_ROUTE), assembly.elements.support
+    faces, support = assembly.interfaces, assembly.elements.support
     scaled = replace(mesh, points=(mesh.points - units.origin) / units.length)
     density = units.length / units.stress
-    joints = Joints(
-        friction=np.nan_to_num(strengths.friction, nan=0.0),
-        cohesion=strengths.cohesion / units.stress,
-        crushing=np.where(np.isnan(strengths.crush_dry), np.inf, strengths.crush_dry) / units.stress,
-    )
+    joints = joints_of(assembly, units)
     dead_pull, pull = _pulls(mesh, loads, len(faces))
     return Problem(
         units=units,

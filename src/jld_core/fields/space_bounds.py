@@ -127,8 +127,8 @@ class SpatialLowerBound:
     def _joint_room(self, stress: Floats) -> Floats:
         """Return the distances (k, 3) to yield at the corners of the k dry triangles.
 
-        stress: (t, 4, 6), scaled. Negative distances are violations. Shear on joints without friction and cohesion is
-        not measured: it is made zero as equilibrium is made exact.
+        stress: (t, 4, 6), scaled. Negative distances are violations. Shear on joints without resistance to it is not
+        measured: it is made zero as equilibrium is made exact.
         """
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         own = stress[s.a[rows][:, None], s.corner_a[rows]]
@@ -136,22 +136,22 @@ class SpatialLowerBound:
         normal = np.einsum("fki,fi->fk", pull, s.normal[rows])
         shear = np.linalg.norm(pull - normal[..., None] * s.normal[rows][:, None], axis=2)
         face = p.face[rows]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         slides = np.where(self._frictionless[:, None], np.inf, c - mu * normal - shear)
         return np.asarray(np.minimum(np.minimum(-normal, slides), crush + normal))
 
     @cached_property
     def _frictionless(self) -> Bools:
-        """True (k,) for triangles on dry interfaces that have neither friction nor cohesion."""
+        """True (k,) for triangles on dry interfaces that have neither friction nor shear strength."""
         p = self.problem
         face = p.face[p.dry]
-        return np.asarray((p.joints.friction[face] == 0.0) & (p.joints.cohesion[face] == 0.0))
+        return np.asarray((p.joints.friction[face] == 0.0) & (p.joints.shear[face] == 0.0))
 
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
         """Matrix E (rows, 24t + 1) and right-hand side f (rows,) of equilibrium E x = f."""
         # x: stresses in the order of `SpatialStress.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
-        # joints without friction and cohesion, two more rows at each corner exclude shear.
+        # joints without friction and shear strength, two more rows at each corner exclude shear.
         p, count, s = self.problem, self._solids, self.problem.sides
         rows, last = Rows(), 24 * count
         size = np.cbrt(6.0 * p.mesh.volume)
@@ -258,7 +258,7 @@ class SpatialLowerBound:
         face, normal = p.face[rows], s.normal[rows]
         one, two = across(normal)
         rough, crushed = ~self._frictionless, np.isfinite(p.joints.crushing[face])
-        mu, c = p.joints.friction[face], p.joints.cohesion[face]
+        mu, c = p.joints.friction[face], p.joints.shear[face]
         for corner in range(3):
             columns, pressed = self._along(rows, corner, normal)
             linear.add([(columns, pressed)], -margin, len(rows))

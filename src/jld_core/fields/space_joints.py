@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,14 +17,11 @@ import scipy.sparse as sp
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.fields.cone_pattern import Rows
-from jld_core.fields.problem import Joints, Material, Units
+from jld_core.fields.problem import Joints, Material, Units, joints_of
 from jld_core.fields.space_cones import ConeSizes, across, solve_cones
 from jld_core.fields.space_layers import Sides, SolidMesh, halve_edges, patch_tag
 from jld_core.fields.space_loads import SpatialLoads
 from jld_core.linalg import components
-from jld_core.strengths import Route
-
-_ROUTE: Final = Route("cracks by fields")
 
 
 @dataclass(frozen=True)
@@ -91,7 +87,7 @@ def spatial_units(assembly: Assembly, material: Material) -> Units:
     """Choose the units in which a spatial problem has numbers of order one."""
     elements, free = assembly.elements, assembly.elements.free
     length = float(np.cbrt(elements.volume[free].sum()))
-    strength = min(material.cohesion, material.tension)
+    strength = min(material.shear, material.tension)
     dead = assembly.total_dead / length**2
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
@@ -107,13 +103,8 @@ def spatial_problem(
 
     labels: (m,) True = dry.
     """
-    strengths = assembly.strengths(_ROUTE)
     density = units.length / units.stress
-    joints = Joints(
-        friction=np.nan_to_num(strengths.friction, nan=0.0),
-        cohesion=strengths.cohesion / units.stress,
-        crushing=np.where(np.isnan(strengths.crush_dry), np.inf, strengths.crush_dry) / units.stress,
-    )
+    joints = joints_of(assembly, units)
     dead_pull, pull = _pulls(mesh, loads)
     return SpatialProblem(
         units=units,
@@ -289,7 +280,7 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
     p, rows = problem, problem.dry
     face, normal = p.face[rows], p.sides.normal[rows]
     one, two = across(normal)
-    mu, c = p.joints.friction[face], p.joints.cohesion[face]
+    mu, c = p.joints.friction[face], p.joints.shear[face]
     # tractions near the strength of the blocks would concentrate where no field can spread them
     strength = min(2.0 * p.material.intercept / (1.0 - p.material.sine), p.material.crushing)
     crush = np.minimum(p.joints.crushing[face], _PRESSED * strength)

@@ -161,11 +161,11 @@ class SpatialUpperBound:
 
     def _joint_power(self, rates: SpatialRates) -> Floats:
         """Compute the power per area (k, 3) at the corners of the k dry triangles, scaled."""
-        # Slip costs cohesion. Opening that friction lacks costs crushing; it is inf where the joint cannot crush.
+        # Slip costs shear strength. Opening that friction lacks costs crushing; it is inf where the joint cannot crush.
         p = self.problem
         face = p.face[p.dry]
         slip, opening = rates.slip[p.dry], rates.opening[p.dry]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         lack = mu * slip - opening
         with np.errstate(invalid="ignore"):
             crushed = np.where(lack > 0.0, crush * lack, 0.0)
@@ -285,7 +285,7 @@ class _Program:
 
     def _dry_corners(self, corner: int) -> None:
         """Add p ≥ |δs| and δn + q ≥ μ p for jumps on dry joints at one corner, 0 to 2."""
-        # δn: opening. δs: slip. p ≥ 0 costs cohesion, q ≥ 0 crushing.
+        # δn: opening. δs: slip. p ≥ 0 costs shear strength, q ≥ 0 crushing.
         p, s, rows = self.problem, self.problem.sides, self.problem.dry
         if not rows.size:
             return
@@ -293,7 +293,7 @@ class _Program:
         mu, crush = p.joints.friction[face], p.joints.crushing[face]
         columns, jump = self._jump(rows, corner)
         opening = np.einsum("ki,kij->kj", s.normal[rows], jump)
-        slid = self._new(size * p.joints.cohesion[face])
+        slid = self._new(size * p.joints.shear[face])
         crushed = self._new(np.where(np.isfinite(crush), size * crush, 0.0))
         self._linear.add([(crushed, -1.0)], 0.0, len(rows))
         free = np.where(np.isfinite(crush), -1.0, 0.0)

@@ -79,7 +79,7 @@ class FieldStresses:
     """
 
     load_factor: float  # λ that the field carries, scene units
-    may_be_dry: Bools  # (m,) faces on which tractions are within friction, cohesion and crushing of the dry joint
+    may_be_dry: Bools  # (m,) faces on which tractions are within friction, shear strength and crushing of the dry joint
 
     def bounds(self, labellings: Bits) -> Floats:
         """Return the lower bound on λ of each labelling.

@@ -290,7 +290,7 @@ class UpperBound:
         p = self.problem
         face = p.face[rows]
         slip, opening = abs(rates.slip[rows]), rates.opening[rows]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         lack = mu * slip - opening
         with np.errstate(invalid="ignore"):
             crushed = np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)

@@ -196,7 +196,7 @@ class VelocityProgram:
         face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]
         opening = jump_entries(self.problem, rows, end, normal)
         slip = jump_entries(self.problem, rows, end, np.column_stack([-normal[:, 1], normal[:, 0]]))
-        mu, cohesion, crush = p.joints.friction[face], p.joints.cohesion[face], p.joints.crushing[face]
+        mu, shear, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
         one = np.ones(len(rows))
         extra: Entries = []
         if np.isfinite(crush).any():
@@ -207,8 +207,8 @@ class VelocityProgram:
         for sign in (1.0, -1.0):
             entries = [(c, -v / size) for c, v in opening] + [(c, sign * mu * v / size) for c, v in slip]
             self._rows(entries + [(c, v / size) for c, v in extra], -self._margin, len(rows), rows, True, False)
-        if cohesion.any():
-            stuck = self._new(half * cohesion)
+        if shear.any():
+            stuck = self._new(half * shear)
             self._rows([(stuck, -one)], 0.0, len(rows), None, False, False)
             for sign in (1.0, -1.0):
                 entries = [(c, sign * v) for c, v in slip] + [(stuck, -one)]

@@ -116,7 +116,7 @@ class WeakEquilibrium:
         for a, b in p.material.lines:
             linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)
         face = p.face[self._dry]
-        mu, c, crush = p.joints.friction[face], p.joints.cohesion[face], p.joints.crushing[face]
+        mu, c, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
         size = np.maximum(1.0, mu)
         some = np.flatnonzero(np.isfinite(crush))
         for own, _, normal, shear in self._pairs():

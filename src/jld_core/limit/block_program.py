@@ -291,19 +291,19 @@ class BlockProgram(AllBlocksProgram):
     """Linear program min −λ of the block relaxation, for yield sets that are wedges.
 
     Its dual is docs/method.md (6.5), (6.6). Columns: share x of each block; rays of the dry set of each side; two rays
-    and the shear V of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows:
+    and the shear V of the inner set of each joint; forces by c of each side; λ of each block times x; λ. Rows:
     cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on
     each block's λ.
 
     parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either label.
     shape: (int, int) numbers of rows and columns of the program of all blocks. x: (p,) columns of x. cover, share: (n,)
     rows of the cover and of the shares of λ, per element. equal_forces: (f, 3) rows of the equal forces on shared
-    faces. balance: (k, 3) equilibrium rows of the parts. cohesive: indices of the sides with cohesion.
+    faces. balance: (k, 3) equilibrium rows of the parts. cohesive: indices of the sides with shear strength.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
         self._parts, self._entries = parts, SparseEntries()
-        self.cohesive = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
+        self.cohesive = np.flatnonzero(dry.shear[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
         of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
         columns, rows = OwnedIndices(), OwnedIndices()
@@ -334,7 +334,7 @@ class BlockProgram(AllBlocksProgram):
         self._shear(inner, bends, shear)
         for turn, sign in enumerate((1.0, -1.0)):
             add(cohesive_shear[:, turn], sticks, sign)
-            add(cohesive_shear[:, turn], of_cohesive, -dry.cohesion[parts.side_face[self.cohesive]])
+            add(cohesive_shear[:, turn], of_cohesive, -dry.shear[parts.side_face[self.cohesive]])
         add(most, own, 1.0)
         self._most = add(most, self.x, -1.0)
         add(least, own, -1.0)
@@ -349,7 +349,7 @@ class BlockProgram(AllBlocksProgram):
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
         """Add the forces on the dry faces around the blocks."""
-        # The forces are normalised rays (1, ±μ, ±1) of the dry set, and shear by cohesion, |V₀| ≤ c x.
+        # The forces are normalised rays (1, ±μ, ±1) of the dry set, and shear without N, |V₀| ≤ c x.
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
@@ -383,7 +383,7 @@ class BlockProgram(AllBlocksProgram):
         # N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x.
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
-        strength = inner.cohesion[parts.joint_face] - mu * inner.tension[parts.joint_face]
+        strength = inner.shear[parts.joint_face] - mu * inner.tension[parts.joint_face]
         scale = np.maximum(1.0, strength)
         rubs = np.flatnonzero(mu > 0.0)
         for turn, sign in enumerate((1.0, -1.0)):
@@ -457,7 +457,7 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
     Shared rows: three for each shared face, then three for each element, namely its cover, its share of λ, and one
     unused.
     """
-    if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
+    if np.any(inner.shear[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None
     of_part, of_side, of_joint = (
         np.split(np.arange(len(block)), np.searchsorted(block, np.arange(1, parts.blocks)))
@@ -478,7 +478,7 @@ class _Block:
         self._parts, self._dry, self._inner = parts, dry, inner
         self._own, self._sides, self._joints = own, sides, joints
         self._place = {int(k): Q * i for i, k in enumerate(own)}
-        cohesive = sides[dry.cohesion[parts.side_face[sides]] > 0.0]
+        cohesive = sides[dry.shear[parts.side_face[sides]] > 0.0]
         self._cohesive = {int(s): Q * len(own) + i for i, s in enumerate(cohesive)}
         self._bent = {int(j): Q * len(own) + len(cohesive) + i for i, j in enumerate(joints)}
         self._rows = Q * len(own) + len(cohesive) + len(joints)
@@ -510,7 +510,7 @@ class _Block:
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
 
     def _add_side(self, side: int) -> None:
-        """Add the columns of a dry side: normalised rays, and shear ±c if it has cohesion."""
+        """Add the columns of a dry side: normalised rays, and shear ±c if it has any."""
         face = int(self._parts.side_face[side])
         mu = float(self._dry.friction[face])
         size = max(1.0, mu)
@@ -518,7 +518,7 @@ class _Block:
             self._push(side, np.array([1.0 / size, slip * mu / size, tip / size]))
         if side in self._cohesive:
             for sign in (1.0, -1.0):
-                self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._cohesive[side])
+                self._push(side, np.array([0.0, sign * self._dry.shear[face], 0.0]), self._cohesive[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
         """Add the column of a force at a side: its part in equilibrium and on the shared face.
@@ -540,7 +540,7 @@ class _Block:
         # of x, whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
-        strength = float(inner.cohesion[face] - mu * inner.tension[face])
+        strength = float(inner.shear[face] - mu * inner.tension[face])
         for slip in (1.0, -1.0) if mu > 0.0 else (0.0,):
             for tip in (lean, -lean):
                 self._keep(self._bending(joint, np.array([1.0, slip * mu, tip])))

@@ -344,11 +344,8 @@ def shrunk(assembly: Assembly, share: float) -> Assembly:
         polygon=polygon,
     )
     stress = share / area
-    stresses = {
-        name: getattr(strengths, name) * stress for name in ("tension", "shear", "crush_dry", "crush_inner", "cohesion")
-    }
-    friction = {name: getattr(strengths, name) * share for name in ("friction", "inner_friction")}
-    return replace(assembly, interfaces=smaller).with_strengths(replace(strengths, **stresses, **friction))
+    weaker = strengths.changed(lambda values: values * stress, lambda mu: mu * share)
+    return replace(assembly, interfaces=smaller).with_strengths(weaker)
 
 
 def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scaling] | None:
@@ -374,6 +371,6 @@ def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], for
     if share is None or bending is None:
         raise ValueError("the yield sets of this structure define no share of capacity")
     shear = friction.shear_of(scaled)
-    capacity = friction.cohesion_of(labels) + friction.friction_of(labels) * scaled[:, 0]
+    capacity = friction.capacity_of(labels) + friction.friction_of(labels) * scaled[:, 0]
     slip = np.minimum(used(shear, capacity, _IDLE * float(np.abs(scaled[:, :2]).max(initial=0.0))), 1.0)
     return Reserve(bracket, without_idle(assembly, forces), share, bending, slip)

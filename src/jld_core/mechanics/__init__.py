@@ -20,12 +20,11 @@
 from __future__ import annotations
 
 from jld_core.mechanics.bending import InnerBending
+from jld_core.mechanics.compiled_rows import maps_criteria, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.mechanics.row_yield import maps_criteria
 from jld_core.mechanics.scaling import Scaling, scaling_of
 from jld_core.mechanics.yield_set import RowPattern, Rows, YieldSet, require_materials
-from jld_core.mechanics.yield_spatial_rows import yield_set
 from jld_core.strengths import Parameter
 
 __all__ = [

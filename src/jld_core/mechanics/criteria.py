@@ -84,15 +84,15 @@ class Gauge:
         B, not singular; None: this gauge does not limit shear.
     torsion : float or (k,) array
         k; 0: this gauge does not limit torsion.
-    cohesion : float or (k,) array
-        c, stress.
+    capacity : float or (k,) array
+        c, the resistance without N, stress.
     friction : float or (k,) array
         μ.
     """
 
     shear: Floats | None
     torsion: float | Floats = 1.0
-    cohesion: float | Floats = 0.0
+    capacity: float | Floats = 0.0
     friction: float | Floats = 0.0
 
 
@@ -183,7 +183,7 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
             raise InputError(key, problem, "one for both, or one for each")
         if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
             raise InputError(key, f'a matrix B of "{one.name}" is singular', "a limit on both directions of shear")
-        if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.cohesion, gauge.friction)):
+        if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
             raise InputError(key, f'a number of a gauge of "{one.name}" is negative', "k, c and μ of at least 0")
     elif gauges:
         raise InputError(key, f'"{one.name}" states gauges in the plane', "rows of (n, v, m) alone")
@@ -193,5 +193,5 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
 def _arrays(gauge: Gauge, k: int) -> Gauge:
     """Return a gauge with arrays of k faces."""
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
-    numbers = (gauge.torsion, gauge.cohesion, gauge.friction)
+    numbers = (gauge.torsion, gauge.capacity, gauge.friction)
     return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))

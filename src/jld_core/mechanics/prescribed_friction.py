@@ -43,14 +43,19 @@ class EffectiveAreas:
 class PrescribedFriction:
     """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas.
 
-    Bending and cohesion are those of `base`. Faces of both labels have friction. Source: Gilbert et al. 2006;
-    docs/method.md (4.1).
+    Bending and capacity without N are those of `base`. Faces of both labels have friction.
+
+    base: set with associative friction. alpha: α, share of the present N: 1 is associative friction, 0 is friction
+    without dilation. previous: (m,) n_prev, scaled; raised to the least N that a face can carry. areas: None leaves the
+    torsion of dry faces as in `base`.
+
+    Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
-    base: FrictionSet  # set with associative friction
-    alpha: float  # α, share of the present N: 1 is associative friction, 0 is friction without dilation
-    previous: Floats  # (m,) N_prev, scaled; raised to the least N that a face can carry
-    areas: EffectiveAreas | None = None  # None leaves the torsion of dry faces as in `base`
+    base: FrictionSet
+    alpha: float
+    previous: Floats
+    areas: EffectiveAreas | None = None
 
     @property
     def associative(self) -> FrictionSet:
@@ -162,7 +167,7 @@ class PrescribedFriction:
         N is the present normal force. Negative values mean that shear stays within its capacity; faces without friction
         have −inf. forces: (m, q) scaled resultants. labels: (m,) True = dry.
         """
-        capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
+        capacity = self.base.capacity_of(labels) + self.base.friction_of(labels) * forces[:, 0]
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
@@ -206,39 +211,39 @@ class PrescribedFriction:
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry, see `Rows.active`.
         """
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) under labels (m,)."""
+        """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
-        spare = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
+        spare = self.base.capacity_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
             # A unit change of the resultants changes e by up to ρ (1 + |a|).
             steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
             spare = np.where(self.base.is_dry(labels), spare / steep, spare)
-        holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
+        holds = self.base.friction_of(labels) + self.base.capacity_of(labels) > 0.0
         return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) in the recession cones.
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry, see `YieldSet.recession_slack`.
         """
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry, see `YieldSet.recession_active`.
         """
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry, see `YieldSet.dissipation`.
         """
         frozen = self._frozen(labels) * self.slip(jumps, labels)
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
@@ -246,12 +251,12 @@ class PrescribedFriction:
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
 
-        labels: (m,) True = dry.
+        labels: (m,) True = dry, see `YieldSet.margin`.
         """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def strength(self, labels: Bits) -> Floats:
-        """Return the strength (m,) of the faces with associative friction."""
+        """Return the strength (m,) of the faces with associative friction, see `YieldSet.strength`."""
         return self.base.strength(labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:

@@ -111,8 +111,7 @@ def reference_load(assembly: Assembly) -> float:
     """
     if assembly.total_dead:
         return assembly.total_dead
-    s = assembly.strengths(_ROUTE)
-    usable = _usable(assembly, s.tension, s.shear, s.cohesion, s.crush_dry, s.crush_inner)
+    usable = _usable(assembly, *assembly.strengths(_ROUTE).stresses.values())
     return float(usable.min()) if usable.size else assembly.total_live
 
 

@@ -74,12 +74,14 @@ class Rows(Protocol):
 class Hull:
     """Yield rows of undecided faces: they enclose the dry and the inner yield set.
 
-    Relaxations use them in the places of the rows of dry faces, see `hull_rows`.
+    Relaxations use them in the places of the rows of dry faces, docs/method.md (6.3).
+
+    pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
+    either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
     """
 
-    # yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
     pattern: RowPattern
-    either: Bools  # (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero
+    either: Bools
 
     def active(self, labels: Bits) -> Bools:
         """Return the mask `either` (m, q); the labels have no effect."""
@@ -94,15 +96,16 @@ class ParabolicBending:
     may interact, docs/method.md (6.3). An inner copy of the face then carries a share w of a corner (n, m) of the inner
     set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
     where v is the shear of the corner above the dry line.
+
+    crushed: (k,) faces. parabola: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line
+    −a N ± b M ≤ h that also bounds bending, with a = b = 0 where there is none. interaction: (k, 12) interaction of V
+    and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA,
+    N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
-    crushed: Ints  # (k,) faces
-    parabola: Floats  # (k, 2) c and n₀
-    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b
-    # = 0 where there is none
+    crushed: Ints
+    parabola: Floats
     rows: Floats
-    # (k, 12) interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c,
-    # μ and c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
     interaction: Floats | None = None
 
 
@@ -110,14 +113,16 @@ class ParabolicBending:
 class CoulombWedge:
     """Yield sets of planar faces of one label without compressive strength, scaled.
 
-    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ cohesion + friction·N. Directions of recession are N (1, ±μ,
+    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ shear + friction·N. Directions of recession are N (1, ±μ,
     ±1/bending).
+
+    tension, friction, shear: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
     """
 
-    tension: Floats  # (m,) tensile strength, a force
-    bending: float  # 1 (dry) or 3 (inner), the same for all faces
-    friction: Floats  # (m,) friction coefficient
-    cohesion: Floats  # (m,) shear strength without normal force
+    tension: Floats
+    bending: float
+    friction: Floats
+    shear: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
@@ -134,16 +139,14 @@ class CoulombWedge:
         The value holds where `margin` is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of each jump.
         """
         slip = abs(jumps[:, 1])
-        return np.asarray(
-            self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
-        )
+        return np.asarray(self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.shear[faces] * slip)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the sum of tensile strength and cohesion (k,) of faces (k,).
+        """Return the sum of tensile and shear strength (k,) of faces (k,).
 
         It is the largest dissipation of a jump of size 1.
         """
-        return np.asarray(self.tension[faces] + self.cohesion[faces])
+        return np.asarray(self.tension[faces] + self.shear[faces])
 
 
 class YieldSet(Rows, Protocol):
@@ -216,9 +219,9 @@ class YieldSet(Rows, Protocol):
         """
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges; None if any has a compressive strength.
+        """Return the yield sets of all faces under one label as wedges.
 
-        dry: True for the dry label, False for the inner one.
+        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
         """
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
@@ -237,7 +240,11 @@ class YieldSet(Rows, Protocol):
 
 
 class FrictionSet(YieldSet, Protocol):
-    """Interface of a yield set with cohesion and friction, whose friction may be prescribed."""
+    """Interface of a yield set with friction, whose friction may be prescribed."""
+
+    @property
+    def numbers(self) -> Strengths:
+        """Return the scaled strengths of the faces."""
 
     @property
     def tension(self) -> Floats:
@@ -248,8 +255,8 @@ class FrictionSet(YieldSet, Protocol):
         """Return True if any inner face has friction."""
 
     @property
-    def has_dry_cohesion(self) -> bool:
-        """Return True if any dry face has cohesion."""
+    def has_dry_shear(self) -> bool:
+        """Return True if any dry face resists shear without N."""
 
     def is_dry(self, labels: Bits) -> Bools:
         """Return a mask (m,), True for faces that have the strengths of a dry face.
@@ -260,7 +267,7 @@ class FrictionSet(YieldSet, Protocol):
     def friction_of(self, labels: Bits) -> Floats:
         """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
 
-    def cohesion_of(self, labels: Bits) -> Floats:
+    def capacity_of(self, labels: Bits) -> Floats:
         """Return the scaled shear capacity (m,) of each face at N = 0.
 
         labels: (m,) True = dry.

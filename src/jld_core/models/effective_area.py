@@ -24,9 +24,9 @@ from jld_core.mechanics.prescribed_friction import EffectiveAreas
 from jld_core.models.central_path import FixedPoint, find_fixed_point, under_own_areas
 from jld_core.models.moving_rows import areas_under, frozen_areas
 from jld_core.solvers import ClarabelSolver
-from jld_core.strengths import STANDARD, Route
+from jld_core.strengths import ADHESION, STANDARD, Route
 
-_ROUTE: Final = Route("effective areas", STANDARD - {"cohesion"})
+_ROUTE: Final = Route("effective areas", STANDARD - ADHESION)
 
 _STEPS = 5  # number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`
 
@@ -52,7 +52,7 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     labels: (m,) True = dry.
     """
     # Effective areas do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with
-    # cohesion.
+    # a bond.
     if assembly.dimension == 2:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     if assembly.members.bond is not None:
@@ -94,7 +94,7 @@ def prove_effective_area(
     labels: (m,) True = dry. Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The
     status is uncertified if it exceeds 1e-8, or if the bracket is wider than the gap of the analysis.
     `extra["effective_area"]` is None where the labelling is unstable or has no state with whole faces. Raises
-    InputError if the scene is planar, no dry face is a rectangle, or a dry face has cohesion.
+    InputError if the scene is planar, no dry face is a rectangle, or a dry face has a shear strength.
     """
     # The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
     # problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by
@@ -234,7 +234,7 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
     turned = np.abs(jumps[:, 5])
-    crushes = np.isfinite(analysis.assembly.strengths(_ROUTE, labels).crush_dry)
+    crushes = np.isfinite(analysis.assembly.strengths(_ROUTE, labels).side(dry=True).crush)
     concerned = labels & faces.rectangle & (turned > 0.0)
     for one in (-1.0, 1.0):
         for two in (-1.0, 1.0):

@@ -36,7 +36,7 @@ from jld_core.mechanics.bending import local_hulls
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, RawStatus, is_large
-from jld_core.strengths import STANDARD, Route
+from jld_core.strengths import ADHESION, STANDARD, Route
 from jld_core.sub_assembly import without
 
 _STRONG = 300.0  # weakest inner strength over the force scale above which blocks are first solved as rigid
@@ -355,14 +355,14 @@ def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof 
     return found
 
 
-_ROUTE: Final = Route("contact at points", STANDARD - {"cohesion", "dry crushing"})
+_ROUTE: Final = Route("contact at points", STANDARD - ADHESION - {"dry crushing"})
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
     """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
     labels: (m,) True = dry. Result: the assembly with m' faces, and (m',) the face of `assembly` from which each comes,
-    sorted. Raises InputError if a dry face has a compressive strength or cohesion, since a point has no area.
+    sorted. Raises InputError if a dry face has a compressive or shear strength, since a point has no area.
     """
     # Labels are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one
     # point. Its sizes are those of its parent face; they only scale moments, which a point face does not have. Corners
@@ -507,7 +507,7 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
     if options.effective_area:
         require_rectangles(assembly, dry)
     if options.friction != "associative":
-        assembly.strengths(_PRESCRIBED)  # refuses a criterion, whose rows have no cohesion and μ of their own
+        assembly.strengths(_PRESCRIBED)  # refuses a criterion, whose rows have no c and μ of their own
     if options.solver != "auto":  # spares the analysis
         for case in assembly.by_case:
             require_solver_accepts(limit_analysis(case, options), options)

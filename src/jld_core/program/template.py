@@ -115,7 +115,7 @@ class Template:
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths(_ROUTE)
-        crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
+        crushing = strengths.crushes
         return tolerances.CRUSHING if (crushing & ~self.assembly.of_members).any() else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:

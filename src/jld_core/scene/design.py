@@ -26,7 +26,7 @@ class DesignFactors(Part):
     """Partial factors that a scene states itself; absent ones are those of its set.
 
     self_weight, dead, prestressing: factors of permanent actions where they are favourable and where they are
-    unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths and cohesion, of
+    unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths, of
     friction coefficients, and of capacities of members.
     """
 
@@ -74,7 +74,7 @@ class PartialFactors:
 
     self_weight, dead, prestressing: (float, float) factors of self-weight, of stated dead loads and of prestress:
     favourable, unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths and
-    cohesion, of friction coefficients, and of capacities of members. clauses: source of each factor, by the name of its
+    of friction coefficients, and of capacities of members. clauses: source of each factor, by the name of its
     attribute.
     """
 

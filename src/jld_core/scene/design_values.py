@@ -11,10 +11,8 @@ from jld_core.errors import InputError
 from jld_core.scene.design import PartialFactors
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
+from jld_core.scene.standard import STRESS_KEYS
 from jld_core.scene.uncertain import Uncertain, UncertainVector, in_words, is_uncertain, uncertain_values
-
-# Keys that the factor of strengths divides
-_STRENGTHS: Final = ("tensile_strength", "shear_strength", "compressive_strength", "cohesion")
 
 _CAPACITIES: Final = ("tension", "compression", "shear")  # keys of members that their factor divides
 
@@ -48,7 +46,7 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
         problem = f'the design check has no partial factors of the criterion "{own[0]}"'
         raise InputError("materials", problem, "standard strengths in place of it")
     for entry in [*values, *document.get("interfaces", [])]:
-        for key in _STRENGTHS:
+        for key in STRESS_KEYS:
             _apply(entry, key, lambda value: value / factors.strength)
         for name in ("friction", "inner_friction"):
             _apply(entry, f"{name}_coefficient", lambda value: value / factors.friction)

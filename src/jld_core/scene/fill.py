@@ -55,6 +55,10 @@ class Fill(Part):
         """Return Rankine's coefficient of passive pressure; the active one is its reciprocal."""
         return math.tan(math.pi / 4.0 + math.radians(self.friction_angle) / 2.0) ** 2
 
+    def held(self, coefficient: float) -> float:
+        """Return the pressure by which cohesion changes Rankine's pressure of a coefficient."""
+        return 2.0 * self.cohesion * math.sqrt(coefficient)
+
 
 class Strip(Part):
     """Strip on the surface of the fill.

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
+from jld_core.scene.standard import STRESS_KEYS
 
 GRAVITY: Final = 9.81
 """Acceleration that converts a mass in a text to a force, m/s²: the default of `materials.gravity`."""
@@ -69,10 +70,7 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     "line": _LINE,
     "density": _DENSITY,
     **dict.fromkeys(
-        (
-            *("pressure", "traction", "surcharge"),
-            *("tensile_strength", "shear_strength", "compressive_strength", "cohesion"),
-        ),
+        ("pressure", "traction", "surcharge", *STRESS_KEYS),
         _STRESS,
     ),
 }

@@ -36,7 +36,7 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
 
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
     """Describe which elements fall and how, and a remedy; keys "falls" and "next"."""
-    found = {"next": "support what falls, or give its faces friction, cohesion or an inner label"}
+    found = {"next": "support what falls, or give its faces friction, a shear strength or an inner label"}
     if result.instability_mechanism is None:
         return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
     assembly, d = result.assembly, result.assembly.dimension

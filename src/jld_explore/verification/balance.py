@@ -60,16 +60,16 @@ class Balances:
         self._of_member = assembly.of_members.tolist()
         strengths, faces = assembly.strengths(_ROUTE), assembly.interfaces
         if not self._planar:
-            crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
-            if (crushing & ~assembly.of_members).any():
+            if (strengths.crushes & ~assembly.of_members).any():
                 raise InputError(
                     "materials", "crushing in space has no certificate", "no compressive_strength in space"
                 )
             if not faces.rectangle.all():
                 raise InputError("interfaces", "a face is no rectangle", "rectangular faces, for a certificate")
         sizes = [faces.area, faces.l1, np.zeros(self._count) if self._planar else faces.l2, faces.c_t]
-        stresses = [strengths.tension, strengths.shear, strengths.crush_dry, strengths.crush_inner, strengths.cohesion]
-        numbers = np.array([*sizes, *stresses, strengths.friction, strengths.inner_friction])
+        dry, inner = strengths.side(dry=True), strengths.side(dry=False)
+        stresses = [inner.tension, inner.shear, dry.crush, inner.crush, dry.shear]
+        numbers = np.array([*sizes, *stresses, dry.friction, inner.friction])
         self._finite = np.isfinite(numbers).T.tolist()
         table, self._digits = whole(np.nan_to_num(numbers, nan=0.0, posinf=0.0))
         self._numbers: list[list[int]] = [list(column) for column in zip(*table, strict=True)]
@@ -172,35 +172,35 @@ class Balances:
     def _planar_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
         """Return the dissipation of a planar face, (3.4) to (3.7), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 3 digits).
-        area, length, _, _, tension, shear, crush_dry, crush_inner, cohesion, friction, rough = self._numbers[face]
+        area, length, _, _, tension, shear, limit, compression, sticks, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         opening, slip, turn = jump[0] << digits, abs(jump[1]), length * abs(jump[2])
         if dry:
             if not known[9]:
                 return None
-            stuck = _PARTS * area * cohesion * slip << digits
+            stuck = _PARTS * area * sticks * slip << digits
             closing = turn - 2 * (opening - friction * slip)
             if closing <= 0:
                 return stuck
-            if not known[6] or not crush_dry:
+            if not known[6] or not limit:
                 return None
             if closing < 2 * turn:
-                return stuck + -(-3 * area * crush_dry * closing * closing // turn)
-            return stuck + 12 * area * crush_dry * (closing - turn)
+                return stuck + -(-3 * area * limit * closing * closing // turn)
+            return stuck + 12 * area * limit * (closing - turn)
         if not (known[4] and known[5]):
             return None
         cracked = opening - rough * slip
         sheared = _PARTS * area * shear * slip << digits
         if not known[7]:
             return None if 6 * cracked < turn else sheared + _PARTS * area * tension * cracked
-        corner = 2 * area * (crush_inner + tension) * turn - 12 * area * (crush_inner - tension) * cracked
-        ends = _PARTS * area * max(tension * cracked, -crush_inner * cracked)
+        corner = 2 * area * (compression + tension) * turn - 12 * area * (compression - tension) * cracked
+        ends = _PARTS * area * max(tension * cracked, -compression * cracked)
         return sheared + max(ends, corner)
 
     def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
         """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 4 digits).
-        area, l1, l2, arm, tension, shear, _, compression, cohesion, friction, rough = self._numbers[face]
+        area, l1, l2, arm, tension, shear, _, compression, sticks, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
         slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
@@ -213,7 +213,7 @@ class Balances:
         if dry:
             if not known[9] or 2 * (opening - friction * slip) < turn:
                 return None
-            return _PARTS * area * cohesion * slip << digits
+            return _PARTS * area * sticks * slip << digits
         if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))

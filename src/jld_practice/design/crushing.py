@@ -26,7 +26,7 @@ def uniaxial_strength(scene: Scene) -> float:
     inner faces, or the compressive strength if that is less. Raises InputError as `material_of` does.
     """
     material = material_of(build_assembly(scene))
-    sheared = 2.0 * material.cohesion * (material.friction + math.hypot(1.0, material.friction))
+    sheared = 2.0 * material.shear * (material.friction + math.hypot(1.0, material.friction))
     return min(sheared, material.crushing)
 
 

@@ -20,6 +20,7 @@ from jld_core.limit.thrust import Reserve
 from jld_core.scene.cracks import cracks_to_json
 from jld_core.scene.design import STATED, UNREDUCED
 from jld_core.scene.design_values import at_design_values
+from jld_core.scene.standard import STRESS_KEYS
 from jld_core.scene.uncertain import uncertain_values
 from jld_core.tolerances import GAP
 from jld_explore.report.languages import words_in
@@ -385,7 +386,7 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
             continue
         if any(friction(one) for one in both):
             parts.append((key, "tan_phi", [friction(one) or 0.0 for one in both]))
-        for name in ("cohesion", "tensile_strength", "shear_strength", "compressive_strength"):
+        for name in STRESS_KEYS:
             values = [getattr(one, name, None) for one in both]
             if values[0]:
                 parts.append((key, name, [float(value or 0.0) for value in values]))

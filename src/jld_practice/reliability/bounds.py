@@ -14,7 +14,7 @@ from jld_core.batch.rows import BatchRows, rows_of_samples
 from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.limit.bounds import crossed
 from jld_core.mechanics import require_materials, yield_set
-from jld_core.mechanics.bending import scaled_strengths
+from jld_core.mechanics.standard import scaled_strengths
 from jld_core.mechanics.yield_set import FrictionSet
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.threads import one_thread

@@ -142,10 +142,12 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
     """
     slip = sets.slip(jumps) * normal
     found = {"friction": np.where(labels, slip, 0.0), "inner_friction": np.where(labels, 0.0, slip)}
-    for name in ("tension", "shear", "cohesion", "crush_dry", "crush_inner"):
-        values = getattr(sets, name)
+    for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
-        ends = [replace(sets, **{name: values + sign * step}).dissipation(jumps, labels) for sign in (0.0, 1.0)]  # type: ignore[type-var]
+        ends = [
+            sets.with_strengths(replace(sets.numbers, **{name: values + sign * step})).dissipation(jumps, labels)
+            for sign in (0.0, 1.0)
+        ]
         found[name] = np.where(step > 0.0, (ends[1] - ends[0]) / np.where(step > 0.0, step, 1.0), 0.0)
     return found
 

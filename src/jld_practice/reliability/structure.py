@@ -75,8 +75,6 @@ _LEAST: Final = 1e-9  # compressive strength, relative to its mean, that stands 
 
 _STEEPEST: Final = 89.9  # angle of friction, degrees, that stands for samples above it
 
-_FIELDS: Final = ("friction", "tension", "shear", "crush_dry", "crush_inner", "cohesion", "inner_friction")
-
 
 @dataclass(frozen=True)
 class _Follower:
@@ -128,7 +126,7 @@ class RandomStructure:
         at most that at the apex of its friction.
         """
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
-        tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in _FIELDS}
+        tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
         for one in self.followers:
             x, m = values[:, one.variables], mean[one.variables]
             if one.angle:
@@ -303,7 +301,7 @@ class _Measurement:
         expected = change
         if key.endswith("friction_angle"):
             expected = float(_tangent(np.array(mean + change)) - _tangent(np.array(mean)))
-        for name in _FIELDS:
+        for name in vars(self.base.strengths(_ROUTE)):
             before, after = getattr(self.base.strengths(_ROUTE), name), getattr(other.strengths(_ROUTE), name)
             mask = ~((before == after) | (np.isnan(before) & np.isnan(after)))
             if not mask.any():

@@ -195,7 +195,7 @@ def load_range(
     `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
     """
     # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
-    # a planar scene without crushing, effective areas, cohesion of dry faces and friction of inner faces.
+    # a planar scene without crushing, effective areas, shear strength of dry faces and friction of inner faces.
     if associative.status is Status.UNSTABLE:
         return _proof_without_solution(pair_proof(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
@@ -237,13 +237,13 @@ def _lower_bound(
     """Compute a lower bound on λ of all solutions by the function `bound`.
 
     labels: (m,) True = dry. None without any solution, without time, with effective areas, and where dry faces have
-    cohesion or inner faces friction.
+    shear strength or inner faces friction.
     """
     # If a solution at λ = 0 is known, the bound is 0 without a search.
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
-    if search.fixed_point.base.has_inner_friction or search.fixed_point.base.has_dry_cohesion:
+    if search.fixed_point.base.has_inner_friction or search.fixed_point.base.has_dry_shear:
         return None  # The certificates require friction of dry faces only.
     if found.lowest_load <= tolerances.GAP * search.fixed_point.load_scale:
         return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, solve_log=("a solution at zero",))

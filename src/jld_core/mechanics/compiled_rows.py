@@ -1,0 +1,337 @@
+"""Yield sets from the rows that criteria state: of plug-ins, and of the standard criterion beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.mechanics.bending import Bending, InnerBending, bending_of
+from jld_core.mechanics.criteria import FaceRows, Gauge, geometry_of, rows_of
+from jld_core.mechanics.polytopes import corners, enclosing_rows
+from jld_core.mechanics.row_yield import LabelRows, RowYield
+from jld_core.mechanics.scaling import Scaling
+from jld_core.mechanics.standard import ROUTE_OF_ROWS, scaled_strengths, standard_rows, standard_yield
+from jld_core.mechanics.yield_set import YieldSet
+from jld_core.strengths import Strengths
+
+_ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
+
+_TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
+
+
+def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> RowYield:
+    """Make the yield sets of all faces of an assembly from rows: of the standard criterion, and of plug-ins.
+
+    Raises InputError where joints crush, and for rows that are no yield set.
+    """
+    dry, inner = _of_stresses(assembly, inner_bending)
+    sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
+    dry, inner, both = (one.scaled(assembly.interfaces.area / scaling.force) for one in sets)
+    return RowYield(assembly.dimension, dry, inner, both, assembly.face_strengths.criteria)
+
+
+def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[LabelRows, LabelRows]:
+    """Return the sets of dry and of inner faces in stresses; raise InputError as `row_yield`."""
+    numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
+    if assembly.dimension == 3:
+        none = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
+    dry, inner = (_compiled(assembly, _rows(assembly, numbers, bending, label), label) for label in (True, False))
+    return dry, inner
+
+
+def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
+    """Return True if a symmetry maps the yield set of each face onto that of its image, under both labels.
+
+    Under a map, V and m of a face may change sign, so that equal parameters are no equal sets. Sets are known to be
+    mapped where the axes of a face are mapped onto those of its image.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+    face_to : (m,) int array
+        Image of each face.
+    matrix : (d, d) array
+        Rotation or reflection.
+
+    Returns
+    -------
+    bool
+        True without criteria of plug-ins: strengths then say all.
+    """
+    if not assembly.face_strengths.criteria:
+        return True
+    faces, turned = assembly.interfaces, float(np.sign(np.linalg.det(matrix)))
+    to = faces.take(face_to)
+    swapped = np.sign(np.einsum("mi,mi->m", faces.normal @ matrix.T, to.normal))
+    count = len(faces)
+    core, shear = np.tile(np.eye(3), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
+    if assembly.dimension == 2:
+        core[:, 1, 1], core[:, 2, 2] = turned, turned * swapped
+    else:
+        axes = [np.stack([one.e1, one.e2], axis=2) for one in (faces, to)]
+        turn = np.round(np.swapaxes(axes[1], 1, 2) @ matrix @ axes[0], 9)
+        if not np.isin(turn, (-1.0, 0.0, 1.0)).all():
+            return False
+        core[:, 1:, 1:], shear = turned * swapped[:, None, None] * turn, swapped[:, None, None] * turn
+    return all(_mapped(one, face_to, core, shear) for one in _of_stresses(assembly, "uncoupled"))
+
+
+def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
+    """Return True if maps of the core (m, 3, 3) and of shear (m, 2, 2) turn each set into that of its image."""
+    for points in (sets.vertices, sets.rays):
+        if not points.shape[1]:
+            continue
+        moved, there = points @ np.swapaxes(core, 1, 2), points[to]
+        size = max(1e-300, float(abs(points).max()))
+        near = abs(moved[:, :, None] - there[:, None]).max(axis=3) <= 1e-9 * size
+        if not (near.any(axis=1).all() and near.any(axis=2).all()):
+            return False
+    metric = np.swapaxes(sets.B, 1, 2) @ sets.B
+    if not np.allclose(np.swapaxes(shear, 1, 2) @ metric[to] @ shear, metric, rtol=1e-9, atol=1e-12):
+        return False
+    numbers = np.column_stack([sets.k, sets.c, sets.mu, sets.coupled])
+    return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
+
+
+def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
+    """Return the rows of the standard criterion under one label, in stresses; in the plane they limit V too."""
+    point = np.zeros(len(numbers.friction), dtype=bool)
+    side = scaled_strengths(numbers, np.ones(len(point))).side(dry=dry)
+    late = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
+    own = standard_rows(side, bending, point, 0 if dry else late, dry=dry)
+    if bending is not None:
+        return FaceRows(own.C, own.d, (Gauge(own.B, own.k[:, 1], side.shear, side.friction),))
+    one = np.ones(len(side.shear))
+    slides = np.stack([side.friction, -one, 0.0 * one, side.friction, one, 0.0 * one], axis=1).reshape(-1, 2, 3)
+    limits = np.column_stack([side.shear, side.shear])
+    return FaceRows(np.concatenate([own.C, slides], axis=1), np.concatenate([own.d, limits], axis=1))
+
+
+def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: bool) -> list[tuple[Ints, FaceRows]]:
+    """Return the rows of one label by groups of faces (k,): standard ones, and those of each criterion."""
+    label = "dry" if dry else "inner"
+    plain, found = np.ones(len(assembly.interfaces), dtype=bool), []
+    for one in assembly.face_strengths.criteria:
+        which = np.flatnonzero(one.faces)
+        if one.label == label and which.size:
+            found.append((which, rows_of(one, geometry_of(assembly.interfaces, which, bending))))
+            plain[which] = False
+    standard = _standard(numbers, bending, dry=dry)
+    gauges = tuple(_taken(gauge, plain) for gauge in standard.gauges)
+    return [(np.flatnonzero(plain), FaceRows(standard.C[plain], standard.d[plain], gauges)), *found]
+
+
+def _taken(gauge: Gauge, faces: Bools) -> Gauge:
+    """Return a gauge of some faces (m,)."""
+    numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
+    return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
+
+
+def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], dry: bool) -> LabelRows:
+    """Return the sets of one label in stresses: rows without redundant ones, vertices and rays of each class of faces.
+
+    Raises InputError for rows that are no yield set.
+    """
+    count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
+    table = np.zeros((count, most, 4))
+    for which, rows in groups:
+        size = abs(rows.C).max(axis=2, initial=0.0)[..., None]
+        whole = np.concatenate([rows.C, rows.d[..., None]], axis=2)
+        table[which, : rows.C.shape[1]] = whole / np.where(size > 0.0, size, 1.0)
+    kinds, first, kind = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
+    kind, key = kind.ravel(), f"materials.{'dry' if dry else 'inner'}.criterion"
+    own = [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
+    names = [next((one.name for one in own if one.faces[face]), "standard") for face in first.tolist()]
+    parts = [_core(one, key, name) for one, name in zip(kinds.reshape(-1, most, 4), names, strict=True)]
+    limits, vertices, rays = (_padded([part[k] for part in parts], repeat=k == 1)[kind] for k in range(3))
+    shear, numbers, coupled = _gauges(groups, count)
+    k, c, mu = numbers
+    found = LabelRows(limits[..., :3], limits[..., 3], shear, k, c, mu, coupled, vertices, rays, kind)
+    for one in own:
+        low = vertices[one.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
+        spare = c[one.faces] + mu[one.faces] * low
+        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[one.faces].max(initial=0.0))):
+            problem = f'N of "{one.name}" reaches {float(low.min()):g}, where c + μN is negative'
+            raise InputError(key, problem, "N of at least −c/μ")
+    return found
+
+
+def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
+    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
+    # Gauges are divided by the larger of the size of B and k.
+    shear, coupled = np.tile(np.eye(2), (count, 1, 1)), np.zeros(count, dtype=bool)
+    numbers = np.zeros((3, count, 2))
+    numbers[0] = any(rows.gauges for _, rows in groups)  # in the plane, rows limit V
+    for which, rows in groups:
+        for gauge in rows.gauges:
+            torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
+            size = np.array(torsion)
+            if gauge.shear is not None:
+                size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
+                shear[which] = gauge.shear / size[:, None, None]
+                coupled[which] = torsion > 0.0
+            for place, limits in ((0, gauge.shear is not None), (1, bool(np.all(torsion > 0.0)))):
+                if limits and len(which):
+                    numbers[:, which, place] = np.array([torsion if place else size, capacity, friction]) / size
+    return shear, numbers, coupled
+
+
+def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
+    """Return arrays (r, q) of several lengths as one (k, most, q), filled with zeros or with their first row."""
+    most = max(len(part) for part in parts)
+    found = np.zeros((len(parts), most, parts[0].shape[1]))
+    for place, part in enumerate(parts):
+        found[place, : len(part)] = part
+        if repeat:
+            found[place, len(part) :] = part[0]
+    return found
+
+
+def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
+    """Return the rows (r, 4) that bound a core, its vertices (p, 3) and its rays (q, 3).
+
+    Raises InputError for an unusable set.
+    """
+    table = np.unique(table[np.any(table[:, :3] != 0.0, axis=1)], axis=0)
+    rows, constants = table[:, :3], table[:, 3]
+    if np.linalg.matrix_rank(rows) < 3 if len(rows) else True:
+        raise InputError(key, f'"{name}" leaves a force or moment without limit', "rows that limit all three")
+    vertices, rays = corners(rows, constants)
+    if not len(vertices):
+        raise InputError(key, f'no force satisfies all rows of "{name}"', "a set that is not empty")
+    if rays[:, 0].min(initial=0.0) < 0.0:
+        raise InputError(key, f'"{name}" lets N fall without limit', "a tensile strength")
+    if not (vertices[:, 0].any() or rays[:, 0].any()):
+        raise InputError(key, f'"{name}" carries no N', "rows that let N act")
+    generators = np.vstack([np.column_stack([vertices, np.ones(len(vertices))]), np.pad(rays, ((0, 0), (0, 1)))])
+    if np.linalg.matrix_rank(generators) == 4:
+        # A facet holds three extreme points or rays; other rows touch the set, or stay away.
+        gap = abs(generators @ table.T) / np.maximum(abs(generators).max(axis=1), 1e-300)[:, None]
+        table = table[(gap <= _TOUCHES * max(1.0, float(constants.max()))).sum(axis=0) >= 3]
+    return table, vertices, rays
+
+
+def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
+    """Return sets of stresses that enclose those of both labels."""
+    # The cores have hulls; in the plane those of (N, M) and of (N, V). A gauge is the widest circle in the two of
+    # shear, with a line above the capacities of both labels.
+    vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
+    rays = np.concatenate([dry.rays, inner.rays], axis=1)
+    _, first, kind = np.unique(np.column_stack([dry.kind, inner.kind]), axis=0, return_index=True, return_inverse=True)
+    parts = [
+        _hull_of(dimension, vertices[face], rays[face][np.any(rays[face] != 0.0, axis=1)]) for face in first.tolist()
+    ]
+    kind = kind.ravel()
+    table = _padded(parts, repeat=False)[kind]
+    ends = [(one.vertices[:, :, 0].min(axis=1), one.vertices[:, :, 0].max(axis=1)) for one in (dry, inner)]
+    low = vertices[:, :, 0].min(axis=1)[:, None]
+    steep = np.max([np.where(one.endless[:, None], one.mu, 0.0) for one in (dry, inner)], axis=0)
+    # The line starts at the least N of both, above every end of the capacities.
+    start = np.max(
+        [
+            one.c + one.mu * end[:, None] - steep * (end[:, None] - low)
+            for one, (bottom, top) in zip((dry, inner), ends, strict=True)
+            for end in (bottom, np.where(one.endless, bottom, top))
+        ],
+        axis=0,
+    )
+    narrow = np.min([np.linalg.svd(one.B, compute_uv=False)[:, 1] for one in (dry, inner)], axis=0)
+    return LabelRows(
+        table[..., :3],
+        table[..., 3],
+        narrow[:, None, None] * np.eye(2),
+        np.minimum(dry.k, inner.k),
+        start - steep * low,
+        steep,
+        dry.coupled & inner.coupled,
+        vertices,
+        rays,
+        kind,
+    )
+
+
+def _hull_of(dimension: int, vertices: Floats, rays: Floats) -> Floats:
+    """Return the rows (r, 4) of the hull of vertices (p, 3) and rays (q, 3) of cores."""
+    if dimension == 3:
+        return np.column_stack(enclosing_rows(vertices, rays))
+    table = []
+    for other in (2, 1):
+        rows, constants = enclosing_rows(vertices[:, [0, other]], rays[:, [0, other]])
+        part = np.zeros((len(rows), 4))
+        part[:, [0, other]], part[:, 3] = rows, constants
+        # Both projections have the same range of N.
+        table.append(part if other == 2 else part[part[:, 1] != 0.0])
+    return np.vstack(table)
+
+
+def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
+    """Return sets whose rows have places of their own for bending, shear and others, so that they share sparsity."""
+    # Within a kind rows stand by falling N, in space by the angle of the moments.
+    ordered, kinds = [], []
+    for one in sets:
+        c = one.C
+        idle = ~np.any(c != 0.0, axis=2)
+        if dimension == 2:
+            kind = np.where(c[..., 1] == 0.0, np.where(c[..., 2] == 0.0, 2, 0), np.where(c[..., 2] == 0.0, 1, 2))
+            keys = [np.where(kind == 1, c[..., 1], c[..., 2]), -c[..., 0]]
+        else:
+            kind = np.where(c[..., 0] > 0.0, 0, 1)
+            keys = [np.round(np.mod(np.arctan2(-c[..., 2], -c[..., 1]), 2.0 * np.pi), 12)]
+        kind = np.where(idle, 3, kind)
+        order = np.tile(np.arange(c.shape[1]), (len(c), 1))
+        for key in (*keys, kind):
+            order = np.take_along_axis(order, np.argsort(np.take_along_axis(key, order, 1), axis=1, kind="stable"), 1)
+        ordered.append((np.take_along_axis(c, order[..., None], 1), np.take_along_axis(one.d, order, 1)))
+        kinds.append(np.take_along_axis(kind, order, 1))
+    slots = [max(int((kind == number).sum(axis=1).max(initial=0)) for kind in kinds) for number in range(3)]
+    p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
+    found = []
+    for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
+        rows, constants = np.zeros((len(c), sum(slots), 3)), np.zeros((len(c), sum(slots)))
+        for number in range(3):
+            face, place = np.nonzero(kind == number)
+            first = np.argmax(kind == number, axis=1)[face]
+            at = sum(slots[:number]) + place - first
+            rows[face, at], constants[face, at] = c[face, place], d[face, place]
+        found.append(replace(one, C=rows, d=constants, vertices=_widened(one.vertices, p), rays=_widened(one.rays, q)))
+    return found
+
+
+def _widened(points: Floats, most: int) -> Floats:
+    """Return points (m, p, 3), the last of them repeated until there are `most`; zeros where there are none."""
+    more = most - points.shape[1]
+    last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, 3))
+    return np.concatenate([points, np.repeat(last, more, axis=1)], axis=1)
+
+
+def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> YieldSet:
+    """Make the yield sets of all faces of a planar or spatial assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+    scaling : Scaling
+        Scales of the assembly.
+    inner_bending : {"uncoupled", "kern"}
+        Bending form of inner faces in space; ignored in the plane.
+
+    Returns
+    -------
+    YieldSet
+        One class for plane and space; with the standard criterion alone it also states friction apart.
+
+    Raises
+    ------
+    InputError
+        A dry compressive strength is given for a spatial face that is no rectangle, or a criterion is unusable.
+    """
+    make = row_yield if assembly.face_strengths.criteria else standard_yield
+    return make(assembly, scaling, inner_bending)

@@ -1,0 +1,293 @@
+"""The standard criterion, stated once for both labels, plane and space: friction, shear, tension and crushing.
+
+Each label requires c·m ≤ N + σtA for the rows c of bending, |V| + |mT| ≤ c + μN, and c·m ≥ N − σcA where there is a
+compressive strength; dry joints have no tension, and crush along a curve, see `crushing`. Planar faces have the rows
+±m of a line and no torsion. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.mechanics.bending import Bending, InnerBending, bending_of
+from jld_core.mechanics.crushing import Crushing, Parabolas, Rectangles, parabolic_hull
+from jld_core.mechanics.row_yield import LabelRows, RowYield
+from jld_core.mechanics.scaling import Scaling
+from jld_core.mechanics.yield_set import CoulombWedge, ParabolicBending
+from jld_core.scene.standard import ENDS
+from jld_core.strengths import CRITERIA, STANDARD, Route, Side, Strengths
+
+_ROUTE: Final = Route("the standard yield set")
+
+ROUTE_OF_ROWS: Final = Route("yield sets stated as rows", STANDARD - {"dry crushing"} | CRITERIA)
+"""Reader of the standard criterion beside those of plug-ins, which are rows alone."""
+
+
+# Rows of the moment of a planar face, as (m1, m2) of a spatial one; corners of the set of an inner face that crushes
+_PAIR: Final = np.array([[0.0, 1.0], [0.0, -1.0]])
+_SOLID: Final = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0 / 6.0], [0.5, 0.0, -1.0 / 6.0]])
+
+
+def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, *, dry: bool) -> LabelRows:
+    """Return the standard criterion of m faces under one label as rows; the last `late` of each limit compression.
+
+    bending: rows of spatial faces; None in the plane. point: (m,) spatial faces that are points and have no moments.
+    """
+    count, unit = len(side.tension), np.ones(len(side.tension))
+    scale = np.where(point, 1.0, 1.0 if dry else 3.0)
+    curved = dry & np.isfinite(side.crush)
+    acting = np.ones((count, 3), dtype=bool)
+    if bending is None:
+        edges = scale[:, None, None] * _PAIR
+        corners, used = _PAIR / scale[:, None, None], np.ones((count, 2), dtype=bool)
+        stands, acting[:, 1] = used, False
+    else:
+        edges, corners, used = bending.table(dry=dry)
+        # The effective rectangle of a face that crushes implies its rows.
+        stands, acting[point, 1:] = used & ~curved[:, None], False
+    # Rows are divided by the factor of the moments, so that coefficients are about 1.
+    C, d = _lines(1.0, -edges, stands, scale), stands * (side.tension / scale)[:, None]
+    vertices = np.zeros((count, 1, 3))
+    if late:
+        tops = np.flatnonzero(np.isfinite(side.crush) & ~curved)
+        last, solids = (edges[:, ::-1], _SOLID) if bending is None else (edges, bending.solids(tops))
+        has, ends = np.zeros((count, late), dtype=bool), np.zeros((count, late))
+        has[tops] = used[tops]
+        ends[tops] = used[tops] * (side.crush / scale)[tops, None]
+        C, d = np.concatenate([C, _lines(-1.0, last, has, scale)], axis=1), np.concatenate([d, ends], axis=1)
+        if tops.size:
+            vertices = np.zeros((count, solids.shape[-2], 3))
+            vertices[tops] = (side.crush + side.tension)[tops, None, None] * solids
+    vertices[..., 0] -= side.tension[:, None]
+    return LabelRows(
+        C=C,
+        d=d,
+        B=np.broadcast_to(np.eye(2), (count, 2, 2)),
+        k=np.column_stack([unit, np.where(point, 0.0, unit)]),
+        c=np.repeat(side.shear[:, None], 2, axis=1),
+        mu=np.repeat(side.friction[:, None], 2, axis=1),
+        coupled=np.ones(count, dtype=bool),
+        vertices=vertices,
+        rays=_lines(1.0, corners, used & np.isinf(side.crush)[:, None], unit),
+        kind=np.zeros(count, dtype=np.int64),
+        acting=acting,
+    )
+
+
+def _lines(normal: float, moments: Floats, used: Bools, scale: Floats) -> Floats:
+    """Return the vectors (normal, moments) / scale (m, e, 3) from moments (m, e, 2); zeros where not `used` (m, e)."""
+    found = np.empty((*used.shape, 3))
+    found[..., 0], found[..., 1:] = normal, moments
+    found *= (used / scale[:, None])[..., None]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class StandardYield(RowYield):
+    """Yield sets of m faces that have the standard criterion, see `FrictionSet`.
+
+    numbers: scaled strengths. bending: rows of spatial faces; None in the plane. point: (m,) spatial faces that are
+    points; they are always dry.
+    """
+
+    numbers: Strengths = field(kw_only=True)
+    bending: Bending | None = field(kw_only=True)
+    point: Bools = field(kw_only=True)
+
+    def _enclosed(self) -> LabelRows:
+        """Return the sets that enclose both labels, docs/method.md (6.3); their rows have the scale of dry ones."""
+        # Without a bound on N, the closed convex hull of the dry and the inner set is the dry set moved to N = −σtA and
+        # widened in shear: {|m| ≤ N + σtA, |V| ≤ w + μ (N + σtA)}. Here μ is the larger one of both labels and w =
+        # max(c − μ σtA, τA − μ_inner σtA). With compressive strengths, or where inner faces have more friction, the
+        # rows enclose the hull: bending without crushing, and in space a limit on N where both labels have one.
+        (dry, inner), late = _sides(self.numbers, self.point), self.late
+        most = np.maximum(dry.friction, inner.friction)
+        wide = np.maximum(inner.shear - inner.friction * inner.tension, dry.shear - most * inner.tension)
+        side = Side(inner.tension, wide + most * inner.tension, most, np.full(len(most), np.inf))
+        found = standard_rows(side, self.bending, self.point, late, dry=True)
+        if late and self.dimension == 3:
+            capped = np.flatnonzero(np.isfinite(dry.crush) & np.isfinite(inner.crush))
+            last = np.any(found.C[capped, :-late] != 0.0, axis=2)
+            found.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
+            found.d[capped, -late:] = last
+        return replace(found, sized=self.dry)
+
+    @cached_property
+    def has_inner_friction(self) -> bool:
+        """Return True if any inner face has friction."""
+        return bool((self.numbers.side(dry=False).friction > 0.0).any())
+
+    @cached_property
+    def has_dry_shear(self) -> bool:
+        """Return True if any dry face resists shear without N."""
+        return bool((self.numbers.side(dry=True).shear > 0.0).any())
+
+    @property
+    def tension(self) -> Floats:
+        """Return the scaled tensile strength σtA (m,) of each face under the inner label."""
+        return self.numbers.tension
+
+    @property
+    def associative(self) -> StandardYield:
+        """Return the set with associative friction, which is this set itself."""
+        return self
+
+    def is_dry(self, labels: Bits) -> Bools:
+        """Return a mask (m,), True for dry faces and for points, which are always dry."""
+        return np.asarray(labels | self.point)
+
+    def friction_of(self, labels: Bits) -> Floats:
+        """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
+        return self._of(labels, "mu")[:, 0]
+
+    def capacity_of(self, labels: Bits) -> Floats:
+        """Return the scaled shear capacity (m,) of each face at N = 0."""
+        return self._of(labels, "c")[:, 0]
+
+    def shear_of(self, forces: Floats) -> Floats:
+        """Return the shear demand (m,) of scaled resultants (m, q): |V|, in space |V| + |mT|, but |V| at points."""
+        return self._demands(forces, self.point)[:, 0]
+
+    def slip(self, jumps: Floats) -> Floats:
+        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity, see `FrictionSet`."""
+        return self._slips(jumps, self.point)[0]
+
+    def with_strengths(self, sets: Strengths) -> StandardYield:
+        """Return the yield sets of the same faces with other scaled strengths."""
+        return _standard_yield(sets, self.bending, self.point)
+
+    def with_friction(self, share: float) -> StandardYield:
+        """Return a copy of the set with all friction coefficients multiplied by `share`, for proofs alone."""
+        return self._sliding(lambda one: replace(one, mu=share * one.mu))
+
+    def without_shear_limit(self) -> StandardYield:
+        """Return a copy of the set without any limit on shear, for proofs of bending alone."""
+        return self._sliding(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
+
+    def _sliding(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
+        """Return the set with both labels changed."""
+        return replace(self, dry=change(self.dry), inner=change(self.inner))
+
+    def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
+        """Return the parabolic yield sets of planar faces whose dry joints crush, see `YieldSet`."""
+        if self.dimension == 3 or self.crushing is None:
+            return None
+        crushed, limit = self.crushing.faces, self.crushing.limit
+        if undecided:
+            return parabolic_hull(*_sides(self.numbers, self.point), crushed)
+        c, mu = self.dry.c[crushed, 0], self.dry.mu[crushed, 0]
+        one, none, size = np.ones(len(crushed)), np.zeros(len(crushed)), self.dry.gauge_sizes[crushed, 0]
+        slide = [mu / size, one / size, c / size]
+        rows = np.array([[one, one, none], slide, [none, none, one]]).transpose(2, 0, 1)
+        # Where nothing resists shear V is dropped; its row must stay inactive.
+        rows[~self.dry.held[crushed, 0], 1] = (0.0, 1.0, 1.0)
+        return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
+
+    def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
+        """Return the yield sets of planar faces under one label as wedges; None if any face has a limit on N."""
+        one = self.dry if dry else self.inner
+        if self.dimension == 3 or not (self.dry.endless.all() and self.inner.endless.all()):
+            return None
+        return CoulombWedge(-one.vertices[:, 0, 0], 1.0 if dry else 3.0, one.mu[:, 0], one.c[:, 0])
+
+    def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        """Return the linear yield rows C F + d ≥ 0 of planar faces, see `YieldSet`; None if a face can crush."""
+        # C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
+        # is a given number or a small integer.
+        if self.dimension == 3 or not self._of(labels, "endless").all():
+            return None
+        rows, constants = np.zeros((len(labels), 4, 3)), np.zeros((len(labels), 4))
+        rows[:, :2, 0] = 1.0
+        rows[:, 1, 2] = np.where(labels, 1.0, 3.0)
+        rows[:, 0, 2] = -rows[:, 1, 2]
+        rows[:, 2:, 0] = self.friction_of(labels)[:, None]
+        rows[:, 2:, 1] = (-1.0, 1.0)
+        constants[:, :2] = np.where(labels, 0.0, self.numbers.tension)[:, None]
+        constants[:, 2:] = self.capacity_of(labels)[:, None]
+        return rows, constants
+
+
+def _standard_yield(numbers: Strengths, bending: Bending | None, point: Bools) -> StandardYield:
+    """Return the yield sets of faces with scaled strengths."""
+    dry, inner = _sides(numbers, point)
+    capped = np.isfinite(inner.crush).any()
+    late = 0 if not capped else 2 if bending is None else int(np.diff(bending.start).max(initial=0))
+    return StandardYield(
+        2 if bending is None else 3,
+        standard_rows(dry, bending, point, late, dry=True),
+        standard_rows(inner, bending, point, late, dry=False),
+        None,
+        late=late,
+        crushing=_crushing(dry, inner, plane=bending is None),
+        numbers=numbers,
+        bending=bending,
+        point=point,
+    )
+
+
+def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
+    """Return the numbers of dry and of inner faces; points (m,) are dry under either label."""
+    dry, inner = (numbers.side(dry=label) for label in (True, False))
+    if point.any():
+        inner = Side(*(np.where(point, getattr(dry, one.name), getattr(inner, one.name)) for one in fields(Side)))
+    return dry, inner
+
+
+def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
+    """Return the sets of the dry faces that crush; None if none does."""
+    faces = np.flatnonzero(np.isfinite(dry.crush))
+    if not faces.size:
+        return None
+    if not plane:
+        return Rectangles(faces, dry.crush[faces])
+    # The parabola |m| ≤ N (1 − N/C) that encloses both labels stands about N = −σtA. Without a compressive strength of
+    # the inner face there is none. With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 −
+    # N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third
+    # that an inner face may take.
+    shift = inner.tension[faces]
+    return Parabolas(faces, dry.crush[faces], np.maximum(dry.crush, inner.crush)[faces] + shift, shift)
+
+
+def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> StandardYield:
+    """Make the yield sets of all faces of an assembly, planar or spatial.
+
+    Raises InputError: a dry compressive strength is given for a spatial face that is no rectangle.
+    """
+    faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
+    numbers = scaled_strengths(strengths, faces.area / scaling.force)
+    if assembly.dimension == 2:
+        return _standard_yield(numbers, None, np.zeros(len(faces), dtype=bool))
+    point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
+    dry = strengths.side(dry=True)
+    odd = np.flatnonzero(np.isfinite(dry.crush) & ~np.isnan(dry.friction) & ~faces.rectangle)
+    if odd.size:
+        problem = f"face {assembly.pair(odd[0])} is no rectangle"
+        raise InputError("compressive_strength of dry faces", problem, "rectangles only")
+    return _standard_yield(
+        numbers, bending_of(faces, point, inner_bending, np.isfinite(numbers.side(dry=False).crush)), point
+    )
+
+
+def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
+    """Convert strengths to forces, stress times area, and divide them by the force scale.
+
+    unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
+    strength. `require_materials` refuses the labellings that need such a material.
+    """
+
+    def scaled(stress: Floats) -> Floats:
+        # A face without area has no limit, as one without compressive strength.
+        free = np.isinf(stress)
+        return np.where(free, np.inf, np.nan_to_num(np.where(free, 0.0, stress)) * unit)
+
+    found = strengths.changed(scaled, np.nan_to_num)
+    ends = {name: np.where(unit > 0.0, value, np.inf) for name, value in found.stresses.items() if name in ENDS}
+    return replace(found, **ends)

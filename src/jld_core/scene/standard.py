@@ -1,0 +1,65 @@
+"""Parameters of the standard criterion, stated once: friction, tension, shear and crushing of dry and inner faces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class StandardParameter:
+    """Parameter of the standard criterion: what every reader needs to know of one number of a material.
+
+    label: of the faces that it is for. side: field of `Side`, and field: of `Strengths`, that hold it. key: key of a
+    material; that of friction has a twin for an angle. fact: kind of statement that it is. where, words: key in
+    messages and name in words. absent: value of a material that does not state it.
+    """
+
+    label: str
+    side: str
+    field: str
+    key: str
+    fact: str
+    words: str
+    absent: float = math.nan
+
+    @property
+    def where(self) -> str:
+        """Return the key in messages."""
+        return f"materials.{self.label}.{self.key}" if self.fact != "friction" else "materials.dry"
+
+
+PARAMETERS: Final = (
+    StandardParameter("dry", "friction", "friction", "friction_coefficient", "friction", "friction of joints"),
+    StandardParameter("dry", "shear", "cohesion", "cohesion", "cohesion", "cohesion of joints", 0.0),
+    StandardParameter(
+        *("dry", "crush", "crush_dry", "compressive_strength", "dry crushing"),
+        *("compressive strength of joints", math.inf),
+    ),
+    StandardParameter("inner", "tension", "tension", "tensile_strength", "tension", "tensile strength of inner faces"),
+    StandardParameter("inner", "shear", "shear", "shear_strength", "shear", "shear strength of inner faces"),
+    StandardParameter(
+        *("inner", "friction", "inner_friction", "friction_coefficient", "inner friction"),
+        *("friction of inner faces", 0.0),
+    ),
+    StandardParameter(
+        *("inner", "crush", "crush_inner", "compressive_strength", "inner crushing"),
+        *("compressive strength of inner faces", math.inf),
+    ),
+)
+"""Parameters of the standard criterion; units, scenes, design values, samples and pages iterate over them."""
+
+STRESS_KEYS: Final = tuple(
+    dict.fromkeys(one.key for one in sorted(PARAMETERS, key=lambda one: one.side == "crush") if one.side != "friction")
+)
+"""Keys of materials that hold strengths, which are stresses."""
+
+
+ENDS: Final = frozenset(one.field for one in PARAMETERS if math.isinf(one.absent))
+"""Fields of `Strengths` that limit compression; inf where there is no limit."""
+
+
+def key_of(label: str, side: str) -> str:
+    """Return the key of a material that holds a field of `Side` under a label."""
+    return next(one.key for one in PARAMETERS if (one.label, one.side) == (label, side))
