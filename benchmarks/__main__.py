@@ -19,6 +19,7 @@ BENCHMARKS: Final = (
     "fallbacks",
     "throughput",
     "large",
+    "monotony",
     "batch_solver",
     "experiment",
     "moving_joints",
