@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from jld_core.errors import InputError
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+    from importlib.metadata import EntryPoint, EntryPoints
 
 GROUPS: Final = {
     "jld.drivers": "a search driver",
@@ -29,16 +29,22 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
     Raises InputError where two packages give one name: which of them counts must not depend on an order.
     """
-    from importlib import metadata  # takes as long to import as a small scene to solve
-
     found: dict[str, EntryPoint] = {}
-    for point in sorted(metadata.entry_points(group=group), key=lambda one: (one.name, one.value)):
+    for point in sorted(_installed().select(group=group), key=lambda one: (one.name, one.value)):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
             problem = f"two packages name {GROUPS[group]} so: {packages}"
             raise InputError(f"plug-in {point.name!r}", problem, "one of them uninstalled")
     return found
+
+
+@cache
+def _installed() -> EntryPoints:
+    """Return the entry points of all packages, whose metadata are read once."""
+    from importlib import metadata  # takes as long to import as a small scene to solve
+
+    return metadata.entry_points()
 
 
 @cache
