@@ -20,10 +20,15 @@ It simulates brittle cracks and joints without dilation, which limit analysis do
 
 from __future__ import annotations
 
-from jld_experiment.driving import Push, Ramp, push, ramp
-from jld_experiment.experiment import Curve, require_one_load, run_experiment
-from jld_experiment.settings import Joints, Settings
-from jld_experiment.specimen import Specimen, Standing, State, specimen_of
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
+
+if TYPE_CHECKING:
+    from jld_experiment.driving import Push, Ramp, push, ramp
+    from jld_experiment.experiment import Curve, require_one_load, run_experiment
+    from jld_experiment.settings import Joints, Settings
+    from jld_experiment.specimen import Specimen, Standing, State, specimen_of
 
 __all__ = [
     "Curve",
@@ -40,3 +45,13 @@ __all__ = [
     "run_experiment",
     "specimen_of",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "driving": ["Push", "Ramp", "push", "ramp"],
+        "experiment": ["Curve", "require_one_load", "run_experiment"],
+        "settings": ["Joints", "Settings"],
+        "specimen": ["Specimen", "Standing", "State", "specimen_of"],
+    },
+)

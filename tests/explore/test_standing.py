@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.common import random_segmentations, scene
 
 from cases import grid_document
 from command import Command
@@ -144,6 +145,17 @@ def test_equals_a_solve_of_each_labelling(rows: list[str], friction: float) -> N
     for row, stands in zip(labels, found, strict=True):
         own = solve(assembly, row).stands_at_zero
         assert own is None or bool(stands) is own
+
+
+def test_many_layouts_of_an_arch_equal_a_solve_of_each(tmp_path: Path) -> None:
+    """So many different states are needed that most answers come from bounds in both directions of the live load."""
+    assembly = scene("flat_beam_arch")
+    labellings = random_segmentations(assembly, 80, seed=3)
+    standing = Standing(assembly, SolveOptions())
+    expected = [solve(assembly, labels).stands_at_zero for labels in labellings]
+    assert 10 < sum(expected) < 70
+    for found in (standing.of(labellings), standing.of(labellings[::-1])[::-1]):
+        assert found.tolist() == [float(one) for one in expected]
 
 
 def test_printed(jld: Command, tmp_path: Path) -> None:
