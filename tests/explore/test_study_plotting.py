@@ -206,7 +206,7 @@ def test_pictures_are_drawn_again_as_vectors(
 ) -> None:
     """All of them, that of the convergence too, which is read from the folder of the study."""
     folder = tmp_path / "search"
-    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--jobs", "1")
+    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--pictures")
     raster = {path.stem for path in folder.glob("*.png")}
     out = tmp_path / "vectors"
     assert call(monkeypatch, capsys, "plot", folder, "--out", out, "--format", "svg").code == 0
