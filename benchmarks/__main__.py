@@ -21,6 +21,7 @@ BENCHMARKS: Final = (
     "large",
     "monotony",
     "batch_solver",
+    "cliffs",
     "experiment",
     "moving_joints",
     "designs",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections import Counter
@@ -58,6 +59,8 @@ class TrustRegion:
 _RESTORED: Final = 1e-9  # violation of a dimensionless limit that counts as none
 
 _RESTORATIONS: Final = 6  # largest number of Newton steps back into the limits
+
+_STARTING: Final = 0.9  # share of a time limit for starts, where as many are made as it allows
 
 _SHAKE: Final = 0.15  # standard deviation of the variables of further starts, relative to the mean edge
 
@@ -307,12 +310,12 @@ class MoveOptions(TypedDict, total=False):
     """Options that every optimisation of joints takes by keyword.
 
     seconds: time limit, s. The point in work is finished. Default: none. starts: number of starts: the scene itself,
-    and shaken ones. Default: 1. trust: parameters of the search. Default: those of `TrustRegion`. progress: called with
-    every accepted point. Default: none.
+    and shaken ones; None: as many as the time allows. Default: 1. trust: parameters of the search. Default: those of
+    `TrustRegion`. progress: called with every accepted point. Default: none.
     """
 
     seconds: float
-    starts: int
+    starts: int | None
     trust: TrustRegion | None
     progress: Callable[[Point], None] | None
 
@@ -320,7 +323,8 @@ class MoveOptions(TypedDict, total=False):
 class MoveRun:
     """Starts of an optimisation under one time limit, and the record of their points.
 
-    deadline: end of the time limit, as `time.perf_counter` counts, s. trust: parameters of the search. points: all
+    deadline: end of the time limit, as `time.perf_counter` counts, s. until: end of further starts, before the best of
+    them is improved to the last. trust: parameters of the search. points: all
     accepted points so far. best: (k,) variables of the best end so far, which the caller keeps here: later starts are
     shaken near it. watched: True if somebody is told of every point.
     """
@@ -329,12 +333,15 @@ class MoveRun:
         self,
         *,
         seconds: float = math.inf,
-        starts: int = 1,
+        starts: int | None = 1,
         trust: TrustRegion | None = None,
         progress: Callable[[Point], None] | None = None,
     ) -> None:
-        self._began, self._starts, self._progress = time.perf_counter(), starts, progress
+        self._began, self._progress = time.perf_counter(), progress
+        # without a limit, as many as the time allows would never end
+        self._starts = starts if starts is not None or seconds < math.inf else 1
         self.deadline, self.trust, self.watched = self._began + seconds, trust, progress is not None
+        self.until = self._began + (_STARTING if starts is None else 1.0) * seconds
         self.points: list[Point] = []
         self.best: Floats | None = None
         self._taken: Counter[int] = Counter()
@@ -344,8 +351,8 @@ class MoveRun:
 
         Variables are None where no shaken start was found.
         """
-        for number in range(self._starts):
-            if number and time.perf_counter() > self.deadline:
+        for number in itertools.count() if self._starts is None else range(self._starts):
+            if number and time.perf_counter() > self.until:
                 return
             yield number, np.zeros(search.variables.count) if number == 0 else search.shaken(number, self.best)
 
