@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from jld_core.errors import InputError
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint, EntryPoints
+    from importlib.metadata import EntryPoint
 
 GROUPS: Final = {
     "jld.drivers": "a search driver",
@@ -40,7 +40,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed() -> EntryPoints:
+def _installed() -> Any:
     """Return the entry points of all packages, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 

@@ -11,6 +11,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.cliffs import column
 from benchmarks.common import random_segmentations
 from benchmarks.scenes import cubes
 from numpy.typing import NDArray
@@ -449,3 +450,13 @@ def test_many_layouts_whose_inner_faces_crush_equal_a_solve_of_each(strength: fl
     assert np.nanmax(share) < 1.0 + 1e-6
     assert bool(np.nanmin(share) > 1.0 - 1e-6) == (strength == 1e6)
     assert bool(np.isnan(share).any()) == (strength == 3e2)
+
+
+@pytest.mark.parametrize("corners", [5, 8, 12, 16, 17])
+def test_many_columns_of_drums_equal_a_solve_of_each(corners: int) -> None:
+    """Faces of up to sixteen corners are solved in batches, others one at a time."""
+    assembly = build_assembly(parse_scene(column(corners, drums=5)))
+    labellings = random_segmentations(assembly, 6, seed=2)
+    together = solve_many(assembly, labellings)
+    for labels, load in zip(labellings, together.load_factor, strict=True):
+        assert load == pytest.approx(solve(assembly, labels).load_factor, rel=1e-6)
