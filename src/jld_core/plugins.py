@@ -30,17 +30,13 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
     Raises InputError where two packages give one name: which of them counts must not depend on an order.
     """
-    import tomllib
-    from importlib import metadata  # takes as long to import as a small scene to solve
+    points = list(_installed().select(group=group))
+    checkout = _of_checkout()
+    if checkout is not None:
+        from importlib import metadata
 
-    points = list(metadata.entry_points(group=group))
-    checkout = Path(__file__).parents[2] / "pyproject.toml"
-    if checkout.exists():  # what was installed of a checkout may be older than its files
-        project = tomllib.loads(checkout.read_text(encoding="utf-8")).get("project", {})
-        if project.get("name") == "jld":
-            own = project.get("entry-points", {}).get(group, {})
-            points = [one for one in points if one.dist is None or one.dist.name != "jld"]
-            points += [metadata.EntryPoint(name, value, group) for name, value in own.items()]
+        points = [one for one in points if one.dist is None or one.dist.name != "jld"]
+        points += [metadata.EntryPoint(name, value, group) for name, value in checkout.get(group, {}).items()]
     found: dict[str, EntryPoint] = {}
     for point in sorted(points, key=lambda one: (one.name, one.value)):
         other = found.setdefault(point.name, point)
@@ -49,6 +45,27 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
             problem = f"two packages name {GROUPS[group]} so: {packages}"
             raise InputError(f"plug-in {point.name!r}", problem, "one of them uninstalled")
     return found
+
+
+@cache
+def _installed() -> Any:
+    """Return the entry points of all packages, whose metadata are read once."""
+    from importlib import metadata  # takes as long to import as a small scene to solve
+
+    return metadata.entry_points()
+
+
+@cache
+def _of_checkout() -> dict[str, dict[str, str]] | None:
+    """Return the entry points of jld's own pyproject.toml, value by group and name; None outside a checkout."""
+    # What was installed of a checkout may be older than its files.
+    path = Path(__file__).parents[2] / "pyproject.toml"
+    if not path.exists():
+        return None
+    import tomllib
+
+    project = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {})
+    return project.get("entry-points", {}) if project.get("name") == "jld" else None
 
 
 @cache

@@ -12,7 +12,7 @@ from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import Any, Literal
 
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
@@ -36,11 +36,13 @@ from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluat
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.process_settings import deferred_signals, on_cluster
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.field_check import CheckPlan, add_check, plan_check, time_for
+from jld_explore.field_check import add_check, plan_check, time_for
 from jld_explore.field_study import FieldStudy
 from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
+from jld_explore.report import folder as folders
 from jld_explore.report.folder import check_certificate_file, write_tables
+from jld_explore.report.result_files import write_results
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.steps import Step, StepContext, run_steps, steps_of
@@ -69,7 +71,7 @@ def explore(
     robust: bool | None = None,
     experiment: int | None = None,
     resume: bool | None = None,
-    pictures: bool | None = None,
+    pictures: bool | Literal["all"] | None = None,
     certificate: str | Path | None = None,
     cluster: str | None = None,
     strict: bool | None = None,
@@ -117,8 +119,8 @@ def explore(
         Number of best layouts that are tested in the virtual experiment at the end.
     resume : bool, optional
         Continue the search in the folder.
-    pictures : bool, optional
-        Write page and pictures at the end, default True.
+    pictures : bool or "all", optional
+        Write page, front and best layout at the end, default True; "all": the other pictures too.
     certificate : str or Path, optional
         File for the proof of the exact driver.
     cluster : str, optional
@@ -266,9 +268,12 @@ def _search(
     reason = run_study(study, deadline)
     try:
         with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, later(deadline, settings, TABLES))
+            done = write_tables(study, reason, later(deadline, settings, TABLES), later=checked is not None)
             say()  # of a resumed search without a new layout
-        return _completed(study, done, checked, steps, deadline, until, announce)
+            if checked is not None:
+                done = add_check(done, study.space, checked, until)
+                write_results(folder, done.results, csv=settings.csv)
+        return _completed(study, done, steps, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
@@ -297,18 +302,15 @@ def _driver_of(
 def _completed(
     study: Study,
     done: Exploration,
-    checked: CheckPlan | None,
     steps: Sequence[Step],
     deadline: Deadline,
     late: Deadline,
     announce: Callable[[str], None] | None,
 ) -> Exploration:
-    """Add certificate, checks, steps, page and pictures to the tables of a search, as far as asked."""
+    """Add certificate, λ without cuts, steps, page and pictures to the tables of a search, as far as asked."""
     settings = study.settings
     if settings.certificate is not None and isinstance(study.driver, Exact):
         _certify(study.driver, study.scene, settings.certificate, done)
-    if checked is not None:
-        done = add_check(done, study.space, checked, late)
     done = add_uncut(done, study.space, settings, late)
     done = run_steps(done, steps, StepContext(study.space, settings, late))
     if settings.pictures:
@@ -373,9 +375,14 @@ def _draw(
     # announced.
     clock, processor = time.perf_counter(), time.process_time()
     write_report(done, deadline=later(deadline, settings, PAGE))
+    names = folders.PICTURES if settings.pictures == "all" else folders.SHOWN
     busy = busy_factor(time.perf_counter() - clock, time.process_time() - processor)
     written, missing = write_pictures(
-        done, deadline=later(deadline, settings, PICTURES), busy=busy, fields=field_seconds(settings.seconds)
+        done,
+        deadline=later(deadline, settings, PICTURES),
+        busy=busy,
+        fields=field_seconds(settings.seconds),
+        names=names,
     )
     if isinstance(done.scene.cracks, FieldCracks) and written:
         write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout

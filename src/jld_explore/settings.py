@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
@@ -183,8 +183,8 @@ class OutputSettings:
     ----------
     resume : bool
         Continue the study in the folder.
-    pictures : bool
-        Write page and pictures at the end.
+    pictures : bool or "all"
+        Write page, front and best layout at the end; "all": the other pictures too.
     certificate : Path or None
         File for the proof of the exact driver.
     strict : bool
@@ -194,7 +194,7 @@ class OutputSettings:
     """
 
     resume: bool = False
-    pictures: bool = True
+    pictures: bool | Literal["all"] = True
     certificate: Path | None = None
     strict: bool = False
     csv: bool = False

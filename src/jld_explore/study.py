@@ -126,10 +126,11 @@ class Study:
         if self.space.void is not None:
             real = self.space.void.real
             return VoidStanding(lambda text: cut(real, text), self.space.void.texts, self.settings.model)
+        own = self.settings.own_objective is not None or self.settings.by_experiment
         if isinstance(self._make, MakeCellEvaluator):
             cells = self._make.cells
-            return Standing(cells.fine, self.settings.model, cells.labels)
-        return Standing(self.assembly, self.settings.model)
+            return Standing(cells.fine, self.settings.model, cells.labels, by_load_factor=not own)
+        return Standing(self.assembly, self.settings.model, by_load_factor=not own)
 
     def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Return evaluations of labellings (k, m) as the driver is told them, see `Standing.told`."""

@@ -6,7 +6,6 @@ import platform
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -82,6 +81,8 @@ def name_of(function: Callable[..., Any]) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions, by name, of programs on which numerical results may depend."""
+    from importlib.metadata import version  # imports e-mail, which most commands do without
+
     return {
         "jld": __version__,
         "python": platform.python_version(),

@@ -11,7 +11,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.files import write_text
 from jld_core.limit import Status
-from jld_core.models import solve_rigid
+from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
 from jld_explore.report import Exploration, Summary
 from jld_explore.settings import ExploreSettings
@@ -30,7 +30,7 @@ def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> f
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if not plain or len(assembly.labels) > MOST:
         return None
-    high = solve_rigid(assembly, space.fixed & ~space.candidates).bracket[1]
+    high = CaseAnalysis(assembly, single_labelling=True).solve(space.fixed & ~space.candidates).bracket[1]
     return float(high) if math.isfinite(high) else None
 
 

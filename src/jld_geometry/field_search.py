@@ -394,7 +394,7 @@ def move_by_fields(
         if values is None:
             continue
         try:
-            end = _improve(fields, search, values, run.deadline, partial(report, number))
+            end = _improve(fields, search, values, run.until, partial(report, number))
         except KeyboardInterrupt:
             point = best[0] if best is not None else last
             if point is None:

@@ -97,7 +97,7 @@ def move_one(
         number, row, labels, math.nan, math.nan, before, _NONE, "", stated, mesh.places, np.zeros_like(mesh.places)
     )
     try:
-        done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds)
+        done = move_by_fields(scene, assembly, labels, seconds=_MOVING * seconds, starts=None)
     except InputError as error:
         # this layout stays where it is; the reason stands in the table
         return replace(still, end=f"{error.where}: {error.problem}")

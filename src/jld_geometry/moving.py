@@ -63,7 +63,14 @@ def move(
     out: Out,
     rank: Rank = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="Time limit, s.")] = math.inf,
-    starts: Annotated[int, typer.Option(min=1, help="Starts: the scene as drawn, then disturbed copies.")] = 1,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Starts: the scene as drawn, then disturbed copies. Default: as many as --seconds allows, else 1.",
+            show_default=False,
+        ),
+    ] = None,
     prove: Annotated[
         str | None,
         typer.Option(
@@ -103,7 +110,7 @@ def move(
     _check_out(source, out)
     if certificate is not None:
         _check_certificate(source, out, certificate, prove)
-    if joint is not None and (prove is not None or starts > 1):
+    if joint is not None and (prove is not None or (starts or 1) > 1):
         given = "prove" if prove is not None else "starts"
         raise ParameterError(given, "it applies to moved vertices, not to shaped joints", "one without the other")
     if direction is not None and joint is None:
@@ -297,7 +304,7 @@ def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
 def _words(facts: dict[str, Any], out: Path) -> str:
     """Describe the result of a move for the terminal."""
     ends = {
-        "stationary": "stationary: no small movement raises it (a local statement; try --starts)",
+        "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',
         "time": "time limit",
         "points": "limit on points",

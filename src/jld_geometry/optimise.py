@@ -105,15 +105,17 @@ def _best_of_starts(
             continue
         own = partial(report, number)
         own(first, first.objective, search.trust.first * search.unit)
-        end = search.improve(first, run.deadline, own, search.trust.coarse)
+        end = search.improve(first, run.until, own, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
         least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
         if best is None or end[0].objective > least:
             best, polish, run.best = end, own, end[0].values
+        if end[1] == "locked":
+            break  # no load is too large: nothing is left to find
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
-    if best[1] == "stationary":
+    if best[1] == "stationary" or (best[1] == "time" and run.until < run.deadline):
         return search.improve(best[0], run.deadline, polish, search.trust.gain)
     return best
 

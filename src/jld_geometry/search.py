@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections import Counter
@@ -54,6 +55,8 @@ class TrustRegion:
 _RESTORED: Final = 1e-9  # violation of a dimensionless limit that counts as none
 
 _RESTORATIONS: Final = 6  # largest number of Newton steps back into the limits
+
+_STARTING: Final = 0.9  # share of a time limit for starts, where as many are made as it allows
 
 _SHAKE: Final = 0.15  # standard deviation of the variables of further starts, relative to the mean edge
 
@@ -304,7 +307,9 @@ class MoveOptions(TypedDict, total=False):
     """Options that every optimisation of joints takes by keyword."""
 
     seconds: float  # time limit, s. The point in work is finished. Default: none.
-    starts: int  # number of starts: the scene itself, and shaken ones. Default: 1.
+    starts: (
+        int | None
+    )  # number of starts: the scene itself, and shaken ones; None: as many as the time allows. Default: 1.
     trust: TrustRegion | None  # parameters of the search. Default: those of `TrustRegion`.
     progress: Callable[[Point], None] | None  # called with every accepted point. Default: none.
 
@@ -312,7 +317,8 @@ class MoveOptions(TypedDict, total=False):
 class MoveRun:
     """Starts of an optimisation under one time limit, and the record of their points.
 
-    deadline: end of the time limit, as `time.perf_counter` counts, s. trust: parameters of the search. points: all
+    deadline: end of the time limit, as `time.perf_counter` counts, s. until: end of further starts, before the best of
+    them is improved to the last. trust: parameters of the search. points: all
     accepted points so far. best: (k,) variables of the best end so far, which the caller keeps here: later starts are
     shaken near it. watched: True if somebody is told of every point.
     """
@@ -321,12 +327,15 @@ class MoveRun:
         self,
         *,
         seconds: float = math.inf,
-        starts: int = 1,
+        starts: int | None = 1,
         trust: TrustRegion | None = None,
         progress: Callable[[Point], None] | None = None,
     ) -> None:
-        self._began, self._starts, self._progress = time.perf_counter(), starts, progress
+        self._began, self._progress = time.perf_counter(), progress
+        # without a limit, as many as the time allows would never end
+        self._starts = starts if starts is not None or seconds < math.inf else 1
         self.deadline, self.trust, self.watched = self._began + seconds, trust, progress is not None
+        self.until = self._began + (_STARTING if starts is None else 1.0) * seconds
         self.points: list[Point] = []
         self.best: Floats | None = None
         self._taken: Counter[int] = Counter()
@@ -336,8 +345,8 @@ class MoveRun:
 
         Variables are None where no shaken start was found.
         """
-        for number in range(self._starts):
-            if number and time.perf_counter() > self.deadline:
+        for number in itertools.count() if self._starts is None else range(self._starts):
+            if number and time.perf_counter() > self.until:
                 return
             yield number, np.zeros(search.variables.count) if number == 0 else search.shaken(number, self.best)
 

@@ -17,8 +17,6 @@ from jld_explore.report import Exploration, csv_of
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string
 from jld_explore.steps import Step, StepContext, with_entries
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse
-from jld_practice.reliability.structure import random_structure
 
 FILE: Final = "reliability.csv"
 """Name of the table of reliability indices in a results folder."""
@@ -58,6 +56,8 @@ class ReliabilityStep(Step):
             if asked:
                 problem = "reliability supports rigid faces and associative friction only"
                 raise ParameterError(name, problem, "its default")
+        from jld_practice.reliability.structure import random_structure  # loads scipy.special, as below
+
         random_structure(scene)
 
     def seconds(self, settings: ExploreSettings) -> float:
@@ -89,6 +89,9 @@ class ReliabilityStep(Step):
 
 def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) -> tuple[list[dict[str, Any]], int]:
     """Return the rows of the best layouts, most reliable first, and how many layouts were to be ranked."""
+    from jld_practice.reliability.analysis import ReliabilityOptions, analyse
+    from jld_practice.reliability.structure import random_structure
+
     structure = random_structure(done.scene)
     options = ReliabilityOptions(samples=SAMPLES, seed=settings.seed, jobs=settings.jobs)
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(settings.reliability or 0)

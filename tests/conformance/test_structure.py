@@ -56,8 +56,9 @@ ORDER = [
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.sub_assembly"],
     ["jld_core.assembly"],
+    ["jld_core.strengths"],
     ["jld_core.scene"],
-    ["jld_core.strengths", "jld_core.loads", "jld_core.members"],
+    ["jld_core.loads", "jld_core.members"],
     ["jld_core.plugins", "jld_core.linalg", "jld_core.files", "jld_core.parameters"],
     [
         "jld_core.notebook_repr",

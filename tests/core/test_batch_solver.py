@@ -303,7 +303,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
 
 
 def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
-    angles = np.arange(9) * 2.0 * np.pi / 9.0
+    angles = np.arange(17) * 2.0 * np.pi / 17.0
     round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(
         cases_spatial.stools(

@@ -12,7 +12,7 @@ from benchmarks.claims.converged import drawn
 from cases import grid_assembly, grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
-from command import call
+from command import Command, call
 from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.limit import LimitAnalysis
@@ -144,3 +144,26 @@ def test_rates_are_unknown_where_multipliers_and_steps_disagree() -> None:
     assert found.left == pytest.approx(0.5 * result.load_factor, rel=1e-4)
     assert found.right == pytest.approx(0.5 * result.load_factor, rel=1e-4)
     assert math.isnan(found.derivative) or found.derivative == pytest.approx(0.5 * result.load_factor, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("size", "options", "known"), [(8, (), True), (9, (), False), (2, ("--no-sensitivities",), False)]
+)
+def test_rates_of_many_faces_wait_until_asked(
+    size: int, options: tuple[str, ...], known: bool, tmp_path: Path, jld: Command
+) -> None:
+    """A wall of n × n cells has 2n² − n faces beside n at the supports: 128 at n = 8."""
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(grid_document(["a" * size] * size + ["#" * size], live=[{"body": [1, 0]}])))
+    found = json.loads(jld("solve", file, "--json", *options).out)
+    assert ("friction_coefficient" in found["sensitivities"]) == known
+    assert ("not_computed" in found["sensitivities"]) != known
+    spent = found["seconds"]
+    assert spent.pop("total") == pytest.approx(sum(spent.values()), rel=0.1)
+
+
+def test_rates_of_many_faces_come_when_asked(tmp_path: Path, jld: Command) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(grid_document(["a" * 9] * 9 + ["#" * 9], live=[{"body": [1, 0]}], friction=0.5)))
+    found = json.loads(jld("solve", file, "--json", "--sensitivities").out)["sensitivities"]
+    assert found["friction_coefficient"]["derivative"] == pytest.approx(1.0, rel=1e-6)

@@ -11,9 +11,13 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.cliffs import column
+from benchmarks.common import random_segmentations
+from benchmarks.scenes import cubes
 from numpy.typing import NDArray
 
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
+from jld_core import solve, solve_many
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
@@ -427,3 +431,32 @@ def test_point_faces_have_rows_and_dissipation_of_their_cones(seed: int) -> None
         inside = slack >= 0.0
         work = -np.einsum("ij,ij->i", forces[:, :3], jumps[:, :3])
         assert np.all(work[inside] <= sets.dissipation(jumps, labels)[inside] + 1e-12)
+
+
+@pytest.mark.parametrize("strength", [3e2, 1e3, 1e6])
+def test_many_layouts_whose_inner_faces_crush_equal_a_solve_of_each(strength: float) -> None:
+    """At 300 Pa some fall and none is as strong as without crushing, at 1 MPa all are."""
+    document = json.loads(cubes(2).model_dump_json(exclude_defaults=True))
+    free = build_assembly(parse_scene(document))
+    document["materials"]["inner"]["compressive_strength"] = strength
+    assembly = build_assembly(parse_scene(document))
+    labellings = random_segmentations(assembly, 12, seed=1)
+    together, without = solve_many(assembly, labellings), solve_many(free, labellings)
+    for labels, status, load in zip(labellings, together.status, together.load_factor, strict=True):
+        alone = solve(assembly, labels)
+        assert str(status) == str(alone.status)
+        assert load == pytest.approx(alone.load_factor, rel=1e-6, nan_ok=True)
+    share = together.load_factor / without.load_factor
+    assert np.nanmax(share) < 1.0 + 1e-6
+    assert bool(np.nanmin(share) > 1.0 - 1e-6) == (strength == 1e6)
+    assert bool(np.isnan(share).any()) == (strength == 3e2)
+
+
+@pytest.mark.parametrize("corners", [5, 8, 12, 16, 17])
+def test_many_columns_of_drums_equal_a_solve_of_each(corners: int) -> None:
+    """Faces of up to sixteen corners are solved in batches, others one at a time."""
+    assembly = build_assembly(parse_scene(column(corners, drums=5)))
+    labellings = random_segmentations(assembly, 6, seed=2)
+    together = solve_many(assembly, labellings)
+    for labels, load in zip(labellings, together.load_factor, strict=True):
+        assert load == pytest.approx(solve(assembly, labels).load_factor, rel=1e-6)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.common import random_segmentations, scene
 
 from cases import grid_document
 from command import Command
@@ -140,10 +141,25 @@ def test_equals_a_solve_of_each_labelling(rows: list[str], friction: float) -> N
     document["materials"]["gravity"] = [5.0, -9.0]
     assembly = build_assembly(parse_scene(document))
     labels = np.random.default_rng(3).random((24, len(assembly.interfaces))) < 0.6
-    found = Standing(assembly, SolveOptions()).of(labels)
+    found = Standing(assembly, SolveOptions()).of(labels, np.full(len(labels), np.nan))
     for row, stands in zip(labels, found, strict=True):
         own = solve(assembly, row).stands_at_zero
         assert own is None or bool(stands) is own
+
+
+def test_many_layouts_of_an_arch_equal_a_solve_of_each(tmp_path: Path) -> None:
+    """So many different states are needed that most answers come from bounds in both directions of the live load."""
+    assembly = scene("flat_beam_arch")
+    labellings = random_segmentations(assembly, 80, seed=3)
+    standing = Standing(assembly, SolveOptions())
+    alone = [solve(assembly, labels) for labels in labellings]
+    expected = [float(one.stands_at_zero) for one in alone]
+    low = np.array([one.bracket[0] for one in alone])
+    assert 10 < sum(expected) < 70
+    assert standing.of(labellings, low).tolist() == expected
+    assert standing.of(labellings, low).tolist() == expected
+    other = Standing(assembly, SolveOptions())
+    assert other.of(labellings[::-1], np.full(len(low), np.nan)).tolist() == expected[::-1]
 
 
 def test_printed(jld: Command, tmp_path: Path) -> None:

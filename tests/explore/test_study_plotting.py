@@ -206,7 +206,7 @@ def test_pictures_are_drawn_again_as_vectors(
 ) -> None:
     """All of them, that of the convergence too, which is read from the folder of the study."""
     folder = tmp_path / "search"
-    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--jobs", "1")
+    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--pictures")
     raster = {path.stem for path in folder.glob("*.png")}
     out = tmp_path / "vectors"
     assert call(monkeypatch, capsys, "plot", folder, "--out", out, "--format", "svg").code == 0
@@ -251,3 +251,21 @@ def test_every_point_of_a_front_has_its_status(
     assert set(written["dry_faces"]) <= set(known)
     assert all(row["proven"] == (row["evidence"] == "proven") for row in known.values())
     assert read_folder(tmp_path / "out").front["evidence"].tolist() == written["evidence"].tolist()
+
+
+def test_a_search_draws_front_and_best_and_the_others_when_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from cases import grid_document
+    from jld_core import parse_scene
+    from jld_explore import explore
+
+    scene = parse_scene(grid_document(["aa", "##"]))
+    shown = {"best.png", "pareto.png"}
+    others = {"distribution.png", "dry_frequency.png", "convergence.png"}
+    for name, pictures in (("few", True), ("every", "all"), ("none", False)):
+        explore(scene, tmp_path / name, jobs=1, pictures=pictures)
+    drawn = {name: {path.name for path in (tmp_path / name).glob("*.png")} for name in ("few", "every", "none")}
+    assert drawn == {"few": shown, "every": shown | others, "none": set()}
+    call(monkeypatch, capsys, "plot", tmp_path / "few")
+    assert {path.name for path in (tmp_path / "few").glob("*.png")} == shown | others

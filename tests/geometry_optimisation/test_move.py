@@ -21,7 +21,7 @@ TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "dire
 """Paths of the tops of both springings of the flat arch."""
 
 
-def moved(document: Document, **options: float) -> MovedJoints:
+def moved(document: Document, **options: float | None) -> MovedJoints:
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     return move_joints(scene, assembly, assembly.labels, **options)  # type: ignore[arg-type]
@@ -65,6 +65,25 @@ def test_a_locked_end_is_named() -> None:
     assert done.after is not None
     assert done.after.status is Status.LOCKED
     assert 0.2 + abs(done.moved).max() >= 1.0 - 1.0 * HEIGHT / 5.0
+
+
+def test_starts_go_on_while_there_is_time() -> None:
+    document = flat_arch(10.0, 1.2, 0.2, along=TOPS, vertices="along", ties="mirror-x", box=0.15, angle=[20, 160])
+    done = moved(document, seconds=6.0, starts=None)
+    assert max(point.start for point in done.points) > 1
+    top = float(done.places[np.argmin(np.linalg.norm(done.places - done.moved - [1.2, HEIGHT], axis=1)), 0])
+    assert done.value == pytest.approx(flat_arch_load(top, 0.2, 0.1), rel=1e-9)
+    assert done.value == pytest.approx(max(point.value for point in done.points), rel=1e-6)
+    assert {point.start for point in moved(document).points} == {0}
+
+
+def test_no_further_start_once_any_load_is_carried() -> None:
+    """The time given is a day."""
+    paths = [{"at": [s * 0.2, HEIGHT], "direction": [s, 0]} for s in (1, -1)]
+    limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.01, "angle": [5, 175]}
+    done = moved(flat_arch(55.0, 1.2, 0.2, along=paths, **limits), seconds=86400.0, starts=None)
+    assert done.end == "locked"
+    assert {point.start for point in done.points} == {0}
 
 
 def test_least_friction_of_a_semicircle() -> None:

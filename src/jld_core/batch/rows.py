@@ -299,10 +299,10 @@ def _flat(lists: list[list[int]]) -> Int32s:
 LARGEST: Final = 3000
 """Number of faces above which the batch solver is not used: others solve large structures faster, one at a time."""
 
-EDGES: Final = 8
+EDGES: Final = 16
 """Largest number of hull edges of a spatial face."""
 
-_SIZES: Final = (4, EDGES)  # numbers of hull edges for which the batch solver is compiled
+_SIZES: Final = (4, 8, EDGES)  # numbers of hull edges for which the batch solver is compiled
 
 # Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])

@@ -443,6 +443,7 @@ class Outlines:
     def __init__(self, assembly: Assembly) -> None:
         self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
         self._edges: dict[int, _Edges] = {}
+        self._areas: dict[int, float] = {}
         self._facets: dict[int, list[Facet]] = {}
 
     def of(self, members: Ints) -> Outline:
@@ -470,14 +471,21 @@ class Outlines:
         for e in members.tolist():
             if e not in self._edges:
                 self._edges[e] = _edges(elements.shape[e], SNAP * reach)
+                self._areas[e] = shapely.Polygon(elements.shape[e]).area
         known = [self._edges[e] for e in members.tolist()]
-        return flat_outline([elements.shape[e] for e in members], reach, known)
+        areas = [self._areas[e] for e in members.tolist()]
+        return flat_outline([elements.shape[e] for e in members], reach, known, areas)
 
 
-def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
+def flat_outline(
+    polygons: Sequence[Floats],
+    reach: float,
+    edges: Sequence[_Edges] | None = None,
+    areas: Sequence[float] | None = None,
+) -> Outline:
     """Compute the outline of a planar block from the polygons of its elements.
 
-    polygons: corners (k, 2) of each element, scene units.
+    polygons: corners (k, 2) of each element, scene units. edges, areas: of each of them, where known.
     """
     if edges is None:
         edges = [_edges(polygon, SNAP * reach) for polygon in polygons]
@@ -503,7 +511,7 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
     count = sum(len(ring) for ring in corners)
     aspect, lines = float(sides.max() / sides.min()), different_lines(np.concatenate(edges_of))
     # Elements do not overlap; the area of a union would hold the rounding of its grid.
-    size = math.fsum(shapely.Polygon(polygon).area for polygon in polygons)
+    size = math.fsum(areas or [shapely.Polygon(polygon).area for polygon in polygons])
     return Outline(points, count, size, aspect, inwards, lines)
 
 

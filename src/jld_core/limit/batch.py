@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from jld_core.batch.batch_solver import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
 from jld_core.limit.options import Status
+from jld_core.mechanics import yield_set
+from jld_core.program import Template
+from jld_core.strengths import CRITERIA, STANDARD, Route
+
+_ROUTE: Final = Route("bounds without crushing", STANDARD | CRITERIA)
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,8 @@ class BatchAnalysis:
         Supplies the tolerances and the scaling.
     batch : BatchSolver
         The compiled batch solver.
+    checked : bool
+        True if the batch solver knows larger yield sets, so that its states are to be checked.
 
     Attributes
     ----------
@@ -58,7 +66,8 @@ class BatchAnalysis:
         The compiled batch solver.
     """
 
-    def __init__(self, analysis: LimitAnalysis, batch: BatchSolver) -> None:
+    def __init__(self, analysis: LimitAnalysis, batch: BatchSolver, *, checked: bool = False) -> None:
+        self._prover = analysis.prover if checked else None
         self._gap, self._load_scale = analysis.gap, analysis.load_scale
         self.load = analysis.template.scaling.load
         self.batch = batch
@@ -75,9 +84,14 @@ class BatchAnalysis:
         Returns
         -------
         BatchAnalysis or None
-            Batch solver; None where the analysis has none, see `LimitAnalysis.batch`.
+            Batch solver; None where the analysis has none, see `LimitAnalysis.batch`. Inner faces of spatial scenes
+            that may crush have that of faces that do not: its upper bounds hold, and its states where they are
+            admissible.
         """
-        return None if analysis.batch is None else cls(analysis, analysis.batch)
+        if analysis.batch is not None:
+            return cls(analysis, analysis.batch)
+        relaxed = _without_inner_crushing(analysis)
+        return None if relaxed is None else cls(analysis, relaxed, checked=True)
 
     @property
     def settles_most(self) -> bool:
@@ -99,9 +113,14 @@ class BatchAnalysis:
         BatchBounds
             Scaled bounds and statuses.
         """
-        found = self.batch.solve(labellings)
+        found = self.batch.solve(labellings, vectors=self._prover is not None)
         low, high = found.low, found.high
         falls, locked = found.verdict == FALLS, found.verdict == LOCKED
+        if self._prover is not None and found.forces is not None:
+            locked[:] = False  # what crushes may have a finite λ
+            for k, labels in enumerate(labellings):
+                state = self._prover.state(np.append(found.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
+                low[k] = state.load if state is not None and state.admissible else -np.inf
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
             # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale
@@ -117,3 +136,17 @@ class BatchAnalysis:
         low, high = np.minimum(low, high), np.maximum(low, high)
         low[falls] = high[falls | locked] = np.nan
         return BatchBounds(settled, falls, locked, low, high)
+
+
+def _without_inner_crushing(analysis: LimitAnalysis) -> BatchSolver | None:
+    """Make the batch solver of the same programs with inner faces that never crush; None where none crushes."""
+    # Where blocks are far from crushing, forces of the larger yield sets lie in the smaller ones too.
+    assembly, template = analysis.assembly, analysis.template
+    if assembly.dimension == 2 or analysis.options.solver != "auto" or assembly.members.ends is None:
+        return None
+    strengths = assembly.strengths(_ROUTE)
+    if not np.isfinite(strengths.crush_inner).any() or np.isfinite(strengths.crush_dry).any():
+        return None
+    relaxed = assembly.with_strengths(replace(strengths, crush_inner=np.full(len(assembly.interfaces), np.inf)))
+    sets = yield_set(relaxed, template.scaling, analysis.options.inner_bending)
+    return analysis.with_template(Template(relaxed, template.scaling, sets), analysis.reference).batch

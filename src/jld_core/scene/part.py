@@ -50,4 +50,4 @@ LoadVector = Annotated[list[Loading], Field(min_length=2, max_length=3), MayVary
 class Part(BaseModel):
     """Base class of the parts of a scene: immutable, without unknown keys, NaN or infinities."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True, defer_build=True)

@@ -150,7 +150,10 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     if "load_factor_nominal" in result.facts:
         facts["λ at nominal"] = f"{_shown(result.facts['load_factor_nominal'])} (λ above is at the low values)"
     for name, rate in result.facts.get("sensitivities", {}).items():
-        facts[f"∂λ/∂{name}"] = _rate(rate)
+        if name == "not_computed":
+            facts["sensitivities"] = f"not computed: {rate}"
+        else:
+            facts[f"∂λ/∂{name}"] = _rate(rate)
     facts |= advice(result)
     facts["stands at 0"] = stands_in_words(result)
     facts["cracks"] = cracks_in_words(result.cracks)

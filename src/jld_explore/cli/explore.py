@@ -31,6 +31,7 @@ from jld_explore.cli.model_options import (
 from jld_explore.cli.options import AsJson, SceneFile, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.search_options import (
+    AllPictures,
     Budget,
     CertificateFile,
     CheckFields,
@@ -88,6 +89,7 @@ def explore_command(
     gap: Gap = GAP,
     resume: Resume = False,
     csv: WriteCsv = False,
+    pictures: AllPictures = False,
     cluster: Cluster = None,
     certificate: CertificateFile = None,
     as_json: AsJson = False,
@@ -119,7 +121,7 @@ def explore_command(
         BudgetSettings(budget, seconds),
         ParallelSettings(jobs or os.cpu_count() or 1, cluster),
         SearchMethod(driver, own, seed),
-        OutputSettings(resume, certificate=certificate, strict=strict, csv=csv),
+        OutputSettings(resume, "all" if pictures else True, certificate, strict, csv),
     )
     announce = None if as_json else say
     if move is not None:
@@ -147,10 +149,10 @@ def _move(
             done = search.explore_and_move(parsed, out, layouts, settings, None if as_json else say, started=started)
         except Interrupted as stop:
             if isinstance(stop.done, search.MovedSearch):
-                search.write_moved(stop.done, out, pictures=settings.pictures)
+                search.write_moved(stop.done, out, pictures=bool(settings.pictures))
                 stop.words = f"stopped; the best so far is in {out}"
             raise
-        facts = search.write_moved(done, out, pictures=settings.pictures)
+        facts = search.write_moved(done, out, pictures=bool(settings.pictures))
     if as_json:
         say(json.dumps({**done.first.summary.to_json(), "moved": facts}, indent=1))
         return

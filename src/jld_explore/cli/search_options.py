@@ -38,6 +38,9 @@ Jobs = Annotated[int | None, typer.Option(min=1, help="Worker processes; default
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the driver.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Continue the search in the folder.")]
 WriteCsv = Annotated[bool, typer.Option("--csv", help="Write results.csv for more than 100 000 layouts too.")]
+AllPictures = Annotated[
+    bool, typer.Option("--pictures", help="Draw distribution, frequency of dry faces and convergence too.")
+]
 Cluster = Annotated[
     str | None,
     typer.Option(help="URL of a dask scheduler, tcp://host:8786, whose workers evaluate layouts."),

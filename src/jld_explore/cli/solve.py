@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,7 +38,14 @@ from jld_explore.cli.model_options import (
 )
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.rates import draw_rates, with_rates
-from jld_explore.cli.solve_options import FloorSeconds, FrictionModel, ResultFolder, SolutionRange, SolvedFile
+from jld_explore.cli.solve_options import (
+    FloorSeconds,
+    FrictionModel,
+    ResultFolder,
+    Sensitivities,
+    SolutionRange,
+    SolvedFile,
+)
 from jld_explore.cli.streams import say, warn
 
 if TYPE_CHECKING:
@@ -62,6 +70,7 @@ def solve(
     robust: Robust = False,
     cracks: Cracks = None,
     seconds: Seconds = None,
+    sensitivities: Sensitivities = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
@@ -107,6 +116,7 @@ def solve(
             warn_of(scene, assembly)
         if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
             warn(f"jld: {long}")
+        begun = time.process_time()
         result: Result
         if by_fields:
             result = solve_cracked(assembly, labels, model)
@@ -114,7 +124,9 @@ def solve(
             result = replace(solve_rigid(elements, labels, model), cracks=assembly.cracks)
     if isinstance(result, LimitAnalysisResult):
         result = _with_nominal(result) if elements.has_low_values else result
-        result = with_rates(result, vertices=as_json or out is not None)
+        spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
+        result = replace(result, seconds=spent)
+        result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result)))

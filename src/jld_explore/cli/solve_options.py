@@ -20,3 +20,11 @@ FloorSeconds = Annotated[
     float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
 ]
 ResultFolder = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result.json and pictures.")]
+Sensitivities = Annotated[
+    bool | None,
+    typer.Option(
+        "--sensitivities/--no-sensitivities",
+        help="Rates of λ with strengths and weight; default: up to 128 faces.",
+        show_default=False,
+    ),
+]

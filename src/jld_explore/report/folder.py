@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -44,6 +44,9 @@ _DRAWING_FACE: Final = 4e-4  # further time for each face, s: pictures of 4 900 
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """Names of the pictures of a search, in the order in which they are drawn."""
+
+SHOWN: Final = PICTURES[:2]
+"""Those that a search draws unasked."""
 
 PATH: Final = "path"
 """Name of the picture of λ along the paths of moving loads."""
@@ -116,8 +119,10 @@ def check_certificate_file(path: Path, folder: Path) -> None:
         raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
-def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
-    """Write all tables of a finished study."""
+def write_tables(
+    study: Study, reason: StopReason, deadline: Deadline | None = None, *, later: bool = False
+) -> Exploration:
+    """Write all tables of a finished study; later: the caller writes the results, to which columns come."""
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
@@ -169,7 +174,8 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found["cracks"] = cracks_to_json(study.scene.cracks)
     found |= {"by_fields": _bracket_of_best(results) if by_fields else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
-    write_results(study.folder, results, csv=study.settings.csv)
+    if not later:
+        write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
@@ -230,6 +236,7 @@ def write_pictures(
     *,
     busy: float = 1.0,
     fields: float = FIELD_PICTURE,
+    names: Sequence[str] = PICTURES,
 ) -> tuple[list[Path], list[str]]:
     """Draw the pictures of a search: best layout, front, distributions and convergence.
 
@@ -247,6 +254,8 @@ def write_pictures(
         Factor by which other work on the machine prolongs drawing.
     fields : float
         Time in which bounds by fields are refined for their picture, for each load case, s.
+    names : sequence of str
+        Those of `PICTURES` to draw.
 
     Returns
     -------
@@ -261,7 +270,7 @@ def write_pictures(
         If the ending is unknown.
     """
     written, missing = [], []
-    for name in PICTURES:
+    for name in names:
         if name == "best" and done.summary.best_labelling is None:
             continue
         for own, draw in _drawings(name, done, fields).items():

@@ -47,7 +47,7 @@ NAME: Final = "report.html"
 SOLVED: Final = 50
 """Number of best rows whose forces and mechanism a page holds, besides those of the front."""
 
-PATIENCE: Final = 1.5
+PATIENCE: Final = 0.5
 """Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
 
 DEAR: Final = 0.3

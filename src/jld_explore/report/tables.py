@@ -201,7 +201,9 @@ def _stands(
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
     if standing is not None:
-        found[asked] = standing.of(unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), deadline)
+        found[asked] = standing.of(
+            unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), rows["low"][asked], deadline
+        )
     return np.where(found == 1.0, np.nan, found) if by_fields else found
 
 

@@ -10,6 +10,7 @@ static bool run_of_kind(const Call& call) {
     if (p.pairs == 2) run<SpatialFace<PairBending>>(call);
     else if (p.pairs == 4) run<SpatialFace<HullBending<4>>>(call);
     else if (p.pairs == 8) run<SpatialFace<HullBending<8>>>(call);
+    else if (p.pairs == 16) run<SpatialFace<HullBending<16>>>(call);
     else return false;
     return true;
 }
