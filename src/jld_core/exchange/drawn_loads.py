@@ -60,7 +60,8 @@ class Drawing:
     """Content of a planar file before it is converted to elements.
 
     paths: outlines and lines in the file's unit. marks: points and texts. unit: unit of length, such as "mm"; None if
-    unknown. facts: keys of a scene that an earlier export stored in the file. name: name of the scene.
+    unknown. facts: keys of a scene that an earlier export stored in the file. name: name of the scene. unread: number
+    of entities that no reader understood.
     """
 
     paths: list[Path]
@@ -68,6 +69,7 @@ class Drawing:
     unit: str | None = None
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "drawing"
+    unread: int = 0
 
 
 @dataclass

@@ -89,6 +89,11 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     return _joined(parts, text, dimension)
 
 
+def is_force(text: str) -> bool:
+    """Return True if a text begins as a force does: with a number, or a component such as Fx = 3 kN."""
+    return bool(re.match(r"\s*([-+.]?\d|[FPQV]?_?[XYZ]\s*=)", text, re.IGNORECASE))
+
+
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
     """Parse one number with its name and unit, matched by `_FORCE`.
 

@@ -81,8 +81,9 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise InputError("", f"it is no {kind} that can be read ({what[:120]})", expected) from error
+        raise InputError(
+            "", f"it is no {kind} that can be read: it is damaged, or of another kind", expected
+        ) from error
 
 
 # Program of a process that calls one function, where processes cannot be forked

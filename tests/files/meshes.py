@@ -1,0 +1,7 @@
+from __future__ import annotations
+
+from files.make import File
+
+
+def files() -> list[File]:
+    return []
