@@ -53,7 +53,13 @@ def files() -> list[File]:
             0.5,
             {},
         ),
-        ("turned", '<rect transform="translate(0,1000) rotate(-90)" x="0" y="0" width="500" height="1000"/>', 1, 0.5, {}),
+        (
+            "turned",
+            '<rect transform="translate(0,1000) rotate(-90)" x="0" y="0" width="500" height="1000"/>',
+            1,
+            0.5,
+            {},
+        ),
         ("matrix", '<rect transform="matrix(2 0 0 -1 0 1000)" width="500" height="500"/>', 1, 0.5, {}),
         (
             "groups",

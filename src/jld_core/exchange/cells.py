@@ -124,6 +124,7 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
     tree = shapely.STRtree(lines)
     ends = [(n, side) for n, k in enumerate(plain) if not paths[k].closed for side in (0, -1)]
     at = np.array([points[plain[n]][side] for n, side in ends])
+    least = 1e-12 * float(np.abs(at).max())
     number, other = tree.query(shapely.points(at), predicate="dwithin", distance=reach)
     away = shapely.distance(shapely.points(at[number]), np.array(lines, dtype=object)[other])
     own = other == np.array([n for n, _ in ends])[number]
@@ -133,12 +134,11 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
         line = points[plain[n]]
         if len(line) > 2:
             best[index] = min(best[index], float(np.hypot(*(line[0] - line[-1]))))
-        if best[index] <= reach:
+        if least < best[index] <= reach:
             # a line that goes on past the one that it meets leaves no gap
             last = shapely.LineString(line[:2] if side == 0 else line[-2:])
             if any(j != n for j in tree.query(last, predicate="crosses").tolist()):
                 best[index] = np.inf
-    least = 1e-12 * float(np.abs(at).max())
     found: dict[tuple[float, ...], Gap] = {}
     for width, place in zip(best.tolist(), at, strict=True):
         if least < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in found.values()):
@@ -169,6 +169,7 @@ def find_cells(
     lines = [k for k in kept if not paths[k].closed and role[k] != "hole"]
     rings = [_line(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
     empty = _openings(rings, notes)
+    lines = _without_doubles(lines, snapped)
     segments = [shapely.LineString(snapped.paths[k]) for k in lines]
     if all(role[k] == "support" for k in outlines) and not segments + rings:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
@@ -382,16 +383,21 @@ def _count_unused(
     segments: list[shapely.LineString], layers: list[str], cells: list[Cell], reach: float, notes: Notes
 ) -> int:
     """Note by layer how many lines bound no cell, and so have no effect; return their number."""
-    edges = [shapely.LinearRing(cell.points) for cell in cells]
-    tree = shapely.STRtree(edges)
-    unused: Counter[str] = Counter()
-    for line, layer in zip(segments, layers, strict=True):
-        strip = line.buffer(reach)
-        near = [edges[k] for k in tree.query(strip).tolist()]
-        along = shapely.length(shapely.intersection(near, strip)) if near else np.zeros(0)
-        # a line that only crosses a boundary has a few times its half width in common with it
-        if not (along > min(10.0 * reach, 0.5 * line.length)).any():
-            unused[layer] += 1
+    if not segments:
+        return 0
+    starts = np.concatenate([cell.points for cell in cells])
+    ends = np.concatenate([np.roll(cell.points, -1, axis=0) for cell in cells])
+    near = []
+    for share in (0.25, 0.75):
+        points = shapely.points(starts + share * (ends - starts))
+        near.append(shapely.STRtree(segments).query(points, predicate="dwithin", distance=reach))
+    wide = len(segments)
+    both = np.intersect1d(near[0][0] * wide + near[0][1], near[1][0] * wide + near[1][1])
+    edge, line = both // wide, both % wide
+    along = np.bincount(line, np.hypot(*(ends - starts).T)[edge], minlength=wide)
+    # a line that only crosses a boundary has a few times its half width in common with it
+    free = along <= np.minimum(10.0 * reach, 0.5 * shapely.length(segments))
+    unused = Counter(layers[k] for k in np.flatnonzero(free).tolist())
     for layer, count in sorted(unused.items()):
         what = f"line{'s' * (count != 1)} on layer {layer or '(none)'}"
         notes.skip(what, count, "they bound and divide no cell")
@@ -424,6 +430,15 @@ def _one_outline_each(
         if first != k and k in holes and first not in holes:
             holes[first] = holes.pop(k)
     notes.skip("outlines", len(outlines) - len(seen), "drawn twice")
+    return list(seen.values())
+
+
+def _without_doubles(lines: list[int], snapped: Snapped) -> list[int]:
+    """Return the indices of lines (k, 2) of which the first of equal ones stays, whatever their direction."""
+    seen: dict[bytes, int] = {}
+    for k in lines:
+        points = snapped.paths[k]
+        seen.setdefault(min(points.tobytes(), points[::-1].tobytes()), k)
     return list(seen.values())
 
 

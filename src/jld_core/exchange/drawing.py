@@ -250,12 +250,11 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
         points = shapely.points([mark.at for mark in named])
         for which, cell in zip(*tree.query(points, predicate="intersects").tolist(), strict=True):
             cells[cell].name = str(named[which].text).strip()
-    taken: set[str] = set()
-    counter = 0
+    drawn, taken, counter = {cell.name for cell in cells}, set[str](), 0
     for cell in cells:
-        if cell.name is None or not cell.name or cell.name in taken:
+        if not cell.name or cell.name in taken:
             counter += 1
-            while f"e{counter}" in taken or any(other.name == f"e{counter}" for other in cells):
+            while f"e{counter}" in drawn:
                 counter += 1
             cell.name = f"e{counter}"
         taken.add(cell.name)

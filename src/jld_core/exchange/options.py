@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cache
+from functools import cache, cached_property
 from math import ceil, floor, log10
 from typing import Any, Final, Literal
 from unicodedata import combining, normalize
@@ -164,6 +164,17 @@ class ImportOptions:
         Roles are "support", "dry", "inner", "load", "dead", "id", "hole" and "skip", among them frames, axes and texts.
         The options count first, then the words of the name, for roles without an option.
         """
+        if layer not in self._roles:
+            self._roles[layer] = self._role(layer)
+        return self._roles[layer]
+
+    @cached_property
+    def _roles(self) -> dict[str, str | None]:
+        """Roles of the layers that were asked for: drawings ask thousands of times."""
+        return {}
+
+    def _role(self, layer: str) -> str | None:
+        """Return the role of a layer, as `role`."""
         named = role_by_name(layer)
         for role in LAYER_ROLES:
             if self.matches(role, layer):

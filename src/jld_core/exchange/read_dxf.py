@@ -20,6 +20,8 @@ from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points, flatten
 from jld_core.exchange.solids import Part, Solids
 
+_MOST_COPIES: Final = 50_000  # largest number of entities that blocks unfold into; some 10 000 are copied in a second
+
 _DEPTH: Final = 16  # largest depth of nested blocks
 
 # Length units by the code of the header variable $INSUNITS
@@ -93,8 +95,9 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
                 break
         return total
 
-    if amount(space, 0) > MOST:
-        raise InputError("", "its nested blocks hold too many entities", f"at most {MOST} entities")
+    plain = sum(entity.dxftype() != "INSERT" for entity in space)
+    if amount(space, 0) - plain > _MOST_COPIES:
+        raise InputError("", "its nested blocks hold too many entities", f"at most {_MOST_COPIES} entities")
 
 
 class _Reader:
