@@ -111,12 +111,14 @@ def files() -> list[File]:
 
     normals = "\n".join(f"vn {n}" for n in ("0 0 -1", "0 0 1", "0 -1 0", "1 0 0", "0 1 0", "-1 0 0"))
     textures = "\n".join(f"vt {u} {v}" for u in (0, 1) for v in (0, 1, 0.5))
+    both = f"{normals}\n{textures}"
     table: list[tuple[str, str, Callable[[Path], None]]] = [
         ("plain", "Blender 4.2", obj()),
         ("normals", "Blender 4.2", obj(extra=normals, face=lambda n: "f " + " ".join(f"{k}//1" for k in n))),
         ("textures", "Blender 4.2", obj(extra=textures, face=lambda n: "f " + " ".join(f"{k}/1" for k in n))),
-        ("both", "Blender 4.2", obj(extra=f"{normals}\n{textures}", face=lambda n: "f " + "/1/1 ".join(map(str, n)) + "/1/1")),
-        ("continued", "Rhino 8", obj(face=lambda n: f"f {n[0]} {n[1]} \\\n{n[2]} {n[3]}")),
+        ("both", "Blender 4.2", obj(extra=both, face=lambda n: "f " + " ".join(f"{k}/1/1" for k in n))),
+        ("comments",
+        "continued", "Rhino 8", obj(face=lambda n: f"f {n[0]} {n[1]} \\\n{n[2]} {n[3]}")),
         ("comments", "SketchUp", obj(face=lambda n: "f " + " ".join(map(str, n)) + " # a face")),
         ("relative", "SketchUp", obj(face=lambda n: "f " + " ".join(str((k - 1) % 8 - 8) for k in n))),
         ("groups", "Rhino 8", obj(mark="g")),
@@ -130,6 +132,7 @@ def files() -> list[File]:
         ("inside_out", "SketchUp", obj(face=lambda n: "f " + " ".join(map(str, n[::-1])))),
     ]  # fmt: skip
     quiet = (
+        "comments",
         "continued",
         "repeated",
         "spiked",
