@@ -474,7 +474,63 @@ def _compas() -> list[File]:
         data = {"attributes": {"name": "pile"}, "graph": {"node": node, "edge": {}}}
         path.write_text(json.dumps({"dtype": "compas_assembly.datastructures/Assembly", "data": data}))
 
-    return [File("assembly.json", "COMPAS 2", assembly, 1, 1.0)]
+    def writes(document: Any) -> Callable[[Path], None]:
+        return lambda path: path.write_text(json.dumps(document)) and None
+
+    lower, upper = block(-0.3, 0), block(0, 1)
+    meshes = [{"dtype": "compas.datastructures/Mesh", "data": one["data"]} for one in (lower, upper)]
+
+    def element(mesh: Any, guid: str, support: bool) -> dict[str, Any]:
+        data = {"name": "BlockElement", "shape": mesh, "transformation": None, "is_support": support}
+        return {"dtype": "compas_dem.elements/BlockElement", "data": data, "guid": guid}
+
+    def old(value: Any, kind: str = "Block") -> dict[str, Any]:
+        name = f"compas_assembly.datastructures/{kind}"
+        return {"dtype": name, "value": {"datatype": name, "compas": "0.18.1", "data": value}}
+
+    model = {
+        "elements": [element(meshes[0], "g0", True), element(meshes[1], "g1", False)],
+        "graph": {"node": {"0": {"element": "g0"}, "1": {"element": "g1"}}, "edge": {}},
+        "materials": [],
+        "element_material": {},
+    }
+    nodes = {"0": {"block": old(lower["data"]), "is_support": True}, "1": {"block": old(upper["data"])}}
+    half = {
+        **upper["data"],
+        "face": {
+            k: dict(zip(map(str, f), map(str, [*f[1:], f[0]]), strict=True)) for k, f in upper["data"]["face"].items()
+        },
+    }
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    first = {
+        "assembly": {
+            "node": {"0": {"is_support": True}, "1": {}},
+            "node_attributes": {"is_support": False},
+            "edge": {"0": {"1": {"interface_points": square}}},
+        },
+        "blocks": {"0": lower["data"], "1": half},
+    }
+    lowest = {"support": ("lowest",)}
+    return [
+        File("assembly.json", "COMPAS 2", assembly, 1, 1.0),
+        File(
+            "model_of_a_list.json",
+            "compas_dem 0.4",
+            writes({"dtype": "compas_dem.models/BlockModel", "data": model}),
+            1,
+            1.0,
+        ),
+        File("before_1.json", "COMPAS 0.18", writes(old({"node": nodes, "edge": {}}, "Assembly")), 1, 1.0),
+        File("first_versions.json", "compas_assembly 0.1", writes(first), 1, 1.0),
+        File("meshes.json", "COMPAS 2", writes(meshes), 1, 1.0, options=lowest),
+        File("meshes_in_lists.json", "COMPAS 1", writes([[one] for one in meshes]), 1, 1.0, options=lowest),
+        File(
+            "no_assembly.json",
+            "COMPAS 2",
+            writes({"dtype": "x/Assembly", "data": {}}),
+            refused="it is no COMPAS assembly",
+        ),
+    ]
 
 
 def files() -> list[File]:
