@@ -159,8 +159,9 @@ def _group(product: Any, options: ImportOptions) -> str:
         for shape in product.Representation.Representations
         for layer in getattr(shape, "LayerAssignments", ())
     ]
-    names = [*layers, str(getattr(product, "ObjectType", None) or ""), str(product.is_a()), str(product.Name or "")]
-    return next((name for name in names if name and options.role(name)), str(product.is_a()))
+    kind = str(product.is_a())
+    found = options.group(*layers, str(getattr(product, "ObjectType", None) or ""), kind, str(product.Name or ""))
+    return found if options.role(found) or found == kind or options.matches("layer", found) else kind
 
 
 def _moved(points: Floats, matrix: Floats) -> Floats:

@@ -342,8 +342,7 @@ class _Reader:
         name = name or f"b{self._count}"
         points, faces = self._faces(shell, name)
         points = self._scale * (points @ matrix[:3, :3].T + matrix[:3, 3])
-        groups = [self._layers.get(item, ""), title, name]
-        group = next((one for one in groups if self._options.role(one)), next(filter(None, groups)))
+        group = self._options.group(self._layers.get(item, ""), title, name)
         self._parts.append(Part(name, group, points, faces))
 
     def _faces(self, shell: int, title: str) -> tuple[Floats, Faces]:

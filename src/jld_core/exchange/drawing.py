@@ -40,6 +40,7 @@ from jld_core.exchange.options import (
     in_words,
     listed,
     measure,
+    refuse_unknown,
     round_up,
     rounded,
     several,
@@ -71,6 +72,8 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     """
     # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
     # labels and loads. Decisions are added to `notes`, and the result holds them as its report.
+    layers = [path.layer for path in drawing.paths] + [mark.layer for mark in drawing.marks]
+    refuse_unknown(options, [*layers, *drawing.layers], "layer")
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
     paths = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]

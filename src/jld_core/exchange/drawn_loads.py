@@ -61,7 +61,7 @@ class Drawing:
 
     paths: outlines and lines in the file's unit. marks: points and texts. unit: unit of length, such as "mm"; None if
     unknown. facts: keys of a scene that an earlier export stored in the file. name: name of the scene. unread: number
-    of entities that no reader understood.
+    of entities that no reader understood. layers: names of layers that the file knows, also of those without a path.
     """
 
     paths: list[Path]
@@ -70,6 +70,7 @@ class Drawing:
     facts: dict[str, Any] = field(default_factory=dict)
     name: str = "drawing"
     unread: int = 0
+    layers: tuple[str, ...] = ()
 
 
 @dataclass

@@ -46,16 +46,16 @@ def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]
     level = [
         (a, b) for ring in rings for a, b in _edges(ring) if max(a[1], b[1]) - low <= near and abs(b[0] - a[0]) > near
     ]
-    if level and not any(max(a[1], b[1]) - low > near for a, b in ends):
+    if level and not any(line[:, 1].max() - low > near for line in ends):
         notes.assumed.append("supports below the lowest edges: the drawing names none")
         spans = [sorted((float(a[0]), float(b[0]))) for a, b in level]
         boxes = [[(x0, low - out), (x1, low - out), (x1, low), (x0, low)] for x0, x1 in spans]
         return [Cell(np.array(box), "supports", None, True) for box in boxes]
-    ends = ends or [edge for ring in rings for edge in _lowest_edges(ring)]
+    ends = ends or [np.array(edge) for ring in rings for edge in _lowest_edges(ring)]
     if not ends:
         return []
     notes.assumed.append("supports at the springings: the drawing names none")
-    feet = [shapely.Polygon([a, a + out * _normal(a, b), b + out * _normal(a, b), b]) for a, b in ends]
+    feet = [shapely.Polygon([*line, *(line + out * _normal(line[0], line[-1]))[::-1]]) for line in ends]
     return [Cell(_ring(foot), "supports", None, True) for foot in _without(feet, whole)]
 
 
@@ -88,8 +88,8 @@ def _normal(a: Floats, b: Floats) -> Floats:
     return np.array([along[1], -along[0]])
 
 
-def _springings(ring: Floats) -> list[tuple[Floats, Floats]]:
-    """Return the two straight ends of a band between two curves; none for any other ring (k, 2), counter-clockwise."""
+def _springings(ring: Floats) -> list[Floats]:
+    """Return the two ends (j, 2) of a band between two curves; none for any other ring (k, 2), counter-clockwise."""
     along = np.roll(ring, -1, axis=0) - ring
     along = along / np.hypot(*along.T)[:, None]
     before = np.roll(along, 1, axis=0)
@@ -101,11 +101,11 @@ def _springings(ring: Floats) -> list[tuple[Floats, Floats]]:
     runs = []
     for first, last in zip(corners, [*corners[1:], corners[0] + len(ring)], strict=True):
         inside = np.arange(first + 1, last) % len(ring)
-        runs.append((ring[first], ring[last % len(ring)], abs(float(turn[inside].sum())) > _CURVED))
-    ends = [(a, b) for a, b, curved in runs if not curved]
-    if [curved for *_, curved in runs] not in ([True, False] * 2, [False, True] * 2):
+        runs.append((ring[np.arange(first, last + 1) % len(ring)], abs(float(turn[inside].sum())) > _CURVED))
+    ends = [line for line, curved in runs if not curved]
+    if [curved for _, curved in runs] not in ([True, False] * 2, [False, True] * 2):
         return []
-    return ends if all(_normal(a, b)[1] < _RISING for a, b in ends) else []
+    return ends if all(_normal(line[0], line[-1])[1] < _RISING for line in ends) else []
 
 
 def _lowest_edges(ring: Floats) -> list[tuple[Floats, Floats]]:

@@ -182,9 +182,15 @@ class ImportOptions:
         if self.matches("layer", layer):
             return None
         # an option replaces the words of its role
-        if named is not None and named != "skip" and getattr(self, "load" if named == "dead" else named, ()):
+        if named not in (None, "skip", "id") and getattr(self, "load" if named == "dead" else str(named)):
             named = None
         return "skip" if self.layer and named is None else named
+
+    def group(self, *names: str) -> str:
+        """Return the name of several that decides a role: one that an option names, one with a role, else the first."""
+        said = (name for name in names if name and any(self.matches(one, name) for one in (*LAYER_ROLES, "layer")))
+        known = (name for name in names if name and self.role(name) not in (None, "skip"))
+        return next(said, None) or next(known, None) or next((name for name in names if name), "")
 
     def chosen(self, *names: str) -> bool:
         """Return True if something of these names is read by the options `layer` and `skip`, or has another role."""
@@ -192,6 +198,16 @@ class ImportOptions:
             return False
         named = [role for role in LAYER_ROLES if any(self.matches(role, name) for name in names)]
         return not self.layer or bool(named) or any(self.matches("layer", name) for name in names)
+
+
+def refuse_unknown(options: ImportOptions, names: Iterable[str], what: str) -> None:
+    """Raise ParameterError for a pattern of an option that names no layer, or whatever `what` is, of a file."""
+    present = sorted(set(names))
+    for option in (*LAYER_ROLES, "layer"):
+        for pattern in getattr(options, option) if option != "support" else ():
+            if not any(fnmatchcase(name.casefold(), pattern.casefold()) for name in present):
+                wish = "one of " + listed([name or "(none)" for name in present], 12)
+                raise ParameterError(option, f"no {what} of the file is like {pattern!r}", wish)
 
 
 LAYER_ROLES: Final = ("skip", "support", "dry", "inner", "load", "hole")

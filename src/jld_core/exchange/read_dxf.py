@@ -134,7 +134,15 @@ class _Reader:
         name = str(facts.pop("name", "") or title)
         layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
         self.notes.found.append(f"layers {listed(layers, 12)}")
-        return Drawing(self.paths, self.marks, unit, facts, name, lost)
+        return Drawing(
+            self.paths,
+            self.marks,
+            unit,
+            facts,
+            name,
+            lost,
+            tuple(str(layer.dxf.name) for layer in self.document.layers),
+        )
 
     def _facts(self) -> dict[str, Any]:
         """Return the scene keys stored in the custom properties."""

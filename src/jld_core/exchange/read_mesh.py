@@ -131,7 +131,7 @@ def _obj(text: str, options: ImportOptions) -> tuple[Floats, list[tuple[str, str
     # one object around all groups is the model; else objects are the blocks and groups their layers
     several_objects = len({o for o, _ in faces}) > 1
     return np.array(points, dtype=float).reshape(-1, 3), [
-        (o if (several_objects and o) or not g else g, g if g and options.role(g) else o or g, tuple(loops))
+        (o if (several_objects and o) or not g else g, options.group(g if several_objects else o, o, g), tuple(loops))
         for (o, g), loops in faces.items()
     ]
 
