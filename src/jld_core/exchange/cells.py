@@ -33,6 +33,8 @@ _DRAWN: Final = 0.5
 # Least clearance of a frame, and largest distance of outlines that touch, relative to the size of the frame
 _APART: Final = 5e-4
 
+_DOUBLED: Final = 0.75  # least area of the inner one of two frames, relative to that of the outer one
+
 _SHEET: Final = 0.005  # largest relative difference of the sides of a frame from the ratio of a sheet, the root of 2
 
 _LARGE: Final = 6.0  # area of a cell, relative to the median, above which the report asks whether it is an opening
@@ -83,25 +85,38 @@ def without_frames(paths: list[Path], marks: list[Mark], options: ImportOptions,
     boxes = np.array([[*path.points[:, :2].min(axis=0), *path.points[:, :2].max(axis=0)] for path in paths])
     grounds = {k for k, path in enumerate(paths) if options.role(path.layer) == "support"}
     pins = any(options.role(mark.layer) == "support" for mark in marks)
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
+    before = 0.0
     while len(kept) > 1:
-        k = max(kept, key=lambda k: float(np.prod(boxes[k, 2:] - boxes[k, :2])))
+        k, other = sorted(kept, key=lambda k: -float(areas[k]))[:2]
         rest = [j for j in kept if j != k]
         wide, tall = boxes[k, 2:] - boxes[k, :2]
-        inner = np.concatenate([boxes[rest, :2].min(axis=0) - boxes[k, :2], boxes[k, 2:] - boxes[rest, 2:].max(axis=0)])
-        corners = shapely.Polygon(paths[k].points[:, :2]) if paths[k].closed and len(paths[k].points) > 2 else None
-        if corners is None or options.role(paths[k].layer) is not None or inner.min() <= _APART * max(wide, tall):
+        sheet = abs(max(wide, tall) / max(min(wide, tall), 1e-300) / 2.0**0.5 - 1.0) <= _SHEET
+        doubled = max(before, float(areas[k])) * _DOUBLED <= (areas[k] if before else areas[other])
+        if not (_is_clear(paths[k], boxes, k, rest) and options.role(paths[k].layer) is None):
             break
-        if paths[k].points[:, 2].any() or corners.area < (1.0 - 1e-6) * wide * tall:
+        if doubled and not before:
+            inside = [j for j in rest if j != other]
+            doubled = bool(inside) and _is_clear(paths[other], boxes, other, inside)
+        near = _touching([paths[j] for j in rest], max(wide, tall))
+        if not (sheet or doubled or pins or grounds & set(rest) or near):
             break
-        sheet = abs(max(wide, tall) / min(wide, tall) / 2.0**0.5 - 1.0) <= _SHEET
-        if not (sheet or pins or grounds & set(rest) or _touching([paths[j] for j in rest], options, max(wide, tall))):
-            break
-        kept = rest
+        kept, before = rest, float(areas[k])
         notes.skip("outline", 1, f"a frame around everything, on layer {paths[k].layer or '(none)'}")
     return [paths[k] for k in kept]
 
 
-def _touching(paths: list[Path], options: ImportOptions, size: float) -> bool:
+def _is_clear(path: Path, boxes: Floats, k: int, rest: list[int]) -> bool:
+    """Return True if a path is an upright rectangle around the boxes (n, 4) of others, which it does not touch."""
+    if not path.closed or len(path.points) < 3 or path.points[:, 2].any():
+        return False
+    wide, tall = boxes[k, 2:] - boxes[k, :2]
+    inner = np.concatenate([boxes[rest, :2].min(axis=0) - boxes[k, :2], boxes[k, 2:] - boxes[rest, 2:].max(axis=0)])
+    area = float(shapely.Polygon(path.points[:, :2]).area)
+    return bool(inner.min() > _APART * max(wide, tall) and area >= (1.0 - 1e-6) * wide * tall)
+
+
+def _touching(paths: list[Path], size: float) -> bool:
     """Return True if two closed outlines lie side by side, or lines touch an outline from outside."""
     shapes = [shapely.Polygon(p.points[:, :2]) for p in paths if p.closed and len(p.points) > 2]
     shapes = [shape for shape in shapes if shape.is_valid]
@@ -223,11 +238,11 @@ def say_nested(nested: list[tuple[Cell, Cell]], notes: Notes) -> None:
         if not inner.support:
             seen.setdefault(str(outer.name), []).append(str(inner.name))
             layers[str(outer.name)] = inner.layer if inner.layer not in ("", "0", outer.layer) else ""
-    for outer, names in seen.items():
+    for around, names in seen.items():
         verb = "lies" if len(names) == 1 else "lie"
         many = "an opening" if len(names) == 1 else "openings"
-        remedy = f"--hole {layers[outer]}" if layers[outer] else "draw it on a layer of its own, and --hole LAYER"
-        notes.doubtful.append(f"{listed(names)} {verb} within {outer}: {many}? {remedy}")
+        remedy = f"--hole {layers[around]}" if layers[around] else "draw it on a layer of its own, and --hole LAYER"
+        notes.doubtful.append(f"{listed(names)} {verb} within {around}: {many}? {remedy}")
 
 
 def say_large(cells: list[Cell], notes: Notes) -> None:

@@ -118,7 +118,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
         gaps = [gap for gap in find_gaps(chords.points, paths, options, size) if gap.width > tolerance]
         raise _too_wide(error, gaps, size, scale, drawn_in) from None
     cells = found.cells
-    _support(cells, marks, options, size, tolerance, notes, feet=feet)
+    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet)
     _name(cells, marks, options)
     _note_open(gaps, tolerance, scale, drawn_in, notes)
     if LOWEST in options.support:
@@ -271,6 +271,7 @@ def _support(
     tolerance: float,
     notes: Notes,
     *,
+    nested: list[tuple[Cell, Cell]],
     feet: bool,
 ) -> None:
     """Mark the cells that are supports: by layer, by a support mark inside, or as lowest; add feet where none is.
@@ -288,12 +289,14 @@ def _support(
         cell.support = options.role(cell.layer) == "support" or k in pinned
     named = any(cell.support for cell in cells)
     lowest = [LOWEST in options.support and c.points[:, 1].min() <= low + max(tolerance, 1e-9 * size) for c in cells]
-    if LOWEST in options.support and not named and all(lowest):
+    within = {id(inner) for inner, _ in nested}
+    alone = all(down or id(cell) in within for cell, down in zip(cells, lowest, strict=True))
+    if LOWEST in options.support and not named and alone:
         feet = True  # the structure itself is lowest, and stands on something
     elif LOWEST in options.support:
         for cell, down in zip(cells, lowest, strict=True):
             cell.support |= down
-    if feet and not any(cell.support for cell in cells) and (not options.support or all(lowest)):
+    if feet and not any(cell.support for cell in cells) and (not options.support or alone):
         cells += planar_feet(cells, tolerance, notes)
     check_supports([cell.support for cell in cells], options)
 

@@ -273,9 +273,9 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
     # to `notes`, and the result holds them as its report.
     named = [name for part in found.parts for name in (part.group, part.name)]
-    drawn = [mark.layer for mark in found.marks]
+    of_marks = [mark.layer for mark in found.marks]
     if found.parts:
-        refuse_unknown(options, [*named, *drawn], "layer, group or name")
+        refuse_unknown(options, [*named, *of_marks], "layer, group or name")
     parts = [part for part in found.parts if options.chosen(part.group, part.name)]
     notes.skip("solids", len(found.parts) - len(parts), "their layer or group is not to be read")
     if options.up == "y":

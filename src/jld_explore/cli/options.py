@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -36,7 +36,7 @@ Up = Annotated[Literal["y", "z"] | None, typer.Option(help="Axis of solids that 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
-def layer_options(**given: list[str] | None) -> dict[str, tuple[str, ...]]:
+def layer_options(**given: list[str] | None) -> dict[str, Any]:
     """Return the options of a command that name layers as those of `ImportOptions`."""
     return {name: tuple(patterns or ()) for name, patterns in given.items()}
 
