@@ -83,10 +83,12 @@ RHINO: Final = Format(
 STEP: Final = Format(
     "step",
     ".step",
+    by("jld_formats.read_step", "read_step"),
+    ("step", "stp", "p21"),
     write=of_text("jld_formats.write_step", "step_text"),
     cells=(2, 3),
     unit="any",
-    keeps=_NAMED,
+    keeps=(*_NAMED, "elements.support"),
 )
 THREE_DEC: Final = Format(
     "3dec",

@@ -25,14 +25,47 @@ _GRAVITY: Final = 9.81  # acceleration of a problem that states none, m/s²
 
 
 def data_of(value: Any) -> dict[str, Any]:
-    """Return the data of an object, without its COMPAS envelope if it has one.
+    """Return the data of an object, without its COMPAS envelopes if it has some, those of before COMPAS 1 too.
 
     Raises InputError if the data are no object.
     """
-    inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
-    if not isinstance(inner, dict):
+    for key in ("value", "data"):
+        if isinstance(value, dict) and key in value and ("dtype" in value or "datatype" in value):
+            value = value[key]
+    if not isinstance(value, dict):
         raise InputError("", "a value is no JSON object where COMPAS expects one", "an assembly or a block model")
-    return inner
+    return value
+
+
+def _is_mesh(value: Any) -> bool:
+    """Return True if a value is a COMPAS mesh, in an envelope or not."""
+    return isinstance(value, dict) and {"vertex", "face"} <= data_of(value).keys()
+
+
+def _as_assembly(document: Any) -> Any:
+    """Return lists of meshes, and the files of the first versions of compas_assembly, as an assembly by nodes."""
+    meshes = (
+        [one[0] if isinstance(one, list) and len(one) == 1 else one for one in document if one]
+        if isinstance(document, list)
+        else []
+    )
+    if meshes and all(_is_mesh(one) for one in meshes):
+        return {"node": {str(k): {"block": mesh} for k, mesh in enumerate(meshes)}}
+    if isinstance(document, dict) and {"assembly", "blocks"} <= document.keys():
+        graph, blocks = data_of(document["assembly"]), document["blocks"]
+        default = graph.get("node_attributes") or graph.get("dva") or {}
+        nodes = graph.get("node") or graph["vertex"]
+        node = {key: {**default, **nodes.get(key, {}), "block": mesh} for key, mesh in blocks.items()}
+        edge = {
+            u: {
+                v: {"interfaces": [{"points": one["interface_points"]}]}
+                for v, one in others.items()
+                if one.get("interface_points")
+            }
+            for u, others in graph.get("edge", {}).items()
+        }
+        return {"attributes": graph.get("attributes"), "node": node, "edge": edge}
+    return document
 
 
 def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
@@ -41,13 +74,13 @@ def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
     Raises InputError for problems without a model.
     """
     # The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself.
-    if isinstance(document, dict) and "dtype" not in document and "data" not in document:
+    if isinstance(document, dict) and not {"dtype", "datatype", "data", "node"} & document.keys():
         items = list(document.values())
     else:
         items = document if isinstance(document, list) else [document]
     models, problems = [], []
     for item in items:
-        kind = str(item.get("dtype", "")) if isinstance(item, dict) else ""
+        kind = str(item.get("dtype") or item.get("datatype") or "") if isinstance(item, dict) else ""
         if kind.endswith("/Analysis"):
             data = data_of(item)
             models.append(data["model"])
@@ -217,7 +250,7 @@ def _middle(corners: np.ndarray) -> tuple[float, list[float]]:
 FACTS: Final = "jld"
 """Attribute of an assembly written by jld: scene keys that COMPAS cannot represent."""
 
-_UNNAMED: Final = "Block"  # name of a block of compas_dem that was given none
+_UNNAMED: Final = ("Block", "BlockElement")  # names of blocks of compas_dem that were given none
 
 _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # element keys that are read back
 
@@ -234,9 +267,10 @@ def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
     except RecursionError:
         raise InputError("", "it is nested too deeply", "COMPAS JSON") from None
     try:
+        document = _as_assembly(document)
         model, problems = model_and_problems(document)
         data = data_of(model)
-        graph = data_of(data["graph"])
+        graph = data if "node" in data else data_of(data["graph"])
         if "elements" in data:
             parts, of_node = _elements(data, graph)
         else:
@@ -247,8 +281,10 @@ def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        what = f"{type(error).__name__}: {error}"[:80]
-        raise InputError("", f"it is no COMPAS assembly ({what})", "an assembly or a block model") from error
+        wish = "an assembly of blocks, a block model, or a list of meshes"
+        raise InputError(
+            "", "it is no COMPAS assembly: something of its blocks is missing or of another form", wish
+        ) from error
     kind = model.get("dtype", "?") if isinstance(model, dict) else "?"
     notes.found.append(f"{kind} of {len(parts)} blocks")
     name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or path.stem)
@@ -293,20 +329,28 @@ def _elements(model: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part],
     """Return the elements of a model (compas_dem) and their names by node of its graph."""
     # The name of a block is the one that it states; a stated name that equals the name of its class is ignored.
     node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
-    materials = {guid: data_of(material) for guid, material in (model.get("materials") or {}).items()}
+    materials = {guid: data_of(material) for guid, material in _by_guid(model.get("materials") or {})}
+    of_element = model.get("element_material") or {}
     parts, names = [], {}
-    for number, (guid, element) in enumerate(model["elements"].items()):
+    for number, (guid, element) in enumerate(_by_guid(model["elements"])):
         data = data_of(element)
         key = node_of.get(guid, str(number))
         stated = str(data.get("name") or "")
-        names[key] = stated if stated and stated != _UNNAMED else f"b{key}"
-        density = materials.get(str(data.get("material")), {}).get("density")
+        names[key] = stated if stated and stated not in _UNNAMED else f"b{key}"
+        density = materials.get(str(data.get("material") or of_element.get(guid)), {}).get("density")
         keys = {} if density is None else {"density": float(density)}
         move = data.get("transformation")
         matrix = None if move is None else np.array(data_of(move)["matrix"], dtype=float)
         support = bool(data.get("is_support", False))
-        parts.append(_part(names[key], key, data_of(data["geometry"]), support, keys, matrix))
+        parts.append(_part(names[key], key, data_of(data.get("geometry") or data["shape"]), support, keys, matrix))
     return _unique(parts, names)
+
+
+def _by_guid(entries: Any) -> list[tuple[str, Any]]:
+    """Return entries with their identities; older files list them."""
+    if isinstance(entries, dict):
+        return list(entries.items())
+    return [(str(entry.get("guid", k)), entry) for k, entry in enumerate(entries)]
 
 
 def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
@@ -333,10 +377,23 @@ def _part(
     if matrix is not None:
         points = points @ matrix[:3, :3].T + matrix[:3, 3]
     loops = face.values() if isinstance(face, dict) else face
-    faces = tuple(tuple(number[str(index)] for index in loop) for loop in loops)
+    # files of the first versions store faces as half-edges: the next corner of each
+    rings = (_ring(loop) if isinstance(loop, dict) else loop for loop in loops)
+    faces = tuple(tuple(number[str(index)] for index in loop) for loop in rings)
     if not faces:
         raise InputError(f"node {key}", "its block has no faces", "a closed mesh")
     return Part(name, key, points, faces, support, keys)
+
+
+def _ring(following: dict[str, str]) -> list[str]:
+    """Return the corners of a face from the next corner of each; raise an error where they are no ring."""
+    first = next(iter(following))
+    ring = [first]
+    while (corner := following[ring[-1]]) != first:
+        if len(ring) > len(following):
+            raise ValueError
+        ring.append(corner)
+    return ring
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:

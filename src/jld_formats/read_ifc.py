@@ -1,10 +1,8 @@
-"""Reader of IFC: faceted B-reps, face sets and extruded areas with straight edges.
-
-Uses ifcopenshell.
-"""
+"""Reader of IFC by ifcopenshell: faceted and extruded solids; by its kernel clipped and opened ones of plane faces."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -20,6 +18,7 @@ from jld_core.exchange.cells import without_holes
 from jld_core.exchange.drawn_loads import MOST
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import several
+from jld_core.exchange.solids import split
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import Region, extrude, region_of
 from jld_core.scene.units import METRES
@@ -84,6 +83,19 @@ def _scale(unit: Any) -> float:
     return size * (_GRAM if unit.Name == "GRAM" else 1.0)
 
 
+_MOST_SOLIDS: Final = 20_000  # largest number of solids that mapped items unfold into
+
+_FACETED: Final = ("IfcFacetedBrep", "IfcPolygonalFaceSet", "IfcTriangulatedFaceSet")
+
+_FILLETS: Final = ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")
+
+# Kinds of shapes that have curved faces
+_CURVED: Final = (
+    *("IfcSphere", "IfcRightCircular", "IfcRevolved", "IfcSweptDisk", "IfcSurfaceCurveSwept", "IfcFixedReference"),
+    *("IfcSectioned", "IfcDirectrix", "IfcCircleProfile", "IfcCircleHollow", "IfcEllipse", "IfcBSpline"),
+    *("IfcRationalBSpline", "IfcCylindricalSurface", "IfcSphericalSurface", "IfcToroidalSurface", "IfcSurfaceOf"),
+)
+
 _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that are read
 
 
@@ -103,18 +115,28 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         placed = import_module("ifcopenshell.util.placement").get_local_placement
         densities = Densities(model)
         parts: list[Part] = []
-        empty = 0
+        empty = unfolded = 0
+        known: dict[int, int] = {}
+        counted: Counter[str] = Counter()
         for product in products:
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
                 empty += 1
                 continue
             title = f"{product.is_a()} {product.Name or product.GlobalId!r}"
             matrix = np.array(placed(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
-            solids = [(scale * _moved(points, matrix), faces) for points, faces in _bodies(product, title)]
-            if not solids:
+            items = [item for shape in _shapes(product) for item in shape.Items]
+            if not items:
                 empty += 1
-            elif getattr(product, "HasOpenings", None):
-                solids = [_opened(product, title)]
+                continue
+            unfolded += sum(_unfolded(item, known) for item in items)
+            if unfolded > _MOST_SOLIDS:
+                raise InputError(title, f"mapped items unfold into {unfolded:.3g} solids", f"at most {_MOST_SOLIDS}")
+            if getattr(product, "HasOpenings", None) or not all(_is_simple(item) for item in items):
+                solids = _by_kernel(product, items, title)
+                counted["by the geometry kernel"] += 1
+                counted["with arcs as chords"] += any(_arcs(item) for item in items)
+            else:
+                solids = [(scale * _moved(v, matrix), faces) for item in items for v, faces in _solids(item, title)]
             group = _group(product, options)
             density = densities.of(product, title)
             keys = {} if density is None else {"density": density}
@@ -123,6 +145,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
                 own = name if len(solids) == 1 else f"{name}.{number}"
                 parts.append(Part(own, group, points, faces, keys=keys))
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
+    notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")
     unit = next((name for name, size in METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
     if unit != "m":
@@ -137,8 +160,9 @@ def _group(product: Any, options: ImportOptions) -> str:
         for shape in product.Representation.Representations
         for layer in getattr(shape, "LayerAssignments", ())
     ]
-    names = [*layers, str(getattr(product, "ObjectType", None) or ""), str(product.is_a()), str(product.Name or "")]
-    return next((name for name in names if name and options.role(name)), str(product.is_a()))
+    kind = str(product.is_a())
+    found = options.group(*layers, str(getattr(product, "ObjectType", None) or ""), kind, str(product.Name or ""))
+    return found if options.role(found) or found == kind or options.matches("layer", found) else kind
 
 
 def _moved(points: Floats, matrix: Floats) -> Floats:
@@ -146,36 +170,104 @@ def _moved(points: Floats, matrix: Floats) -> Floats:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def _bodies(product: Any, title: str) -> list[tuple[Floats, Faces]]:
-    """Read the solids of a product, without its openings, in its own axes and the file's unit."""
-    shapes = [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
-    return [solid for shape in shapes for item in shape.Items for solid in _solids(item, title)]
+def _shapes(product: Any) -> list[Any]:
+    """Return the representations of a product that are read."""
+    return [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
 
 
-def _opened(product: Any, title: str) -> tuple[Floats, Faces]:
-    """Return a product with its openings cut out by ifcopenshell, in m.
+def _parts_of(item: Any) -> Iterator[Any]:
+    """Yield an item and all that it is made of, each once."""
+    seen = set()
+    pending = [item]
+    while pending:
+        part = pending.pop()
+        if part.id() and part.id() in seen:
+            continue
+        seen.add(part.id())
+        yield part
+        for value in part:
+            pending += [one for one in _nested(value) if hasattr(one, "is_a") and not one.is_a("IfcPresentationItem")]
 
-    Raises InputError where an opening is no polyhedron, or takes the whole product away.
+
+def _nested(value: Any) -> Iterator[Any]:
+    """Yield the values in nested tuples."""
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _nested(one)
+    else:
+        yield value
+
+
+def _arcs(item: Any) -> bool:
+    """Return True if there is an arc in an item."""
+    return any(part.is_a() in ("IfcArcIndex", "IfcCircle") for part in _parts_of(item))
+
+
+def _is_simple(item: Any) -> bool:
+    """Return True if an item is one that `_solids` reads."""
+    if item.is_a("IfcMappedItem"):
+        return all(_is_simple(part) for part in item.MappingSource.MappedRepresentation.Items)
+    if not item.is_a("IfcExtrudedAreaSolid"):
+        return bool(item.is_a() in _FACETED)
+    area = item.SweptArea
+    if area.is_a() in ("IfcRectangleProfileDef", "IfcRectangleHollowProfileDef"):
+        return not any(getattr(area, name, None) for name in _FILLETS)
+    return bool(area.is_a("IfcArbitraryClosedProfileDef")) and not any(
+        part.is_a() in ("IfcArcIndex", "IfcCompositeCurve", "IfcTrimmedCurve") for part in _parts_of(area)
+    )
+
+
+def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats, Faces]]:
+    """Return the solids of a product by the geometry kernel, with clippings and openings, in m.
+
+    Raises InputError for a shape with curved faces other than those over arcs of a profile, and for an empty one.
     """
-    for relation in product.HasOpenings:
+    owners = [(title, items)]
+    for relation in getattr(product, "HasOpenings", None) or ():
         opening = relation.RelatedOpeningElement
         if opening.Representation is not None:
-            _bodies(opening, f"an opening of {title}")  # curved ones would be read as facets
+            owners.append((f"an opening of {title}", [item for shape in _shapes(opening) for item in shape.Items]))
+    for words, own in owners:
+        for part in (part for item in own for part in _parts_of(item)):
+            if part.is_a().startswith(_CURVED):
+                raise _refused(part, words)
     geometry = import_module("ifcopenshell.geom")
     settings = geometry.settings()
     settings.set("use-world-coords", True)
-    found = geometry.create_shape(settings, product).geometry
+    try:
+        found = geometry.create_shape(settings, product).geometry
+    except RuntimeError:
+        raise InputError(title, "its shape cannot be computed", "a valid solid") from None
     points = np.array(found.verts, dtype=float).reshape(-1, 3)
     if not len(points):
         raise InputError(title, "its openings leave nothing of it", "openings smaller than the product")
-    return points, tuple((int(a), int(b), int(c)) for a, b, c in np.array(found.faces).reshape(-1, 3))
+    triangles = [(int(a), int(b), int(c)) for a, b, c in np.array(found.faces).reshape(-1, 3)]
+    owner = np.array(found.item_ids)
+    solids = []
+    for item in dict.fromkeys(owner.tolist()):
+        faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
+        for part in split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
+            kept = [faces[k] for k in part.tolist()]
+            used = sorted({index for face in kept for index in face})
+            number = {old: new for new, old in enumerate(used)}
+            solids.append((points[used], tuple(tuple(number[index] for index in face) for face in kept)))
+    return solids
 
 
 def _refused(item: Any, title: str) -> InputError:
     """Return the error for a shape that is not read."""
-    return InputError(
-        title, f"its shape is {item.is_a()}", "faceted B-reps, face sets, or extruded areas of straight edges"
-    )
+    wish = "plane faces: faceted or extruded solids, clipped by planes or solids"
+    return InputError(title, f"its shape is {item.is_a()}", wish)
+
+
+def _unfolded(item: Any, known: dict[int, int]) -> int:
+    """Return the number of solids that an item unfolds into, by its mapped items."""
+    if not item.is_a("IfcMappedItem"):
+        return 1
+    if item.id() not in known:
+        parts = item.MappingSource.MappedRepresentation.Items
+        known[item.id()] = sum(_unfolded(part, known) for part in parts)
+    return known[item.id()]
 
 
 def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
@@ -260,9 +352,6 @@ def _profile(profile: Any, title: str) -> Region:
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:
     """Return the corners (4, 2) of a rectangular profile, and of its hole if hollow."""
-    fillets = [getattr(profile, name, None) for name in ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")]
-    if any(fillets):
-        raise _refused(profile, title)
     halves = [(0.5 * float(profile.XDim), 0.5 * float(profile.YDim))]
     if profile.is_a("IfcRectangleHollowProfileDef"):
         wall = float(profile.WallThickness)

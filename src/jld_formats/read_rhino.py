@@ -84,6 +84,8 @@ UNITS: Final = {
 }  # fmt: skip
 """Length units by their names in Rhino."""
 
+_MOST_COPIES: Final = 20_000  # largest number of objects that block instances unfold into
+
 _DEPTH: Final = 16  # largest depth of nested block instances
 
 _LABELS: Final = ("dry", "inner")  # roles of layers whose closed curves label the contacts of solids
@@ -189,8 +191,8 @@ class _Reader:
             self._hidden[layer] += 1
             return
         self._count += 1
-        if self._count > MOST:
-            raise InputError("", "it holds too many objects", f"at most {MOST}")
+        if self._count > (_MOST_COPIES if moves else MOST):
+            raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
         kind = type(geometry).__name__
         if kind == "InstanceReference":
             self._instance(geometry, layer, moves)

@@ -30,8 +30,13 @@ def step_text(layout: Layout, *, cells: bool) -> str:
     # Solids are `MANIFOLD_SOLID_BREP`.
     file = _Part21()
     context = file.context(layout.assembly.units[0], layout.assembly.size)
-    for name, _, surface in solids_of(layout, cells=cells):
-        file.product(name, file.solid(name, surface), context)
+    supports = []
+    for name, support, surface in solids_of(layout, cells=cells):
+        solid = file.solid(name, surface)
+        file.product(name, solid, context)
+        supports += [solid] * support
+    if supports:
+        file.add(f"PRESENTATION_LAYER_ASSIGNMENT('supports','',({','.join(supports)}))")
     title = _text(layout.assembly.name)
     head = [
         "ISO-10303-21;",

@@ -9,9 +9,23 @@ from typing import Annotated, Literal
 
 import typer
 
-from jld_core.errors import error_context
+from jld_core.errors import ParameterError, error_context
+from jld_core.exchange.forces import is_force
 from jld_explore.cli.ending import raise_on_signals
-from jld_explore.cli.options import AsJson
+from jld_explore.cli.options import (
+    AsJson,
+    DryLayers,
+    FileUnit,
+    HoleLayers,
+    InnerLayers,
+    OnlyLayers,
+    SkippedLayers,
+    SupportLayers,
+    Thickness,
+    Tolerance,
+    Up,
+    layer_options,
+)
 from jld_explore.cli.streams import say
 
 OutlineFile = Annotated[
@@ -27,7 +41,10 @@ def design(
     block_mass: Annotated[float | None, typer.Option(help="Largest mass of a block, kg.")] = None,
     shapes: Annotated[int | None, typer.Option(help="Largest number of different blocks (moulds).")] = None,
     load: Annotated[
-        str | None, typer.Option(help='Force downwards, as "10 kN"; a number alone in the unit of a scene.')
+        list[str] | None,
+        typer.Option(
+            help='Force downwards, as "10 kN" (a number alone in the unit of a scene), or layers of live loads.'
+        ),
     ] = None,
     along: Annotated[
         str,
@@ -47,11 +64,16 @@ def design(
     density: Annotated[float | None, typer.Option(help="Density of the stone, kg/m³.")] = None,
     tension: Annotated[float | None, typer.Option(help="Tensile strength of the stone, Pa.")] = None,
     shear: Annotated[float | None, typer.Option(help="Shear strength of the stone, Pa.")] = None,
-    thickness: Annotated[float | None, typer.Option(help="Out-of-plane thickness of a drawing, m.")] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of a drawing's lengths; default its own.")] = None,
-    support: Annotated[
-        list[str] | None, typer.Option(help="Layer of supports; default: below the lowest edges.")
-    ] = None,
+    layer: OnlyLayers = None,
+    skip: SkippedLayers = None,
+    hole: HoleLayers = None,
+    support: SupportLayers = None,
+    dry: DryLayers = None,
+    inner: InnerLayers = None,
+    thickness: Thickness = None,
+    tolerance: Tolerance = None,
+    unit: FileUnit = None,
+    up: Up = None,
     laid: Annotated[
         Literal["translation", "standing", "left-to-right", "right-to-left", "springings"] | None,
         typer.Option(help="Only layouts that can be laid (from where), or whose every stage stands."),
@@ -70,10 +92,22 @@ def design(
     from jld_practice.design.page import facts_of, words_of
     from jld_practice.design.run import design_outline
 
+    forces = [text for text in load or () if is_force(text)]
+    if len(forces) > 1:
+        raise ParameterError("load", f"{len(forces)} forces are given", "one, with --places where it acts")
+    layers = layer_options(
+        layer=layer,
+        skip=skip,
+        hole=hole,
+        support=support,
+        load_layer=[text for text in load or () if text not in forces],
+        dry=dry,
+        inner=inner,
+    )
     options = DesignOptions(
         block_mass=block_mass,
         shapes=shapes,
-        load=load,
+        load=forces[0] if forces else None,
         along=along,
         places=places,
         width=width,
@@ -84,8 +118,10 @@ def design(
         tension=tension,
         shear=shear,
         thickness=thickness,
+        tolerance=tolerance,
         unit=unit,
-        support=tuple(support or ()),
+        up=up,
+        **layers,
         laid=laid,
         seconds=seconds,
         jobs=jobs or os.cpu_count() or 1,

@@ -7,16 +7,42 @@ from typing import Annotated
 
 import typer
 
+from jld_core.exchange import ImportOptions
+from jld_explore.cli.options import (
+    DryLayers,
+    FileUnit,
+    HoleLayers,
+    InnerLayers,
+    LoadLayers,
+    OnlyLayers,
+    SkippedLayers,
+    SupportLayers,
+    Thickness,
+    Tolerance,
+    Up,
+    layer_options,
+)
 from jld_explore.cli.streams import say
 
 
 def studio(
     source: Annotated[
         Path | None,
-        typer.Argument(help="A scene file, or a folder written by jld explore; default: a wall to begin with."),
+        typer.Argument(help="A scene, drawing or file of solids, or a folder written by jld explore; default: a wall."),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+    layer: OnlyLayers = None,
+    skip: SkippedLayers = None,
+    hole: HoleLayers = None,
+    support: SupportLayers = None,
+    load: LoadLayers = None,
+    dry: DryLayers = None,
+    inner: InnerLayers = None,
+    thickness: Thickness = None,
+    tolerance: Tolerance = None,
+    unit: FileUnit = None,
+    up: Up = None,
 ) -> None:
     """Serve a page on this machine on which the proven load of a layout follows each change.
 
@@ -25,4 +51,6 @@ def studio(
     """
     from jld_studio import open_studio
 
-    open_studio(source, port, say, browser)
+    layers = layer_options(layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner)
+    options = ImportOptions(thickness=thickness, tolerance=tolerance, unit=unit, up=up, **layers)
+    open_studio(source, port, say, browser, options)

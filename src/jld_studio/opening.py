@@ -15,15 +15,16 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.exchange import Imported, ImportOptions, import_file
 from jld_core.exchange.formats import readers
+from jld_core.exchange.options import LAYER_ROLES
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_core.scene.cracks import CellCracks
 from jld_core.scene.reading import NeedsImport
 
-LAYERS: Final = ("support", "dry", "inner", "load", "hole")
+LAYERS: Final = (*LAYER_ROLES, "layer")
 """Options of an import that name layers."""
 NUMBERS: Final = ("thickness", "tolerance", "facet")
 """Options of an import that are lengths."""
-KNOWN: Final = (*LAYERS, *NUMBERS, "unit")
+KNOWN: Final = (*LAYERS, *NUMBERS, "unit", "up")
 """Options of an import that the page may state."""
 
 
@@ -56,7 +57,7 @@ def open_file(name: object, content: object, options: object) -> OpenedFile:
         path = Path(folder) / name
         path.write_bytes(data)
         try:
-            return _read(path, stated)
+            return read_file(path, stated)
         except InputError as error:
             if error.parameter:
                 raise
@@ -73,8 +74,8 @@ def require_followed(scene: Scene, where: str) -> Scene:
     return scene
 
 
-def _read(path: Path, options: ImportOptions) -> OpenedFile:
-    """Return the scene of a file; raise InputError for none. options: of an import."""
+def read_file(path: Path, options: ImportOptions) -> OpenedFile:
+    """Return the scene of a scene file, drawing or file of solids; raise InputError for none."""
     if path.suffix.lower().lstrip(".") in readers():  # import_file names them where this is another
         try:
             scene = require_followed(load_scene(path), path.name)
@@ -129,5 +130,7 @@ def _options(options: object) -> ImportOptions:
         elif not isinstance(value, str):
             raise InputError(key, f"{str(value)[:40]!r} is wrong", "a text")
         else:
-            given[key] = value if key == "unit" else tuple(part.strip() for part in value.split(",") if part.strip())
+            given[key] = (
+                value if key in ("unit", "up") else tuple(part.strip() for part in value.split(",") if part.strip())
+            )
     return ImportOptions(**given)

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from jld_core.errors import InputError, ParameterError
+from jld_core.exchange import ImportOptions
+from jld_core.exchange.formats import readers
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import read_folder
-from jld_studio.opening import require_followed
+from jld_studio.opening import read_file, require_followed
 from jld_studio.page_start import first_data
 from jld_studio.session import StudioSession
 
@@ -31,19 +33,27 @@ START: dict[str, Any] = {
 """Scene that the studio opens without a source."""
 
 
-def open_studio(source: Path | None, port: int, announce: Callable[[str], None], browser: bool) -> None:
+def open_studio(
+    source: Path | None,
+    port: int,
+    announce: Callable[[str], None],
+    browser: bool,
+    options: ImportOptions | None = None,
+) -> None:
     """Serve the studio on 127.0.0.1 until it is interrupted.
 
     Parameters
     ----------
     source : Path or None
-        Scene file, folder written by `jld explore`, or None for a sample wall.
+        Scene file, drawing, file of solids, folder written by `jld explore`, or None for a sample wall.
     port : int
         Port; 0 takes a free one.
     announce : callable
         Function called with the address.
     browser : bool
         Open the address in a browser.
+    options : ImportOptions, optional
+        How a drawing or a file of solids is read.
 
     Raises
     ------
@@ -59,7 +69,7 @@ def open_studio(source: Path | None, port: int, announce: Callable[[str], None],
         raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
     from jld_studio.jobs import Jobs
 
-    scene, root, study = opened(source)
+    scene, root, study = opened(source, options, announce)
     desk = StudioSession(scene)
     listener = _listener(port)
     number = listener.getsockname()[1]
@@ -100,12 +110,28 @@ def _interrupting(number: int) -> Iterator[None]:
         signal.signal(number, before)
 
 
-def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
+def opened(
+    source: Path | None, options: ImportOptions | None = None, announce: Callable[[str], None] = print
+) -> tuple[Scene, Path, Path | None]:
     """Return the scene that the studio opens, the folder for files, and the study's folder.
 
-    The last is None if no study is opened. Without a source the scene is a sample wall. Raises InputError for an
-    invalid source, or a scene whose blocks crack by cells.
+    The last is None if no study is opened. Without a source the scene is a sample wall. What an import reports goes to
+    `announce`. Raises InputError for an invalid source, or a scene whose blocks crack by cells.
     """
+    plain = options is None or options == ImportOptions()
+    if (
+        source is not None
+        and not source.is_dir()
+        and (not plain or source.suffix.lower().lstrip(".") in set(readers()) - {"json"})
+    ):
+        found = read_file(source, options or ImportOptions())
+        if not plain and not found.report:
+            raise InputError(str(source), "it is a scene, which is read as it is", "a drawing, or no options of layers")
+        for kind, text in found.report:
+            announce(f"{kind:<12} {text}")
+        return found.scene, source.with_name(f"{source.stem}_studio"), None
+    if not plain:
+        raise InputError(str(source or "jld studio"), "there is no drawing to read by layers", "a drawing")
     if source is None:
         return parse_scene(START), Path("studio"), None
     scene = read_folder(source).scene if source.is_dir() else load_scene(source)

@@ -328,7 +328,7 @@ def test_loads_that_cannot_be_read(
     assert all(word in done.err for word in words), done.err
 
 
-@pytest.mark.parametrize("command", [["check"], ["solve"], ["studio", "--no-browser"], ["explore", "--out", "o"]])
+@pytest.mark.parametrize("command", [["check"], ["solve"], ["explore", "--out", "o"]])
 @pytest.mark.parametrize("name", ["a.dxf", "a.json"])
 def test_commands_say_how_a_drawing_is_imported(
     command: list[str], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -112,3 +112,29 @@ def test_too_many_forces_and_chords_are_refused_with_their_number(tmp_path: Path
     drawing.saveas(tmp_path / "circles.dxf")
     with pytest.raises(InputError, match=r"its arcs are 1\.\d+e\+07 chords within 1e-07"):
         import_file(tmp_path / "circles.dxf", ImportOptions(facet=1e-7, unit="m"))
+
+
+def test_blocks_in_blocks_are_counted_before_they_are_made(tmp_path: Path) -> None:
+    """Ten levels of ten copies each are ten thousand million squares."""
+    ezdxf = pytest.importorskip("ezdxf")
+    document = ezdxf.new()
+    block = document.blocks.new("B0")
+    block.add_lwpolyline([(0, 0), (1, 0), (1, 1), (0, 1)], close=True)
+    for level in range(1, 11):
+        block = document.blocks.new(f"B{level}")
+        for k in range(10):
+            block.add_blockref(f"B{level - 1}", (k * 10**level, 0))
+    document.modelspace().add_blockref("B10", (0, 0))
+    document.saveas(tmp_path / "bomb.dxf")
+    with pytest.raises(InputError, match="at most 50000 entities"):
+        import_file(tmp_path / "bomb.dxf")
+
+
+@pytest.mark.parametrize(
+    ("ending", "words"), [("dwg", "a DXF"), ("skp", "an OBJ"), ("fcstd", "a STEP"), ("zip", "one of")]
+)
+def test_files_of_other_kinds_are_refused_with_what_to_save_instead(ending: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(b"PK\x03\x04")
+    with pytest.raises(InputError, match=f"not read; expected {words}"):
+        import_file(path)

@@ -228,7 +228,7 @@ def test_svg_groups_are_layers_and_y_turns_up(tmp_path: Path) -> None:
     assembly = built(path, facet=0.001)
     assert assembly.elements.ids[assembly.elements.centroid[:, 1].argmin()] in assembly.elements.ids
     volume = sorted(assembly.elements.volume.tolist())
-    assert volume == pytest.approx([20.0, 25.0, 25.0, 12.5 * math.pi], rel=1e-3)
+    assert volume == pytest.approx([9e-6 * area for area in (20.0, 25.0, 25.0, 12.5 * math.pi)], rel=1e-3)
     assert "left" in assembly.elements.ids
     assert len(assembly.interfaces) == 5
 
@@ -240,8 +240,9 @@ def test_svg_groups_are_layers_and_y_turns_up(tmp_path: Path) -> None:
         ('width="40cm" height="30cm" viewBox="0 0 400 300"', 0.1, "cm"),
         ('width="20mm" height="15mm" viewBox="0 0 400 300"', 0.005, "mm"),
         ('width="10in" height="7.5in" viewBox="0,0,10,7.5"', 2.54, "in"),
-        ('width="400mm" viewBox="0 0 400 300"', 100.0, None),
-        ('width="400mm" height="400mm" viewBox="0 0 400 300"', 100.0, None),
+        ('width="400mm" viewBox="0 0 400 300"', 0.1, "mm"),
+        ('width="400mm" height="400mm" viewBox="0 0 400 300"', 0.1, "mm"),
+        ('width="400mm" height="300mm"', 100 * 0.0254 / 96, "mm"),
         ('width="400" height="300" viewBox="0 0 400 300"', 100.0, None),
         ('width="400mm" height="300mm" viewBox="0 0 0 300"', 100.0, None),
     ],

@@ -281,7 +281,7 @@ def test_hostile_compas(text: str | bytes, words: list[str], tmp_path: Path) -> 
 def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    obj(tmp_path / "pile.obj")
+    ply(tmp_path / "pile.ply")
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(InputError, match=r"pip install 'jld\[mesh\]'"):
-        import_file(tmp_path / "pile.obj")
+        import_file(tmp_path / "pile.ply")

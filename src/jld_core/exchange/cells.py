@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import log
 from typing import Final
 
@@ -13,11 +15,10 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST, Cell
-from jld_core.exchange.options import ImportOptions, Notes, several
+from jld_core.exchange.drawn_loads import MOST, Cell, Mark
+from jld_core.exchange.options import ImportOptions, Measures, Notes, listed, several
 from jld_core.exchange.paths import Path
 from jld_core.geometry import Faces, area_vector
-from jld_core.geometry import outlines as polygons
 from jld_core.geometry.snapping import Snapped
 from jld_core.geometry.unions import triangulate_region
 from jld_core.geometry.vectors import across
@@ -29,48 +30,219 @@ _CHUNK, _CROSSINGS = 64, 5
 # Share of a cell's boundary on lines of its own above which it is an element beside closed outlines
 _DRAWN: Final = 0.5
 
+# Least clearance of a frame, and largest distance of outlines that touch, relative to the size of the frame
+_APART: Final = 5e-4
+
+_DOUBLED: Final = 0.75  # least area of the inner one of two frames, relative to that of the outer one
+
+_SHEET: Final = 0.005  # largest relative difference of the sides of a frame from the ratio of a sheet, the root of 2
+
 _LARGE: Final = 6.0  # area of a cell, relative to the median, above which the report asks whether it is an opening
 
 _FEW: Final = 4  # least number of free cells whose median says what is large
 
 
+class NothingEnclosed(InputError):
+    """Lines that enclose no element."""
+
+
+@dataclass(frozen=True)
+class FoundCells:
+    """Cells of a drawing, with what was left out.
+
+    nested: cell, and outline around it, where both are elements. closed: indices of closed outlines. empty: area of
+    openings. unused: number of lines that bound no cell.
+    """
+
+    cells: list[Cell]
+    nested: list[tuple[Cell, Cell]]
+    closed: list[int]
+    empty: shapely.Geometry
+    unused: int
+
+
+@dataclass(frozen=True)
+class Gap:
+    """End of a line that does not quite meet another line: width and place (2,), scene units."""
+
+    width: float
+    at: Floats
+
+
+def with_holes(paths: list[Path]) -> tuple[list[Path], dict[int, list[int]]]:
+    """Append the holes of paths as closed paths, and return the indices of the holes of each path that has some."""
+    rings = [(k, Path(hole, True, path.layer)) for k, path in enumerate(paths) for hole in path.holes]
+    holes: dict[int, list[int]] = {}
+    for number, (k, _) in enumerate(rings, len(paths)):
+        holes.setdefault(k, []).append(number)
+    return [*paths, *(ring for _, ring in rings)], holes
+
+
+def without_frames(paths: list[Path], marks: list[Mark], options: ImportOptions, notes: Notes) -> list[Path]:
+    """Drop rectangles around everything that are title frames."""
+    # A frame touches nothing, and holds supports, outlines that touch one another, or has the shape of a sheet.
+    kept = list(range(len(paths)))
+    boxes = np.array([[*path.points[:, :2].min(axis=0), *path.points[:, :2].max(axis=0)] for path in paths])
+    grounds = {k for k, path in enumerate(paths) if options.role(path.layer) == "support"}
+    pins = any(options.role(mark.layer) == "support" for mark in marks)
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
+    before = 0.0
+    while len(kept) > 1:
+        k, other = sorted(kept, key=lambda k: -float(areas[k]))[:2]
+        rest = [j for j in kept if j != k]
+        wide, tall = boxes[k, 2:] - boxes[k, :2]
+        sheet = abs(max(wide, tall) / max(min(wide, tall), 1e-300) / 2.0**0.5 - 1.0) <= _SHEET
+        doubled = max(before, float(areas[k])) * _DOUBLED <= (areas[k] if before else areas[other])
+        if not (_is_clear(paths[k], boxes, k, rest) and options.role(paths[k].layer) is None):
+            break
+        if doubled and not before:
+            inside = [j for j in rest if j != other]
+            doubled = bool(inside) and _is_clear(paths[other], boxes, other, inside)
+        near = _touching([paths[j] for j in rest], max(wide, tall))
+        if not (sheet or doubled or pins or grounds & set(rest) or near):
+            break
+        kept, before = rest, float(areas[k])
+        notes.skip("outline", 1, f"a frame around everything, on layer {paths[k].layer or '(none)'}")
+    return [paths[k] for k in kept]
+
+
+def _is_clear(path: Path, boxes: Floats, k: int, rest: list[int]) -> bool:
+    """Return True if a path is an upright rectangle around the boxes (n, 4) of others, which it does not touch."""
+    if not path.closed or len(path.points) < 3 or path.points[:, 2].any():
+        return False
+    wide, tall = boxes[k, 2:] - boxes[k, :2]
+    inner = np.concatenate([boxes[rest, :2].min(axis=0) - boxes[k, :2], boxes[k, 2:] - boxes[rest, 2:].max(axis=0)])
+    area = float(shapely.Polygon(path.points[:, :2]).area)
+    return bool(inner.min() > _APART * max(wide, tall) and area >= (1.0 - 1e-6) * wide * tall)
+
+
+def _touching(paths: list[Path], size: float) -> bool:
+    """Return True if two closed outlines lie side by side, or lines touch an outline from outside."""
+    shapes = [shapely.Polygon(p.points[:, :2]) for p in paths if p.closed and len(p.points) > 2]
+    shapes = [shape for shape in shapes if shape.is_valid]
+    if len(shapes) < 2:
+        return False
+    one, two = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_APART * size)
+    pairs = [(shapes[i], shapes[j]) for i, j in zip(one.tolist(), two.tolist(), strict=True) if i < j]
+    return any(a.intersection(b).area <= 1e-3 * min(a.area, b.area) for a, b in pairs)
+
+
+def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, reach: float) -> list[Gap]:
+    """Return the ends of lines, before snapping, that nearly meet another line or the other end of their own.
+
+    points: corners (k, 2) of each path. reach: largest width of a gap.
+    """
+    plain = [k for k, path in enumerate(paths) if options.role(path.layer) in (None, "support") and len(points[k]) > 1]
+    if not any(not paths[k].closed for k in plain):
+        return []
+    lines = [_line(paths[k], points[k]) for k in plain]
+    tree = shapely.STRtree(lines)
+    ends = [(n, side) for n, k in enumerate(plain) if not paths[k].closed for side in (0, -1)]
+    at = np.array([points[plain[n]][side] for n, side in ends])
+    least = 1e-12 * float(np.abs(at).max())
+    number, other = tree.query(shapely.points(at), predicate="dwithin", distance=reach)
+    away = shapely.distance(shapely.points(at[number]), np.array(lines, dtype=object)[other])
+    own = other == np.array([n for n, _ in ends])[number]
+    best = np.full(len(ends), np.inf)
+    np.minimum.at(best, number[~own], away[~own])
+    for index, (n, side) in enumerate(ends):
+        line = points[plain[n]]
+        if len(line) > 2:
+            best[index] = min(best[index], float(np.hypot(*(line[0] - line[-1]))))
+        if least < best[index] <= reach:
+            # a line that goes on past the one that it meets leaves no gap
+            last = shapely.LineString(line[:2] if side == 0 else line[-2:])
+            if any(j != n for j in tree.query(last, predicate="crosses").tolist()):
+                best[index] = np.inf
+    found: dict[tuple[float, ...], Gap] = {}
+    for width, place in zip(best.tolist(), at, strict=True):
+        if least < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in found.values()):
+            found[tuple(place)] = Gap(width, place)
+    return list(found.values())
+
+
 def find_cells(
-    paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
-) -> list[Cell]:
+    paths: list[Path],
+    snapped: Snapped,
+    holes: dict[int, list[int]],
+    options: ImportOptions,
+    size: float,
+    tolerance: float,
+    notes: Notes,
+) -> FoundCells:
     """Find the cells of a drawing that become elements; cells in openings are left out.
 
-    Raises InputError where nothing is enclosed, or there are too many cells.
+    holes: indices of the holes of paths that have some. Raises NothingEnclosed where nothing free is enclosed, and
+    InputError for too many cells.
     """
     # Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without
     # outlines of free elements they are the cells of the network of lines.
-    kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
+    cut_out = {k for rings in holes.values() for k in rings}
+    kept = [k for k in range(len(paths)) if k not in snapped.collapsed and k not in cut_out]
     role = [options.role(path.layer) for path in paths]
     outlines = [k for k in kept if paths[k].closed and role[k] != "hole"]
     lines = [k for k in kept if not paths[k].closed and role[k] != "hole"]
     rings = [_line(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
     empty = _openings(rings, notes)
-    notes.skip("holes", sum(len(paths[k].holes) for k in outlines), "an element has none; what lies in them is empty")
+    lines = _without_doubles(lines, snapped)
     segments = [shapely.LineString(snapped.paths[k]) for k in lines]
     if all(role[k] == "support" for k in outlines) and not segments + rings:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
     _refuse_crossings(segments + rings)
-    used = _one_outline_each(outlines, paths, snapped, notes)
+    used = _one_outline_each(outlines, paths, snapped, holes, notes)
+    nested: list[tuple[Cell, Cell]] = []
     if all(role[k] == "support" for k in outlines):
         layers = [*(paths[k].layer for k in lines), *[""] * len(rings)]
         cells = _network(segments + rings, layers, options, size, notes)
+        if not cells:
+            raise NothingEnclosed(
+                "", "its lines enclose nothing", "lines that meet within `tolerance` around every cell"
+            )
         cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
     else:
-        cells = _outlined(used, paths, snapped, segments + rings, options, size, notes)
+        shapes = {k: _shape(k, snapped, holes) for k in used}
+        cells, nested = _outlined(shapes, paths, snapped, segments + rings, options, size, notes)
         own = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
         cells += _beside(cells, own, options, size, notes)
-    shapes = [shapely.Polygon(cell.points).representative_point() for cell in cells]
-    cells = [cell for cell, point in zip(cells, shapes, strict=True) if not empty.contains(point)]
+    if not empty.is_empty:
+        points = shapely.point_on_surface([shapely.Polygon(cell.points) for cell in cells])
+        shapely.prepare(empty)
+        cells = [cell for cell, out in zip(cells, shapely.contains(empty, points).tolist(), strict=True) if not out]
     if not cells:
-        raise InputError("", "its lines enclose nothing", "lines that meet within `tolerance` around every cell")
+        raise NothingEnclosed("", "its lines enclose nothing", "lines that meet within `tolerance` around every cell")
     if len(cells) > MOST:
         raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
-    _count_unused(segments, [paths[k].layer for k in lines], cells, max(2.0 * tolerance, 1e-7 * size), notes)
-    return cells
+    unused = _count_unused(segments, [paths[k].layer for k in lines], cells, max(2.0 * tolerance, 1e-7 * size), notes)
+    present = {id(cell) for cell in cells}
+    nested = [pair for pair in nested if id(pair[0]) in present and id(pair[1]) in present]
+    return FoundCells(cells, nested, used, empty, unused)
+
+
+def _shape(k: int, snapped: Snapped, holes: dict[int, list[int]]) -> shapely.Polygon:
+    """Return a closed outline after snapping, without its holes."""
+    rings = [snapped.paths[j] for j in holes.get(k, ()) if j not in snapped.collapsed]
+    whole = shapely.Polygon(snapped.paths[k], rings)
+    if rings and not whole.is_valid:  # a hole that touches the outline
+        shell = shapely.make_valid(shapely.Polygon(snapped.paths[k]))
+        parts = shapely.get_parts(shell.difference(shapely.union_all([shapely.Polygon(ring) for ring in rings])))
+        areas = [part for part in parts if part.geom_type == "Polygon"]
+        return max(areas, key=lambda part: float(part.area)) if len(areas) else shapely.Polygon()
+    return whole
+
+
+def say_nested(nested: list[tuple[Cell, Cell]], notes: Notes) -> None:
+    """Note elements that lie within others, which may be openings."""
+    seen: dict[str, list[str]] = {}
+    layers: dict[str, str] = {}
+    for inner, outer in nested:
+        if not inner.support:
+            seen.setdefault(str(outer.name), []).append(str(inner.name))
+            layers[str(outer.name)] = inner.layer if inner.layer not in ("", "0", outer.layer) else ""
+    for around, names in seen.items():
+        verb = "lies" if len(names) == 1 else "lie"
+        many = "an opening" if len(names) == 1 else "openings"
+        remedy = f"--hole {layers[around]}" if layers[around] else "draw it on a layer of its own, and --hole LAYER"
+        notes.doubtful.append(f"{listed(names)} {verb} within {around}: {many}? {remedy}")
 
 
 def say_large(cells: list[Cell], notes: Notes) -> None:
@@ -102,41 +274,51 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
 
 
 def _outlined(
-    used: list[int],
+    shapes: dict[int, shapely.Polygon],
     paths: list[Path],
     snapped: Snapped,
     segments: list[shapely.LineString],
     options: ImportOptions,
     size: float,
     notes: Notes,
-) -> list[Cell]:
-    """Return the cells of closed outlines, cut by the lines that cross them."""
+) -> tuple[list[Cell], list[tuple[Cell, Cell]]]:
+    """Return the cells of closed outlines, cut by the lines that cross them, and pairs of nested ones."""
     # Supports are not cut. An outline around others loses their areas.
-    cells: list[Cell] = []
+    of_outline: dict[int, list[Cell]] = {}
     cut = pieces_in_all = 0
     tree = shapely.STRtree(segments) if segments else None
-    shapes = {k: shapely.Polygon(snapped.paths[k]) for k in used}
     inside = _inside(shapes)
     for k, shape in shapes.items():
         if k in inside:
             held = shapely.difference(shape, shapely.union_all([shapes[j] for j in inside[k]]))
             near = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
             parts = [part for part in shapely.get_parts(held) if part.geom_type == "Polygon"]
+            parts = [part for part in parts if part.area > 1e-9 * size**2]
             found = [_cut(part, near, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts]
-            cells += [cell for pieces in found for cell in pieces]
-            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}, without their areas")
+            of_outline[k] = [cell for pieces in found for cell in pieces]
+            rest = ", without their areas" if parts else ", which fill it: no element"
+            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}{rest}")
             continue
         uncut = tree is None or options.role(paths[k].layer) == "support"
         near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
-        pieces = _cut(shape, near, paths[k].layer, size) if shape.is_valid else []
+        pieces = _cut(shape, near, paths[k].layer, size) if near and shape.is_valid else []
         if len(pieces) > 1:
-            cells += pieces
             cut, pieces_in_all = cut + 1, pieces_in_all + len(pieces)
+        elif len(shape.interiors):
+            pieces = _pieces(shape, paths[k].layer)
+            pieces[0].name = paths[k].name
         else:
-            cells.append(Cell(snapped.paths[k], paths[k].layer, paths[k].name))
+            pieces = [Cell(snapped.paths[k], paths[k].layer, paths[k].name)]
+        of_outline[k] = pieces
     if cut:
         notes.found.append(f"{several(cut, 'outline')} cut into {pieces_in_all} cells by the lines that cross them")
-    return cells
+    nested = [
+        (of_outline[j][0], of_outline[k][0])
+        for k, within in inside.items()
+        for j in within
+        if of_outline[j] and of_outline[k] and not any(j in inside.get(i, ()) for i in within)
+    ]
+    return [cell for pieces in of_outline.values() for cell in pieces], nested
 
 
 def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
@@ -162,27 +344,42 @@ def _beside(
         return []
     covered = shapely.union_all(shapes)
     inside = covered.buffer(-1e-7 * size)
-    loose = [pair for pair in own if not pair[0].intersects(inside)]
+    shapely.prepare(inside)
+    apart = ~shapely.intersects(inside, [line for line, _ in own])
+    loose = [pair for pair, out in zip(own, apart.tolist(), strict=True) if out]
     if not loose:
         return []
-    drawn = shapely.union_all([line for line, _ in loose])
+    faces = list(shapely.polygonize([shapely.union_all([*(line for line, _ in loose), covered.boundary])]).geoms)
+    shapely.prepare(covered)
+    faces = [face for face in faces if face.area > 1e-12 * size**2]
+    outside = ~shapely.contains(covered, shapely.point_on_surface(faces)) if faces else np.zeros(0, bool)
+    faces = [face for face, out in zip(faces, outside.tolist(), strict=True) if out]
     supports = [line for line, layer in loose if options.role(layer) == "support"]
-    ground = shapely.union_all(supports) if supports else None
-    near = 1e-7 * size
-    faces: list[tuple[shapely.Polygon, str]] = []
-    for face in shapely.polygonize([shapely.union_all([drawn, covered.boundary])]).geoms:
-        if face.area <= 1e-12 * size**2 or covered.contains(face.representative_point()):
-            continue
-        outer = face.exterior
-        if outer.intersection(drawn.buffer(near)).length <= _DRAWN * outer.length:
-            continue
-        onto = 0.0 if ground is None else outer.intersection(ground.buffer(near)).length / outer.length
-        layer = next(la for _, la in loose if options.role(la) == "support") if onto > _DRAWN else ""
-        faces.append((face, layer))
-    found = [cell for face, layer in _reached(faces, covered) for cell in _pieces(face, layer)]
+    own_share = _share_on(faces, [line for line, _ in loose], 1e-7 * size)
+    grounded = _share_on(faces, supports, 1e-7 * size)
+    ground = next((layer for _, layer in loose if options.role(layer) == "support"), "")
+    kept = [
+        (face, ground if onto > _DRAWN else "")
+        for face, share, onto in zip(faces, own_share, grounded, strict=True)
+        if share > _DRAWN
+    ]
+    found = [cell for face, layer in _reached(kept, covered) for cell in _pieces(face, layer)]
     if found:
         notes.found.append(f"{several(len(found), 'cell')} that lines enclose beside the outlines")
     return found
+
+
+def _share_on(faces: list[shapely.Polygon], lines: list[shapely.LineString], near: float) -> list[float]:
+    """Return the share of the boundary of each face whose edges lie on some of the lines."""
+    if not faces or not lines:
+        return [0.0] * len(faces)
+    rings = [shapely.get_coordinates(face.exterior) for face in faces]
+    middles = np.concatenate([0.5 * (ring[1:] + ring[:-1]) for ring in rings])
+    lengths = np.concatenate([np.hypot(*np.diff(ring, axis=0).T) for ring in rings])
+    on = np.zeros(len(middles), bool)
+    on[shapely.STRtree(lines).query(shapely.points(middles), predicate="dwithin", distance=near)[0]] = True
+    stops = np.cumsum([0, *(len(ring) - 1 for ring in rings)])
+    return [float(lengths[a:b][on[a:b]].sum() / lengths[a:b].sum()) for a, b in itertools.pairwise(stops.tolist())]
 
 
 def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
@@ -199,21 +396,27 @@ def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry
 
 def _count_unused(
     segments: list[shapely.LineString], layers: list[str], cells: list[Cell], reach: float, notes: Notes
-) -> None:
-    """Note by layer how many lines bound no cell, and so have no effect."""
-    edges = [shapely.LinearRing(cell.points) for cell in cells]
-    tree = shapely.STRtree(edges)
-    unused: Counter[str] = Counter()
-    for line, layer in zip(segments, layers, strict=True):
-        strip = line.buffer(reach)
-        near = [edges[k] for k in tree.query(strip).tolist()]
-        along = shapely.length(shapely.intersection(near, strip)) if near else np.zeros(0)
-        # a line that only crosses a boundary has a few times its half width in common with it
-        if not (along > min(10.0 * reach, 0.5 * line.length)).any():
-            unused[layer] += 1
+) -> int:
+    """Note by layer how many lines bound no cell, and so have no effect; return their number."""
+    if not segments:
+        return 0
+    starts = np.concatenate([cell.points for cell in cells])
+    ends = np.concatenate([np.roll(cell.points, -1, axis=0) for cell in cells])
+    near = []
+    for share in (0.25, 0.75):
+        points = shapely.points(starts + share * (ends - starts))
+        near.append(shapely.STRtree(segments).query(points, predicate="dwithin", distance=reach))
+    wide = len(segments)
+    both = np.intersect1d(near[0][0] * wide + near[0][1], near[1][0] * wide + near[1][1])
+    edge, line = both // wide, both % wide
+    along = np.bincount(line, np.hypot(*(ends - starts).T)[edge], minlength=wide)
+    # a line that only crosses a boundary has a few times its half width in common with it
+    free = along <= np.minimum(10.0 * reach, 0.5 * shapely.length(segments))
+    unused = Counter(layers[k] for k in np.flatnonzero(free).tolist())
     for layer, count in sorted(unused.items()):
         what = f"line{'s' * (count != 1)} on layer {layer or '(none)'}"
         notes.skip(what, count, "they bound and divide no cell")
+    return unused.total()
 
 
 def _refuse_crossings(segments: list[shapely.LineString]) -> None:
@@ -230,19 +433,28 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
             raise InputError("", "its lines have too many crossings", "a network of cells")
 
 
-def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Return the indices of outlines without those drawn twice; the first of equal ones stays."""
+def _one_outline_each(
+    outlines: list[int], paths: list[Path], snapped: Snapped, holes: dict[int, list[int]], notes: Notes
+) -> list[int]:
+    """Return the indices of outlines without those drawn twice; holes of any of equal ones count."""
     seen: dict[bytes, int] = {}
-    kept = []
     for k in outlines:
         corners = snapped.paths[k]
         key = np.sort(corners.view([("x", corners.dtype), ("y", corners.dtype)]).ravel(), order=("x", "y")).tobytes()
-        if key in seen:
-            continue
-        seen[key] = k
-        kept.append(k)
-    notes.skip("outlines", len(outlines) - len(kept), "drawn twice")
-    return kept
+        first = seen.setdefault(key, k)
+        if first != k and k in holes and first not in holes:
+            holes[first] = holes.pop(k)
+    notes.skip("outlines", len(outlines) - len(seen), "drawn twice")
+    return list(seen.values())
+
+
+def _without_doubles(lines: list[int], snapped: Snapped) -> list[int]:
+    """Return the indices of lines (k, 2) of which the first of equal ones stays, whatever their direction."""
+    seen: dict[bytes, int] = {}
+    for k in lines:
+        points = snapped.paths[k]
+        seen.setdefault(min(points.tobytes(), points[::-1].tobytes()), k)
+    return list(seen.values())
 
 
 def _network(
@@ -341,6 +553,9 @@ _LONG: Final = 20.0  # extent of a structure, m, up to which blocks may be outli
 
 _USUAL: Final = (3.0, 0.35)  # usual extent of a structure and of a block, m, by which the likely unit is chosen
 
+# Least sum of the |log| of both sizes over the usual ones by which another unit is nearer by far
+_FAR: Final = 4.0
+
 _COMMON: Final = ("mm", "cm", "m", "in", "ft")  # units that are proposed
 
 
@@ -349,16 +564,11 @@ def hardly_meant(size: float) -> bool:
     return not _WHOLE[0] <= size <= _WHOLE[1]
 
 
-def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, notes: Notes) -> None:
-    """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit.
-
-    outlines: (k, 2) corners of each free element.
-    """
-    if unit != "m" or not outlines:
+def say_size(measured: Measures, unit: str, drawn_in: str, notes: Notes) -> None:
+    """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit."""
+    if unit != "m" or drawn_in not in METRES or not min(measured.block, default=0.0) > 0.0:
         return
-    block = float(np.median([abs(polygons.area(outline[None])[0]) ** 0.5 for outline in outlines]))
-    if not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
-        return
+    size, block = max(measured.size), float(np.prod(measured.block)) ** (1.0 / len(measured.block))
     per_unit = 1.0 / METRES[drawn_in]
 
     def strangeness(name: str) -> float:
@@ -367,6 +577,9 @@ def say_size(size: float, outlines: Sequence[Floats], unit: str, drawn_in: str, 
         return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
 
     likely = min(_COMMON, key=strangeness)
+    far = strangeness(drawn_in) - strangeness(likely) > _FAR
+    if not far and not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
+        return
     factor = METRES[likely] * per_unit
     what = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
     if likely == drawn_in:

@@ -5,15 +5,28 @@ Paths are snapped, cut into cells and given roles by their layers. All planar re
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import shapely
 
-from jld_core.errors import InputError
-from jld_core.exchange.cells import find_cells, say_large, say_size
+from jld_core.errors import InputError, ParameterError
+from jld_core.exchange.cells import (
+    FoundCells,
+    Gap,
+    NothingEnclosed,
+    find_cells,
+    find_gaps,
+    say_large,
+    say_nested,
+    say_size,
+    with_holes,
+    without_frames,
+)
 from jld_core.exchange.drawn_loads import MOST, Cell, Drawing, Mark, Structure, drawn_loads
+from jld_core.exchange.feet import planar_feet
 from jld_core.exchange.options import (
     CLOSED,
     EDGE,
@@ -24,7 +37,11 @@ from jld_core.exchange.options import (
     ImportOptions,
     Notes,
     complete,
+    in_words,
     listed,
+    measure,
+    refuse_unknown,
+    round_up,
     rounded,
     several,
 )
@@ -38,26 +55,42 @@ _LEAST, _MOST_SIZE = 1e-12, 1e12
 """Limits of the size of a drawing, scene units."""
 
 
-def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
+_REACH: Final = 0.05  # width of a gap, relative to the size, up to which a tolerance may close it
+
+_OPEN: Final = 20.0  # width of a gap, in tolerances, up to which it is one that was hardly meant
+
+_SHARE: Final = 0.9  # least share of closed area and of entities that is read without a word
+
+
+def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
     """Convert the content of a planar drawing to a scene document.
+
+    feet: supports are added below the lowest edges or at springings where the drawing names none.
 
     Raises InputError if nothing can become an element, or a support is missing. It also does so for an invalid unit,
     size or load, and for more than `MOST` corners or cells.
     """
     # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
     # labels and loads. Decisions are added to `notes`, and the result holds them as its report.
+    layers = [path.layer for path in drawing.paths] + [mark.layer for mark in drawing.marks]
+    refuse_unknown(options, [*layers, *drawing.layers], "layer")
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
     paths = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
-    ignored = len(drawing.paths) - len(paths)
-    notes.skip("paths", ignored, "on layers for dimensions and texts")
+    ignored = Counter(path.layer for path in drawing.paths if options.role(path.layer) == "skip")
+    for layer, count in sorted(ignored.items()):
+        chosen = options.chosen(layer)
+        why = "its name says a frame, axis, dimension or text" if chosen else "it is not to be read"
+        notes.skip(several(count, "path").partition(" ")[2] + f" on layer {layer or '(none)'}", count, why)
     marks = [mark.scaled(scale) for mark in drawing.marks]
     loads = [path for path in paths if options.role(path.layer) in ("load", "dead")]
     paths = [path for path in paths if options.role(path.layer) not in ("load", "dead")]
+    if options.up is not None:
+        raise ParameterError("up", "the file is a drawing, which has no such axis", "no such option")
     if not paths:
-        raise InputError(
-            "", "it holds no closed outline and no line", "outlines, or a network of lines, to be elements"
-        )
+        left = f": all paths are on layers that are not read ({listed(sorted(ignored))})" if ignored else ""
+        wish = "outlines, or a network of lines, to be elements"
+        raise InputError("", f"it holds no closed outline and no line{left}", wish)
     if sum(len(path.points) for path in paths) > MOST:
         raise InputError("", "it holds too many corners", f"at most {MOST}")
     size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
@@ -66,6 +99,10 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
         raise InputError("", "a point, a text or an arrow lies out of range", f"coordinates up to {_MOST_SIZE:g} m")
     if not _LEAST <= size <= _MOST_SIZE:
         raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
+    paths = without_frames(paths, marks, options, notes)
+    read = len(paths)
+    paths, holes = with_holes(paths)
+    size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
     tolerance = _tolerance(paths, size, options, drawing) if options.tolerance is None else scale * options.tolerance
     facet = FACET * size if options.facet is None else scale * options.facet
     paths = [without_repeats(path, tolerance) for path in paths]
@@ -73,13 +110,22 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
-    _note_snapped(snapped, tolerance, scale, drawn_in, notes)
-    cells = find_cells(paths, snapped, options, size, tolerance, notes)
+    gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
+    _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
+    try:
+        found = find_cells(paths, snapped, holes, options, size, tolerance, notes)
+    except NothingEnclosed as error:
+        gaps = [gap for gap in find_gaps(chords.points, paths, options, size) if gap.width > tolerance]
+        raise _too_wide(error, gaps, size, scale, drawn_in) from None
+    cells = found.cells
+    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet)
     _name(cells, marks, options)
-    _support(cells, marks, options, size, tolerance, notes)
+    _note_open(gaps, tolerance, scale, drawn_in, notes)
+    if LOWEST in options.support:
+        notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
     say_large(cells, notes)
-    if not drawing.facts:
-        say_size(size, [cell.points for cell in cells if not cell.support], unit, drawn_in, notes)
+    say_nested(found.nested, notes)
+    _say_dropped(drawing, found, paths, snapped, read, notes)
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
     keys = drawing.facts.get("elements", {})
@@ -96,7 +142,11 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
         document.pop("interfaces", None)  # of elements that are drawn no more
         document |= _labels(cells, paths, snapped, options, reach, notes)
     free = sum(not cell.support for cell in cells)
-    notes.found.insert(0, f"{several(free, 'element')} and {several(len(cells) - free, 'support')}")
+    measured = measure(document["elements"])
+    if not drawing.facts:
+        say_size(measured, unit, drawn_in, notes)
+    counted = f"{several(free, 'element')} and {several(len(cells) - free, 'support')}"
+    notes.found.insert(0, f"{counted}, {in_words(measured, unit)}")
     document = complete(document, options, notes, dimension=2)
     return Imported(document, notes.report(), drawn_in, scale)
 
@@ -135,14 +185,63 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
     return max(SNAP * size, min(CLOSED * size, EDGE * float(np.median(lengths[lengths > 0.0]))))
 
 
-def _note_snapped(snapped: Snapped, tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note number and largest displacement of moved corners, and the collapsed paths."""
+def _note_snapped(
+    snapped: Snapped, gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes
+) -> None:
+    """Note number and largest displacement of moved corners, closed gaps with their place, and collapsed paths."""
     notes.largest = snapped.largest
     said = f"tolerance {tolerance / scale:.3g} {drawn_in}"
     if snapped.moved:
         moved = several(snapped.moved, "corner")
         notes.snapped.append(f"{moved}, by at most {snapped.largest / scale:.3g} {drawn_in}; {said}")
+    if closed := [gap for gap in gaps if gap.width <= tolerance]:
+        notes.snapped.append(f"{several(len(closed), 'gap')} closed, {_widest(closed, scale, drawn_in)}")
     notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the {said}")
+
+
+def _widest(gaps: list[Gap], scale: float, drawn_in: str) -> str:
+    """Return width and place of the widest of some gaps, in the unit of the file."""
+    widest = max(gaps, key=lambda gap: gap.width)
+    x, y = (value / scale for value in widest.at)
+    which = "the widest" if len(gaps) > 1 else "it is"
+    return f"{which} {widest.width / scale:.3g} {drawn_in} wide, at ({x:.6g}, {y:.6g})"
+
+
+def _closing(gaps: list[Gap], scale: float) -> str:
+    """Return the option that closes all of some gaps."""
+    return f"--tolerance {round_up(max(gap.width for gap in gaps) / scale)}"
+
+
+def _note_open(gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
+    """Note gaps somewhat wider than the tolerance, which are not closed."""
+    if wide := [gap for gap in gaps if gap.width > tolerance]:
+        said = _widest(wide, scale, drawn_in)
+        notes.doubtful.append(f"{several(len(wide), 'gap')} not closed, {said}: {_closing(wide, scale)} closes it")
+
+
+def _too_wide(error: InputError, gaps: list[Gap], size: float, scale: float, drawn_in: str) -> InputError:
+    """Return the error about lines that enclose nothing, with the widest of their gaps if any."""
+    if not gaps:
+        return error
+    small = [gap for gap in gaps if gap.width <= _REACH * size]
+    said = f"its outline is not closed: {several(len(gaps), 'gap')}, {_widest(gaps, scale, drawn_in)}"
+    remedy = "lines whose ends meet" if small != gaps else f"{_closing(gaps, scale)} (in {drawn_in})"
+    return InputError("", said, remedy)
+
+
+def _say_dropped(
+    drawing: Drawing, found: FoundCells, paths: list[Path], snapped: Snapped, read: int, notes: Notes
+) -> None:
+    """Note where less than `_SHARE` of the closed area, or of the entities, became a part of the structure."""
+    rings = [shapely.Polygon(snapped.paths[k]) for k in found.closed]
+    drawn = shapely.union_all([shapely.make_valid(ring) for ring in rings]).area
+    cells = [shapely.make_valid(shapely.Polygon(cell.points)) for cell in found.cells]
+    kept = shapely.union_all([*cells, found.empty])
+    if drawn and (share := kept.area / drawn) < _SHARE:
+        notes.doubtful.append(f"only {100 * share:.0f} % of the area of closed outlines became elements or openings")
+    lost = drawing.unread + found.unused + len(snapped.collapsed)
+    if read + drawing.unread and (share := 1.0 - lost / (read + drawing.unread)) < _SHARE:
+        notes.doubtful.append(f"only {100 * share:.0f} % of the entities were read; the others are listed as skipped")
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
@@ -154,36 +253,51 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
         points = shapely.points([mark.at for mark in named])
         for which, cell in zip(*tree.query(points, predicate="intersects").tolist(), strict=True):
             cells[cell].name = str(named[which].text).strip()
-    taken: set[str] = set()
-    counter = 0
+    drawn, taken, counter = {cell.name for cell in cells}, set[str](), 0
     for cell in cells:
-        if cell.name is None or not cell.name or cell.name in taken:
+        if not cell.name or cell.name in taken:
             counter += 1
-            while f"e{counter}" in taken or any(other.name == f"e{counter}" for other in cells):
+            while f"e{counter}" in drawn:
                 counter += 1
             cell.name = f"e{counter}"
         taken.add(cell.name)
 
 
 def _support(
-    cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
+    cells: list[Cell],
+    marks: list[Mark],
+    options: ImportOptions,
+    size: float,
+    tolerance: float,
+    notes: Notes,
+    *,
+    nested: list[tuple[Cell, Cell]],
+    feet: bool,
 ) -> None:
-    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest.
+    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest; add feet where none is.
 
     Raises InputError if no cell, or every cell, is a support.
     """
     # Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
-    shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
     if pins:
-        pinned = set(shapely.STRtree(shapes).query(shapely.points(pins), predicate="intersects")[1].tolist())
+        tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
+        pinned = set(tree.query(shapely.points(pins), predicate="intersects")[1].tolist())
     low = min(float(cell.points[:, 1].min()) for cell in cells)
     for k, cell in enumerate(cells):
-        lowest = LOWEST in options.support and cell.points[:, 1].min() <= low + max(tolerance, 1e-9 * size)
-        cell.support = options.role(cell.layer) == "support" or k in pinned or lowest
-    if LOWEST in options.support:
-        notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
+        cell.support = options.role(cell.layer) == "support" or k in pinned
+    named = any(cell.support for cell in cells)
+    lowest = [LOWEST in options.support and c.points[:, 1].min() <= low + max(tolerance, 1e-9 * size) for c in cells]
+    within = {id(inner) for inner, _ in nested}
+    alone = all(down or id(cell) in within for cell, down in zip(cells, lowest, strict=True))
+    if LOWEST in options.support and not named and alone:
+        feet = True  # the structure itself is lowest, and stands on something
+    elif LOWEST in options.support:
+        for cell, down in zip(cells, lowest, strict=True):
+            cell.support |= down
+    if feet and not any(cell.support for cell in cells) and (not options.support or alone):
+        cells += planar_feet(cells, tolerance, notes)
     check_supports([cell.support for cell in cells], options)
 
 

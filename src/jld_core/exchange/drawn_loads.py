@@ -58,6 +58,8 @@ class Drawing:
     unit: str | None = None  # unit of length, such as "mm"; None if unknown
     facts: dict[str, Any] = field(default_factory=dict)  # keys of a scene that an earlier export stored in the file
     name: str = "drawing"  # name of the scene
+    unread: int = 0  # entities that no reader understood
+    layers: tuple[str, ...] = ()  # names of layers that the file knows, also of those without a path
 
 
 @dataclass

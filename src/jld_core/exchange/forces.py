@@ -90,6 +90,11 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     return _joined(parts, text, dimension)
 
 
+def is_force(text: str) -> bool:
+    """Return True if a text begins as a force does: with a number, or a component such as Fx = 3 kN."""
+    return bool(re.match(r"\s*([-+.]?\d|[FPQV]?_?[XYZ]\s*=)", text, re.IGNORECASE))
+
+
 def closest_first(
     lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
 ) -> dict[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import pickle
@@ -24,6 +25,19 @@ from jld_core.exchange.solids import Solids, spatial_scene
 
 EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
+
+# What to save instead, by the ending of files that are not read
+_INSTEAD: Final = {
+    **dict.fromkeys(("dwg", "dgn"), "a DXF of it, any version"),
+    **dict.fromkeys(
+        ("skp", "dae", "blend", "fbx", "gltf", "glb", "3ds", "3mf"), "an OBJ, STL or PLY of it, one object a block"
+    ),
+    **dict.fromkeys(("fcstd", "sldprt", "sldasm", "ipt", "iges", "igs", "sat"), "a STEP of it (.step)"),
+    **dict.fromkeys(("rvt", "pln", "ifczip", "ifcxml"), "an IFC of it (.ifc)"),
+    **dict.fromkeys(("ai", "pdf", "eps", "svgz", "cdr"), "an SVG of it, not compressed"),
+    **dict.fromkeys(("xlsx", "ods"), "a CSV of it: id, x, y"),
+    "gh": "the baked geometry as .3dm",
+}
 
 _LARGEST: Final = 64 * 1024 * 1024  # largest size of a file, bytes; parsers need about thirty times as much memory
 
@@ -71,6 +85,18 @@ def text_of(path: Path) -> str:
 
 
 @contextmanager
+def without_collection() -> Iterator[None]:
+    """Keep the garbage collector from searching again and again through thousands of objects that stay."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
+@contextmanager
 def parsing(kind: str, expected: str) -> Iterator[None]:
     """Make the calls inside this context raise InputError for a file that cannot be parsed.
 
@@ -81,8 +107,9 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise InputError("", f"it is no {kind} that can be read ({what[:120]})", expected) from error
+        raise InputError(
+            "", f"it is no {kind} that can be read: it is damaged, or of another kind", expected
+        ) from error
 
 
 # Program of a process that calls one function, where processes cannot be forked
@@ -169,7 +196,7 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         The file is broken, excessive, of an unknown kind, or holds no possible scene.
     """
     path, options, notes = Path(path), options or ImportOptions(), Notes()
-    with reading(path):
+    with reading(path), without_collection():
         found = read_content(path, options, notes)
         if isinstance(found, Solids):
             return spatial_scene(found, options, notes)
@@ -209,8 +236,8 @@ def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | 
     ending = path.suffix.lower().lstrip(".")
     kinds = readers()
     if ending not in kinds:
-        known = ", ".join(f".{kind}" for kind in kinds)
-        raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", f"one of {known}")
+        wish = _INSTEAD.get(ending, "one of " + ", ".join(f".{kind}" for kind in kinds))
+        raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", wish)
     readable(path)
     reader = kinds[ending]
     if reader.library:  # a damaged file may send compiled code into a loop

@@ -6,19 +6,23 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any, Final
+from functools import cache, cached_property
+from math import ceil, floor, log10
+from typing import Any, Final, Literal
+from unicodedata import combining, normalize
 
 import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
+from jld_core.geometry import area_vector
 from jld_core.scene import Scene
 from jld_core.scene.units import METRES
 
 # Pattern of a tolerance, scene units, in messages about a scene
 _TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
 
-_ZERO: Final = 1e-15  # coordinate, relative to the size of the drawing, below which it is rounding of zero
+_ZERO: Final = 1e-12  # coordinate, relative to the size of the drawing, below which it is rounding of zero
 
 LOWEST: Final = "lowest"
 """Value of `support` that makes every element at the lowest point a support."""
@@ -35,17 +39,70 @@ EDGE: Final = 0.02
 FACET: Final = 1e-3
 """Default distance of chords from their arcs, relative to the size of the drawing."""
 
-ROLES: Final = {
-    "support": ("*support*",),
-    "dry": ("*joint*", "*dry*"),
-    "inner": ("*crack*", "*inner*"),
-    "load": ("*load*",),
-    "dead": ("*dead*",),
-    "id": ("ids", "*names*"),
-    "hole": ("*hole*", "*opening*", "*window*", "*door*"),
-    "skip": ("*dimension*", "defpoints", "arrows", "block ids", "mechanism", "thrust"),
+# Words of layer names by role, in English, German, Italian, French, Spanish and the codes of AIA, without accents; the
+# first role with a word of a name counts. A word may stand within another one; with "." it is a whole word.
+_WORDS: Final = (
+    ("skip", "blockids arrows. mechanism thrust defpoints"),
+    ("dead", "dead eigengewicht. eigenlast. permanent."),
+    (
+        "load",
+        "load last. lasten. nutzlast carico. carichi. charge. charges. carga. cargas. force. forces. kraft. kraefte.",
+    ),
+    ("id", "names"),
+    (
+        "skip",
+        """dimension dims. axis. axes. axe. achse asse. assi. eje. ejes. centerline centreline center. centre. ctrl.
+        mittellinie mezzeria construction. hilfslinie frame. frames. title titel border sheet. viewport vprt.
+        rahmen. planrahmen plankopf zeichnungsrahmen blattrand blattrahmen schriftfeld schriftkopf cornice.
+        squadratura cartiglio cadre. cartouche marco. cajetin rotulo recuadro masse. bemassung masskette vermassung
+        quote. quota. quotatura cotes. cotation cota. cotas. acotacion anno. ttlb. nplt. symb. text. texts. texte.
+        textes. testi. testo. texto. textos. beschriftung""",
+    ),
+    (
+        "hole",
+        """hole opening window door void. voids. glaz. glazing fenster tuer tur. turen. oeffnung offnung aussparung
+        loch. loecher. locher. finestr porta. porte. portes. apertur fori. foro. fenetre ouverture baie. baies.
+        trou. trous. vide. vides. ventana puerta. puertas. hueco abertura vano. vanos. opng.""",
+    ),
+    (
+        "support",
+        """support foundation footing ground. auflager widerlager lager. fundament gruendung grundung boden. appoggi
+        fondazion vincol appui. appuis. fondation apoyo cimentacion cimiento zapata fndn. ftng.""",
+    ),
+    ("dry", "joint dry fuge. fugen. lagerfuge stossfuge giunt junta. juntas."),
+    ("inner", "crack inner riss. risse. fessur fissur fisur grieta"),
+)
+
+# Names of ISO 13567: agent (2), element (6) by CI/SfB or Uniclass, presentation (2)
+_ISO: Final = re.compile(r"[a-z][a-z0-9_-](?:(\d\d)[a-z0-9_-]{4}|(g\d\d)[a-z0-9_-]{3})([a-z_-])[a-z0-9_-].*")
+
+_ISO_ELEMENT: Final = {
+    **dict.fromkeys(("31", "32", "37", "g32"), "hole"),
+    **dict.fromkeys(("11", "16", "17", "g21"), "support"),
 }
-"""Patterns of layer names by role, for roles without an option; letter case is ignored."""
+
+
+def _pattern(words: str) -> re.Pattern[str]:
+    """Return a pattern that finds one of the words of a role in a name whose words are divided by single spaces."""
+    return re.compile("|".join(rf"\b{word[:-1]}\b" if word.endswith(".") else word for word in words.split()))
+
+
+_PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
+
+
+@cache
+def role_by_name(layer: str) -> str | None:
+    """Return the role of a layer by the words of its name, None without one."""
+    plain = "".join(c for c in normalize("NFKD", layer.casefold()) if not combining(c))
+    if plain == "ids":
+        return "id"
+    if iso := _ISO.fullmatch(plain):
+        return "skip" if iso[3] not in "e_-h" else _ISO_ELEMENT.get(iso[1] or iso[2])
+    if re.match(r"[a-z]{1,2}-grid\b", plain):
+        return "skip"
+    words = re.sub(r"[\W\d_]+", " ", plain)
+    joined = words.replace(" ", "") if words == "block ids" else words
+    return next((role for role, pattern in _PATTERNS if pattern.search(joined)), None)
 
 
 @dataclass(frozen=True)
@@ -54,8 +111,10 @@ class ImportOptions:
 
     Attributes
     ----------
+    layer, skip : tuple of str
+        Layers or groups that alone are read, and that are not read, as patterns with * and ?.
     support, dry, inner, load, hole : tuple of str
-        Layers or groups, as patterns with * and ?; `support` may contain "lowest".
+        Layers or groups of a role, as such patterns; `support` may contain "lowest".
     thickness : float or None
         Out-of-plane depth of planar elements, scene units.
     tolerance : float or None
@@ -65,10 +124,14 @@ class ImportOptions:
         Largest distance of chords from arcs, in the unit of the file; default 1e-3 of the size.
     unit : str or None
         Length unit of the file ("mm", "in", …), where its header gives none or a wrong one. Lengths are converted to m.
+    up : "y", "z" or None
+        Axis of solids that points upwards; default z.
     like : Scene or None
         Scene that supplies materials, search and, where the file has none, loads. Loads on elements are matched by id.
     """
 
+    layer: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
     support: tuple[str, ...] = ()
     dry: tuple[str, ...] = ()
     inner: tuple[str, ...] = ()
@@ -78,6 +141,7 @@ class ImportOptions:
     tolerance: float | None = None
     facet: float | None = None
     unit: str | None = None
+    up: Literal["y", "z"] | None = None
     like: Scene | None = None
 
     def __post_init__(self) -> None:
@@ -89,22 +153,65 @@ class ImportOptions:
         if self.unit is not None and self.unit not in METRES:
             raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
+    def matches(self, option: str, name: str) -> bool:
+        """Return True if a name matches a pattern of one of the options that name layers; letter case is ignored."""
+        patterns = (pattern.casefold() for pattern in getattr(self, option) if pattern != LOWEST)
+        return any(fnmatchcase(name.casefold(), pattern) for pattern in patterns)
+
     def role(self, layer: str) -> str | None:
         """Return the role that a layer has in an import, or None for an ordinary layer.
 
-        Roles are "support", "dry", "inner", "load", "dead", "id", "hole" and "skip". The patterns of these options
-        count first, then those of `ROLES` for roles without an option. Letter case is ignored.
+        Roles are "support", "dry", "inner", "load", "dead", "id", "hole" and "skip", among them frames, axes and texts.
+        The options count first, then the words of the name, for roles without an option.
         """
-        plain = layer.casefold()
-        for role in ("support", "dry", "inner", "load", "hole"):
-            if any(fnmatchcase(plain, pattern.casefold()) for pattern in getattr(self, role) if pattern != LOWEST):
-                return role
-        for role, patterns in ROLES.items():
-            # an option replaces the default patterns of its role
-            if getattr(self, role, ()) or not any(fnmatchcase(plain, pattern) for pattern in patterns):
-                continue
-            return "dead" if role == "load" and "dead" in plain else role
-        return None
+        if layer not in self._roles:
+            self._roles[layer] = self._role(layer)
+        return self._roles[layer]
+
+    @cached_property
+    def _roles(self) -> dict[str, str | None]:
+        """Roles of the layers that were asked for: drawings ask thousands of times."""
+        return {}
+
+    def _role(self, layer: str) -> str | None:
+        """Return the role of a layer, as `role`."""
+        named = role_by_name(layer)
+        for role in LAYER_ROLES:
+            if self.matches(role, layer):
+                return "dead" if role == "load" and named == "dead" else role
+        if self.matches("layer", layer):
+            return None
+        # an option replaces the words of its role
+        if named not in (None, "skip", "id") and getattr(self, "load" if named == "dead" else str(named)):
+            named = None
+        return "skip" if self.layer and named is None else named
+
+    def group(self, *names: str) -> str:
+        """Return the name of several that decides a role: one that an option names, one with a role, else the first."""
+        said = (name for name in names if name and any(self.matches(one, name) for one in (*LAYER_ROLES, "layer")))
+        known = (name for name in names if name and self.role(name) not in (None, "skip"))
+        return next(said, None) or next(known, None) or next((name for name in names if name), "")
+
+    def chosen(self, *names: str) -> bool:
+        """Return True if something of these names is read by the options `layer` and `skip`, or has another role."""
+        if any(self.matches("skip", name) for name in names):
+            return False
+        named = [role for role in LAYER_ROLES if any(self.matches(role, name) for name in names)]
+        return not self.layer or bool(named) or any(self.matches("layer", name) for name in names)
+
+
+def refuse_unknown(options: ImportOptions, names: Iterable[str], what: str) -> None:
+    """Raise ParameterError for a pattern of an option that names no layer, or whatever `what` is, of a file."""
+    present = sorted(set(names))
+    for option in (*LAYER_ROLES, "layer"):
+        for pattern in getattr(options, option) if option != "support" else ():
+            if not any(fnmatchcase(name.casefold(), pattern.casefold()) for name in present):
+                wish = "one of " + listed([name or "(none)" for name in present], 12)
+                raise ParameterError(option, f"no {what} of the file is like {pattern!r}", wish)
+
+
+LAYER_ROLES: Final = ("skip", "support", "dry", "inner", "load", "hole")
+"""Options of an import that give layers a role, in the order in which they count."""
 
 
 DEFAULT_MATERIALS: Final[dict[str, Any]] = {
@@ -158,6 +265,47 @@ class Report:
 
 
 @dataclass(frozen=True)
+class Measures:
+    """Sizes of the elements of a scene document.
+
+    free: number of elements that are no supports. planar: True for polygons. amount: area or volume of the free ones.
+    size: extents of all. block: median extents of the free ones.
+    """
+
+    free: int
+    planar: bool
+    amount: float
+    size: list[float]
+    block: list[float]
+
+
+def measure(entries: list[dict[str, Any]]) -> Measures:
+    """Return the sizes of the elements of a scene document, given by polygons or by vertices and faces."""
+    planar = "polygon" in entries[0]
+    corners = [np.array(entry["polygon" if planar else "vertices"], dtype=float) for entry in entries]
+    free = [k for k, entry in enumerate(entries) if not entry.get("support")]
+    amount = 0.0
+    for k in free:
+        points = corners[k] - corners[k].mean(axis=0)
+        if planar:
+            following = np.roll(points, -1, axis=0)
+            amount += 0.5 * abs(float((points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]).sum()))
+        else:
+            loops = [points[list(loop)] for loop in entries[k]["faces"]]
+            amount += sum(float(area_vector(loop) @ loop[0]) for loop in loops) / 3.0
+    every = np.concatenate(corners)
+    block = np.median([np.ptp(corners[k], axis=0) for k in free], axis=0) if free else np.zeros(every.shape[1])
+    return Measures(len(free), planar, amount, np.ptp(every, axis=0).tolist(), block.tolist())
+
+
+def in_words(measured: Measures, unit: str) -> str:
+    """Return number, sizes and area or volume of what was read, with their unit."""
+    whole, block = (" × ".join(f"{value:.3g}" for value in sides) for sides in (measured.size, measured.block))
+    amount = f"area {measured.amount:.6g} {unit}²" if measured.planar else f"volume {measured.amount:.6g} {unit}³"
+    return f"{amount}; {whole} {unit} in all, a typical element {block} {unit}"
+
+
+@dataclass(frozen=True)
 class Imported:
     """Scene document with a report of its import.
 
@@ -178,6 +326,32 @@ class Imported:
     unit: str = "m"
     scale: float = 1.0
 
+    def facts(self) -> dict[str, Any]:
+        """Return what was read as data, for `jld import --json`.
+
+        Returns
+        -------
+        dict
+            `elements` and `supports` (their numbers), `area` or `volume` of the elements and `size` (extents of all, x,
+            y and z), in the scene's `length`; `unit` of the file; `found`, `snapped`, `assumed`, `dropped` and
+            `doubtful`, lists of sentences.
+        """
+        measured = measure(self.document["elements"])
+        report = self.report
+        return {
+            "elements": measured.free,
+            "supports": len(self.document["elements"]) - measured.free,
+            ("area" if measured.planar else "volume"): measured.amount,
+            "size": measured.size,
+            "length": self.document.get("units", {}).get("length", "m"),
+            "unit": self.unit,
+            "found": list(report.found),
+            "snapped": list(report.snapped),
+            "assumed": list(report.assumed),
+            "dropped": list(report.skipped),
+            "doubtful": list(report.doubtful),
+        }
+
     def in_unit_of_file(self, error: InputError, option: str) -> InputError:
         """Convert an error about a scene's tolerance to one about the option of the import.
 
@@ -186,7 +360,8 @@ class Imported:
         """
 
         def stated(match: re.Match[str]) -> str:
-            return f"{option} {match[1] or ''}{float(match[2]) / self.scale:.2g} (in {self.unit})"
+            value = float(match[2]) / self.scale
+            return f"{option} {round_up(value) if match[1] else format(value, '.2g')} (in {self.unit})"
 
         words = [_TOLERANCE.sub(stated, text) for text in (error.problem, error.expected)]
         return InputError(error.where.lstrip(": "), *words)
@@ -232,6 +407,12 @@ def rounded(points: Floats, size: float) -> list[list[float]]:
     """Convert an array of points (k, d) to nested lists, with rounding errors set to zero."""
     cleaned: list[list[float]] = np.where(np.abs(points) < _ZERO * size, 0.0, points).tolist()
     return cleaned
+
+
+def round_up(value: float) -> str:
+    """Return a positive number as text of two digits that is larger, by a hundredth at least."""
+    step = 10.0 ** (floor(log10(1.01 * value)) - 1)
+    return f"{ceil(1.01 * value / step) * step:.2g}"
 
 
 def several(count: int, word: str, plural: str | None = None) -> str:

@@ -3,25 +3,51 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from importlib import import_module
 from pathlib import Path as File
 from typing import Any, Final
 
 import numpy as np
+import shapely
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
 from jld_core.exchange.facts import STORED
 from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
-from jld_core.exchange.paths import Path, arc_points
+from jld_core.exchange.paths import Path, arc_points, flatten
 from jld_core.exchange.solids import Part, Solids
+
+_MOST_COPIES: Final = 50_000  # largest number of entities that blocks unfold into; some 10 000 are copied in a second
 
 _DEPTH: Final = 16  # largest depth of nested blocks
 
 # Length units by the code of the header variable $INSUNITS
 _UNITS: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
+
+# Kinds of entities beside the structure, and line types of axes
+_BESIDE: Final = (
+    "DIMENSION",
+    "LEADER",
+    "MULTILEADER",
+    "MLEADER",
+    "VIEWPORT",
+    "ATTDEF",
+    "IMAGE",
+    "WIPEOUT",
+    "XLINE",
+    "RAY",
+)
+_AXIS: Final = re.compile(
+    r"(CENTER|DASHDOT|MITTE|STRICHPUNKT|ACAD_ISO(04|08|10|12)|ASSE|AXE|EJE|MEZZERIA)", re.IGNORECASE
+)
+
+_TEXT_BOX: Final = 8  # flag of a boundary of a hatch that keeps a text free
+
+# Gaps of a boundary of a hatch, relative to its size: up to which its ends are one, and beyond which it is open
+_JOINED, _OPEN = 1e-6, 0.02
 
 FACTS: Final = "jld"
 """Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""
@@ -69,8 +95,9 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
                 break
         return total
 
-    if amount(space, 0) > MOST:
-        raise InputError("", "its nested blocks hold too many entities", f"at most {MOST} entities")
+    plain = sum(entity.dxftype() != "INSERT" for entity in space)
+    if amount(space, 0) - plain > _MOST_COPIES:
+        raise InputError("", "its nested blocks hold too many entities", f"at most {_MOST_COPIES} entities")
 
 
 class _Reader:
@@ -82,6 +109,7 @@ class _Reader:
         self.marks: list[Mark] = []
         self.unread: Counter[tuple[str, str]] = Counter()
         self.hidden: Counter[str] = Counter()
+        self.axes: Counter[str] = Counter()
         self._solids: list[Part] = []
 
     def drawing(self, space: Any, title: str) -> Drawing | Solids:
@@ -90,11 +118,15 @@ class _Reader:
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
         for entity in space:
             self._read(entity, None, 0)
+        lost = 0
         for (kind, layer), count in sorted(self.unread.items()):
+            lost += count * (kind not in _BESIDE and self.options.role(layer) != "skip")
             what = f"{kind} entities on layer {layer}"
             self.notes.skip(what, count, "no outline, line, arc, text or point in the plane")
         for layer, count in sorted(self.hidden.items()):
             self.notes.skip(f"entities on layer {layer}", count, "it is off or frozen")
+        for layer, count in sorted(self.axes.items()):
+            self.notes.skip(f"lines on layer {layer}", count, "axes by their line type")
         if self._solids:
             self.notes.skip("paths", len(self.paths), "the file holds solids, which are read")
             return Solids(self._solids, name=title, unit=unit)
@@ -102,7 +134,15 @@ class _Reader:
         name = str(facts.pop("name", "") or title)
         layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
         self.notes.found.append(f"layers {listed(layers, 12)}")
-        return Drawing(self.paths, self.marks, unit, facts, name)
+        return Drawing(
+            self.paths,
+            self.marks,
+            unit,
+            facts,
+            name,
+            lost,
+            tuple(str(layer.dxf.name) for layer in self.document.layers),
+        )
 
     def _facts(self) -> dict[str, Any]:
         """Return the scene keys stored in the custom properties."""
@@ -127,9 +167,19 @@ class _Reader:
         if kind == "INSERT":
             self._insert(entity, layer, depth)
             return
+        if kind in ("LINE", "LWPOLYLINE", "POLYLINE", "XLINE", "RAY") and self._is_axis(entity, layer):
+            self.axes[layer] += 1
+            return
         reader = getattr(self, f"_{kind.lower()}", None)
         if reader is None or not reader(entity, layer):
             self.unread[kind, layer] += 1
+
+    def _is_axis(self, entity: Any, layer: str) -> bool:
+        """Return True if a line is drawn in a line type of axes, its own or that of its layer."""
+        name = str(entity.dxf.get("linetype", "BYLAYER"))
+        if name.casefold() == "bylayer" and layer in self.document.layers:
+            name = str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS"))
+        return _AXIS.match(name) is not None and self.options.role(layer) is None
 
     def _switched(self, layer: str) -> tuple[bool, bool]:
         """Return two flags of a layer: whether it is off, and whether it is frozen.
@@ -240,13 +290,13 @@ class _Reader:
     _trace = _3dface = _solid
 
     def _hatch(self, entity: Any, layer: str) -> bool:
-        """Read a hatch: its largest boundary with the others as holes; False if unusable."""
-        loops = [loop for loop in (self._loop(path) for path in entity.paths) if loop is not None]
-        if not loops:
-            return False
-        # the largest loop is the outline; loops inside it are holes
-        loops.sort(key=lambda loop: -float(np.ptp(loop[:, :2], axis=0).prod()))
-        return self._add(loops[0], True, layer, tuple(loops[1:]), _side(entity))
+        """Read the areas of a hatch, each with its holes; return False if it has none."""
+        loops = [loop for path in entity.paths if not path.path_type_flags & _TEXT_BOX for loop in self._loop(path)]
+        lost = sum(loop is None for loop in loops)
+        self.notes.skip(f"boundaries of hatches on layer {layer}", lost, "open, or of other curves")
+        areas = _areas([loop for loop in loops if loop is not None], int(entity.dxf.get("hatch_style", 0)))
+        side = _side(entity)
+        return bool(areas) and all(self._add(outline, True, layer, tuple(holes), side) for outline, holes in areas)
 
     _mpolygon = _hatch
 
@@ -282,26 +332,29 @@ class _Reader:
                 self._solids.append(Part("", layer, points, faces))
         return len(self._solids) > before
 
-    def _loop(self, path: Any) -> Any:
-        """Return a hatch boundary as (k, 3) rows x, y, bulge; None if empty or with other curves."""
+    def _loop(self, path: Any) -> list[Any]:
+        """Return the closed rings of a hatch boundary, (k, 3) rows x, y, bulge; None for one that is none."""
         # The bulge is the tangent of a quarter of the angle of the arc to the next point.
         if hasattr(path, "vertices"):
-            return np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
+            ring = np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
+            return [ring] if len(ring) > 1 else []
         pieces: list[Any] = []
         for edge in path.edges:
             kind = type(edge).__name__
             if kind == "LineEdge":
-                pieces.append(np.array([(edge.start[0], edge.start[1], 0.0)]))
+                pieces.append(np.array([(*tuple(end)[:2], 0.0) for end in (edge.start, edge.end)]))
             elif kind == "ArcEdge":
                 first = np.radians(edge.start_angle)
                 sweep = np.mod(np.radians(edge.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
-                points = arc_points(edge.center, edge.radius, first, sweep)
-                if not edge.ccw:
-                    points = np.column_stack([points[::-1, :2], np.append(-points[::-1, 2][1:], 0.0)])
-                pieces.append(points[:-1])
+                pieces.append(arc_points(tuple(edge.center)[:2], edge.radius, first, sweep))
             else:
-                return None
-        return np.concatenate(pieces) if pieces else None
+                curve = edge.construction_tool()
+                rough = np.array([tuple(p)[:2] for p in curve.flattening(1e30, 16)], dtype=float)
+                size = float(np.ptp(rough, axis=0).max())
+                facet = FACET * size if self.options.facet is None else self.options.facet
+                fine = [tuple(p)[:2] for p in curve.flattening(max(facet, 1e-6 * size), 16)]
+                pieces.append(np.column_stack([np.array(fine, dtype=float), np.zeros(len(fine))]))
+        return _rings(pieces)
 
     def _point(self, entity: Any, layer: str) -> bool:
         """Read a point as a mark."""
@@ -322,6 +375,58 @@ class _Reader:
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True
+
+
+def _backwards(piece: Any) -> Any:
+    """Return a piece of a boundary (k, 3) in the other direction."""
+    return np.column_stack([piece[::-1, :2], np.append(-piece[-2::-1, 2], 0.0)])
+
+
+def _rings(pieces: list[Any]) -> list[Any]:
+    """Join pieces (k, 3) of a boundary, in any order and direction, to closed rings; None for one that stays open."""
+    if not pieces:
+        return []
+    size = float(np.ptp(np.concatenate(pieces)[:, :2], axis=0).max())
+    rest, rings = list(pieces), []
+    while rest:
+        ring = rest.pop(0)
+        while rest and np.hypot(*(ring[0] - ring[-1])[:2]) > _JOINED * size:
+            away = [min(np.hypot(*(piece[end] - ring[-1])[:2]) for end in (0, -1)) for piece in rest]
+            back = [min(np.hypot(*(piece[end] - ring[0])[:2]) for end in (0, -1)) for piece in rest]
+            k = int(np.argmin(away))
+            if min(back) < away[k]:
+                ring, k = _backwards(ring), int(np.argmin(back))
+            piece = rest.pop(k)
+            if np.hypot(*(piece[-1] - ring[-1])[:2]) < np.hypot(*(piece[0] - ring[-1])[:2]):
+                piece = _backwards(piece)
+            if np.hypot(*(piece[0] - ring[-1])[:2]) > _OPEN * size:
+                rest.insert(0, piece)
+                break
+            ring = np.concatenate([ring[:-1], piece])
+        open_ = np.hypot(*(ring[0] - ring[-1])[:2]) > _OPEN * size
+        rings.append(None if open_ or len(ring) < 3 else ring[:-1])
+    return rings
+
+
+def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
+    """Return the outlines of a hatch with their holes, by how deep its rings lie within one another.
+
+    style: 0 fills every second depth, 1 the outermost one, 2 all that the outermost rings enclose.
+    """
+    chords = [flatten([Path(ring, True, "")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings]
+    shapes = [shapely.make_valid(shapely.Polygon(points)) for points in chords]
+    inside = [shape.representative_point() for shape in shapes]
+    around = [
+        [j for j, other in enumerate(shapes) if j != k and other.area > shapes[k].area and other.contains(inside[k])]
+        for k in range(len(rings))
+    ]
+    found = []
+    for k, outer in enumerate(around):
+        if len(outer) % 2 or (style and outer):
+            continue
+        holes = [j for j, owners in enumerate(around) if len(owners) == len(outer) + 1 and k in owners]
+        found.append((rings[k], [] if style == 2 else [rings[j] for j in holes]))
+    return found
 
 
 def _side(entity: Any) -> int:

@@ -1,7 +1,6 @@
-"""Reader of OBJ and PLY (by meshio) and STL: one solid per group or closed part.
+"""Reader of OBJ, STL and PLY (by meshio): one solid per group or closed part.
 
-meshio is used instead of trimesh because it keeps faces with any number of corners. trimesh splits these into fans,
-which is wrong for faces that are not convex. Measured once: docs/notes/tried.md.
+Faces keep any number of corners: a division into fans is wrong for those that are not convex (docs/notes/tried.md).
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.solids import Part, Solids, split
 from jld_core.geometry import Faces
+from jld_core.geometry.snapping import without_spikes
 from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
 
 
@@ -32,18 +32,26 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
 
     Raises InputError where the file is broken, holds no faces or too many, or meshio is missing.
     """
-    meshio = library("meshio", path)
     kind = path.suffix.lower().lstrip(".")
     data = readable(path).read_bytes()
     _refuse_counts(kind, data)
-    with parsing(kind.upper(), f"a file in {kind.upper()}"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # meshio overflows where it takes a text for a count
-        points, groups = {"obj": _obj, "ply": _ply, "stl": _stl}[kind](meshio, data)
-    if sum(len(faces) for _, faces in groups) > MOST:
+    if kind == "obj":
+        points, groups = _obj(data.decode("utf-8", "replace"), options)
+    elif kind == "stl":
+        with parsing("STL", "a file in STL"):
+            points, groups = _stl(data)
+    else:
+        meshio = library("meshio", path)
+        with parsing("PLY", "a file in PLY"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # meshio overflows where it takes a text for a count
+            points, groups = _ply(meshio, data)
+    if sum(len(faces) for *_, faces in groups) > MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
     if not np.isfinite(points).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
-    parts = [part for name, faces in groups for part in _parts(name, points, faces)]
+    parts = [
+        part for name, layer, faces in groups for part in _parts(name, layer, points, _without_repeats(faces, notes))
+    ]
     if not parts:
         raise InputError("", "it holds no faces", "closed surfaces, one for each block")
     said = re.findall(rb"(?m)^comment block \d+ (.*?)\r?$", data) if kind == "ply" else []
@@ -54,7 +62,15 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     return Solids(parts, name=path.stem)
 
 
-def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
+def _without_repeats(faces: Faces, notes: Notes) -> Faces:
+    """Return faces without corners that are named twice in a row, and without those that enclose no area then."""
+    short = [tuple(without_spikes(loop, closed=True)) for loop in faces]
+    kept = tuple(loop for loop in short if len(loop) > 2)
+    notes.skip("faces", len(short) - len(kept), "they name a corner twice and enclose no area")
+    return kept
+
+
+def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
     """Split the faces of one group, named `name` or "", into solids with names.
 
     points: (n, 3) of the file. Raises InputError for a face with a vertex that does not exist.
@@ -74,7 +90,7 @@ def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
         used = sorted({index for loop in own for index in loop})
         renamed = {old: new for new, old in enumerate(used)}
         title = name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}"
-        found.append(Part(title, name, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
+        found.append(Part(title, layer, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
     return found
 
 
@@ -84,52 +100,57 @@ def _cells(mesh: Any) -> list[tuple[int, ...]]:
     return [tuple(loop) for loops in kept for loop in loops]
 
 
-def _obj(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
-    """Read points (n, 3) and faces by group of an OBJ file; objects count as groups."""
-    text = _absolute(data.decode("utf-8", "replace"))
-    # treat objects as groups, and faces before the first group as a group without a name
-    text = "g \n" + re.sub(r"(?m)^o(?=\s)", "g", text)
-    mesh = meshio.obj._obj.read_buffer(io.StringIO(text))
-    names = [name.strip() for name in re.findall(r"(?m)^[ \t]*g(?=\s)[ \t]*(.*?)[ \t]*\r?$", text)]
-    which = [number for block in mesh.cell_data["obj:group_ids"] for number in block]
-    faces: dict[str, list[tuple[int, ...]]] = {}
-    for loop, group in zip(_cells(mesh), which, strict=True):
-        faces.setdefault(names[group], []).append(loop)
-    points = np.asarray(mesh.points, dtype=float)
-    points = points[:, :3] if points.ndim == 2 and points.shape[1] >= 3 else np.zeros((0, 3))
-    return points, [(name, tuple(loops)) for name, loops in faces.items()]
+def _obj(text: str, options: ImportOptions) -> tuple[Floats, list[tuple[str, str, Faces]]]:
+    """Read points (n, 3), and name, layer and faces of each object and group of an OBJ text.
+
+    Raises InputError for a vertex or face that is none, with its line.
+    """
+    points: list[tuple[float, float, float]] = []
+    faces: dict[tuple[str, str], list[tuple[int, ...]]] = {}
+    at = {"o": "", "g": ""}
+    lines = enumerate(text.splitlines(), 1)
+    for number, line in lines:
+        while line.rstrip().endswith("\\"):  # it goes on in the next line
+            line = line.rstrip()[:-1] + " " + next(lines, (0, ""))[1]
+        key, *words = line.partition("#")[0].split() or [""]
+        try:
+            if key == "v":
+                x, y, z = map(float, words[:3])
+                points.append((x, y, z))
+            elif key == "f":
+                corners = [int(word.partition("/")[0]) for word in words]
+                loop = tuple(c - 1 if c > 0 else len(points) + c for c in corners)
+                if len(loop) < 3 or 0 in corners or min(loop) < 0:
+                    raise ValueError
+                faces.setdefault((at["o"], at["g"]), []).append(loop)
+            elif key in at:
+                at[key] = " ".join(words)
+        except ValueError:
+            what, wish = ("vertex", "three numbers") if key == "v" else ("face", "at least three numbers of vertices")
+            raise InputError(f"line {number}", f"{' '.join(words)[:40]!r} is no {what}", wish) from None
+    # one object around all groups is the model; else objects are the blocks and groups their layers
+    several_objects = len({o for o, _ in faces}) > 1
+    return np.array(points, dtype=float).reshape(-1, 3), [
+        (o if (several_objects and o) or not g else g, options.group(g if several_objects else o, o, g), tuple(loops))
+        for (o, g), loops in faces.items()
+    ]
 
 
-def _absolute(text: str) -> str:
-    """Replace negative (relative) corner numbers of an OBJ text by absolute ones."""
-    if not re.search(r"(?m)^f.*[ \t]-\d", text):
-        return text
-    lines, seen = [], 0
-    for line in text.splitlines():
-        seen += line.startswith("v ")
-        if line.startswith("f "):
-            corners = [int(word.split("/")[0]) for word in line.split()[1:]]
-            line = "f " + " ".join(str(c if c > 0 else seen + 1 + c) for c in corners)
-        lines.append(line)
-    return "\n".join(lines) + "\n"
-
-
-def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
     """Return points and the single group of a PLY file."""
     mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
-    return np.asarray(mesh.points, dtype=float), [("", tuple(_cells(mesh)))]
+    return np.asarray(mesh.points, dtype=float), [("", "", tuple(_cells(mesh)))]
 
 
-def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
     """Read points (n, 3) and triangles by solid of an STL file; a binary one has one solid.
 
     Raises InputError for an incomplete text file.
     """
-    # meshio would lose the names, and cannot read some files written by trimesh.
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
-        return points, [("", _triples(0, len(points)))]
+        return points, [("", "", _triples(0, len(points)))]
     text = data.decode("utf-8", "replace")
     heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?m)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
     ends = [*(start for start, _ in heads[1:]), len(text)]
@@ -141,7 +162,7 @@ def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
         )
     stops = [0, *accumulate(map(len, words))]
     points = np.array([corner for solid in words for corner in solid], dtype=float).reshape(-1, 3)
-    return points, [(name, _triples(a, b)) for (_, name), a, b in zip(heads, stops, stops[1:], strict=False)]
+    return points, [(name, name, _triples(a, b)) for (_, name), a, b in zip(heads, stops, stops[1:], strict=False)]
 
 
 def _triples(begin: int, end: int) -> Faces:

@@ -18,19 +18,25 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, parsing, text_of
-from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
+from jld_core.exchange.options import FACET, ImportOptions, Notes, listed, several
 from jld_core.exchange.paths import Path
+from jld_core.scene.units import METRES
 
 # Largest number of XML elements of a file after its copies are made; the parser reads some 20 000 a second
 _MOST_EXPANDED: Final = 50_000
 
 _PIXEL: Final = 96.0  # pixels per inch, the CSS reference value
 
-# Pattern of the attributes of page size and viewBox
-_PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
+_ABSOLUTE: Final = {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "Q": 2.5e-4}  # m
 
-# Pattern of a page size in a unit of length; other units of CSS are those of screens and print
-_LENGTH: Final = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(mm|cm|in)\s*")
+# Pattern of a page size in a unit of length; other units of CSS are those of screens
+_LENGTH: Final = re.compile(rf"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*({'|'.join(_ABSOLUTE)})\s*")
+
+_G: Final = "{http://www.w3.org/2000/svg}g"
+
+_DEFINED: Final = ("defs", "symbol", "clipPath", "mask", "pattern", "marker", "metadata", "linearGradient", "script")
+
+_OF_USE: Final = ("x", "y", "width", "height", "transform", "href", "{http://www.w3.org/1999/xlink}href")
 
 # Relative difference up to which width and height of a page state the same scale: programs round them
 _SAME_SCALE: Final = 1e-3
@@ -41,22 +47,91 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
 
     Raises InputError where the file is not SVG, is broken or excessive, or defines XML entities.
     """
-    # The y axis is turned upwards. The name of the innermost named group is the layer. Where page size and viewBox
-    # state a unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file.
+    # The y axis is turned upwards. The name of the innermost named group is the layer. Where the page has a size in a
+    # unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file.
     svg = library("svgelements", path)
     text = text_of(path)
     if re.search(r"<!ENTITY", text, flags=re.I):
         raise InputError("", "it defines XML entities, which are not expanded", "an SVG without a DTD of its own")
     if text.count("<") > 2 * MOST:
         raise InputError("", "it holds too many shapes", f"at most {MOST}")
-    stated = None if options.unit else _stated_unit(text)
-    # drop the page size and viewBox: lengths are those in which the drawing was made
-    text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
     with parsing("SVG", "an SVG file"):
-        if (count := _expanded(ElementTree.fromstring(text))) > _MOST_EXPANDED:
+        tree = ElementTree.fromstring(text)
+        if (count := _expanded(tree)) > _MOST_EXPANDED:
             raise InputError("", f"it expands to {count:.3g} shapes by <use>", f"at most {_MOST_EXPANDED}")
-        root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
-        return _in_stated_unit(_drawing(svg, root, path.stem, options, notes), stated)
+        page = _page(tree)
+        whole = _resolved(tree, notes, page[2] if page else 1.0)
+        root = svg.SVG.parse(io.BytesIO(ElementTree.tostring(whole)), reify=True, ppi=_PIXEL)
+        return _in_stated_unit(_drawing(svg, root, path.stem, options, notes), None if options.unit else page)
+
+
+def _href(element: ElementTree.Element) -> str:
+    """Return the id that a <use> names; "" without one."""
+    return next((value[1:] for key, value in element.items() if key.rpartition("}")[2] == "href"), "")
+
+
+def _kind(element: ElementTree.Element) -> str:
+    """Return the tag of an element without its namespace."""
+    return str(element.tag).rpartition("}")[2]
+
+
+def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
+    """Return what a file shows: copies for <use>, nothing of definitions, and no page.
+
+    uneven: horizontal over vertical scale of the page.
+    """
+    named = {name: one for one in root.iter() if (name := one.get("id"))}
+    clipped = 0
+
+    def copied(element: ElementTree.Element) -> ElementTree.Element | None:
+        nonlocal clipped
+        kind = _kind(element)
+        if kind in _DEFINED:
+            return None
+        clipped += element.get("clip-path", "none") != "none" or "clip-path:" in element.get("style", "")
+        attributes = dict(element.items())
+        if kind != "use":
+            found = ElementTree.Element(element.tag, attributes)
+            found.text, children = element.text, list(element)
+        else:
+            target = named.get(_href(element))
+            found = ElementTree.Element(_G, {k: v for k, v in attributes.items() if k not in _OF_USE})
+            move = f"translate({element.get('x', '0')},{element.get('y', '0')})"
+            if target is not None and _kind(target) == "symbol":
+                move += _fitted(target, element)
+                children = list(target)
+            else:
+                children = [] if target is None else [target]
+            found.set("transform", f"{element.get('transform', '')} {move}".strip())
+        for child in children:
+            if (part := copied(child)) is not None:
+                part.tail = child.tail
+                found.append(part)
+        return found
+
+    whole = ElementTree.Element(root.tag)
+    group = ElementTree.SubElement(whole, _G, {"transform": f"scale({uneven!r},1)"} if uneven != 1.0 else {})
+    group.extend(part for child in root if (part := copied(child)) is not None)
+    if clipped:
+        notes.doubtful.append(f"{several(clipped, 'shape')} cut by a clip path, which is not applied: read whole")
+    return whole
+
+
+def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
+    """Return the transformation of a symbol's viewBox to the size of its copy, as text; "" without these."""
+    box = re.findall(r"[^\s,]+", symbol.get("viewBox", ""))
+    sides = [use.get(key, symbol.get(key, "")) for key in ("width", "height")]
+    try:
+        left, top, wide, tall = map(float, box)
+        scales = [float(side.removesuffix("px")) / span for side, span in zip(sides, (wide, tall), strict=True)]
+    except (ValueError, ZeroDivisionError):
+        return ""
+    if symbol.get("preserveAspectRatio") != "none":
+        scales = [min(scales)] * 2
+        # the drawing stands in the middle of its box
+        left -= 0.5 * (float(sides[0].removesuffix("px")) / scales[0] - wide)
+        top -= 0.5 * (float(sides[1].removesuffix("px")) / scales[1] - tall)
+    return f" scale({scales[0]!r},{scales[1]!r}) translate({-left!r},{-top!r})"
 
 
 def _expanded(root: ElementTree.Element) -> int:
@@ -71,9 +146,8 @@ def _expanded(root: ElementTree.Element) -> int:
     while pending:
         element, ready = pending.pop()
         parts = list(element)
-        if element.tag.rpartition("}")[2] == "use":
-            target = next((value for key, value in element.items() if key.rpartition("}")[2] == "href"), "")
-            parts += [named[target[1:]]] if target[1:] in named else []
+        if _kind(element) == "use":
+            parts += [named[_href(element)]] if _href(element) in named else []
         if ready:
             counts[element] = 1 + sum(counts[part] for part in parts)
             open_elements.discard(element)
@@ -85,32 +159,44 @@ def _expanded(root: ElementTree.Element) -> int:
     return counts[root]
 
 
-def _stated_unit(text: str) -> tuple[float, str] | None:
-    """Return length and unit of one unit of the viewBox, as the page of an SVG states it.
+def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
+    """Return vertical length and unit of one unit of the drawing, and the ratio of scales, as the page states them.
 
-    None where width, height and viewBox do not state the same scale in mm, cm or inches.
+    It is None where the page has no size in a unit of length.
     """
-    tag = re.search(r"<svg\b[^>]*>", text)
-    page = {key: value[1:-1] for key, value in re.findall(_PAGE, tag[0] if tag else "")}
-    sides = [_LENGTH.fullmatch(page.get(key, "")) for key in ("width", "height")]
-    numbers = re.findall(r"[^\s,]+", page.get("viewBox", ""))
-    if sides[0] is None or sides[1] is None or sides[0][2] != sides[1][2] or len(numbers) != 4:
+    sides = [_LENGTH.fullmatch(root.get(key, "")) for key in ("width", "height")]
+    stated = next((side for side in sides if side), None)
+    if stated is None:
         return None
+    units = {side[2] for side in sides if side}
+    unit = stated[2] if stated[2] in METRES and len(units) == 1 else "mm"
+    numbers = re.findall(r"[^\s,]+", root.get("viewBox", ""))
+    if not numbers:  # the units of the drawing are pixels
+        return _ABSOLUTE["in"] / _PIXEL / METRES[unit], unit, 1.0
     try:
-        wide, tall = (float(side[1]) / float(box) for side, box in zip(sides, numbers[2:], strict=True) if side)
+        scales = [
+            float(side[1]) * _ABSOLUTE[side[2]] / METRES[unit] / float(box) if side else np.nan
+            for side, box in zip(sides, numbers[2:4], strict=True)
+        ]
     except (ValueError, ZeroDivisionError):
         return None
-    if not (0.0 < wide < np.inf and abs(wide - tall) <= _SAME_SCALE * wide):
+    wide, tall = (scales[k] if np.isfinite(scales[k]) else scales[1 - k] for k in (0, 1))
+    if not (0.0 < wide < np.inf and 0.0 < tall < np.inf):
         return None
+    if abs(wide - tall) > _SAME_SCALE * wide:
+        ratio = root.get("preserveAspectRatio", "xMidYMid meet")
+        if "none" in ratio:
+            return tall, unit, wide / tall
+        tall = max(wide, tall) if "slice" in ratio else min(wide, tall)
     # a page rounded to whole units has the scale 1
-    return (1.0 if abs(wide - 1.0) <= _SAME_SCALE else wide), sides[0][2]
+    return (1.0 if abs(tall - 1.0) <= _SAME_SCALE else tall), unit, 1.0
 
 
-def _in_stated_unit(drawing: Drawing, stated: tuple[float, str] | None) -> Drawing:
+def _in_stated_unit(drawing: Drawing, stated: tuple[float, str, float] | None) -> Drawing:
     """Convert a drawing to the unit that its page states."""
     if stated is None:
         return drawing
-    scale, unit = stated
+    scale, unit, _ = stated
     paths, marks = [path.scaled(scale) for path in drawing.paths], [mark.scaled(scale) for mark in drawing.marks]
     return replace(drawing, paths=paths, marks=marks, unit=unit)
 
@@ -120,19 +206,23 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
     paths: list[Path] = []
     marks: list[Mark] = []
     unread: dict[str, int] = {}
+    hidden: dict[str, int] = {}
 
     def walk(group: Any, layer: str) -> None:
         """Collect the items of a group and its subgroups."""
         for item in group:
-            own = item.values.get("attributes", {}) if hasattr(item, "values") and isinstance(item.values, dict) else {}
+            values = item.values if isinstance(getattr(item, "values", None), dict) else {}
+            own = values.get("attributes", {})
             if isinstance(item, svg.Group):
                 walk(item, _named(own) or layer)
+            elif str(values.get("visibility", "")) in ("hidden", "collapse"):
+                hidden[layer] = hidden.get(layer, 0) + 1
             elif isinstance(item, svg.Text):
                 if item.text:
                     place = svg.Point(item.x, item.y) * item.transform
                     marks.append(Mark((float(place.x), -float(place.y)), layer, str(item.text)))
             elif isinstance(item, svg.Shape):
-                shape = svg.Path(item)
+                shape = svg.Path(item).reify()  # mirrored shapes keep their transformation until then
                 for part in shape.as_subpaths():
                     points, closed = _points(svg, svg.Path(part), options)
                     if len(points) > (2 if closed and not points[:, 2].any() else 1):
@@ -144,11 +234,13 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                 unread[kind] = unread.get(kind, 0) + 1
 
     walk(root, "")
+    for layer, count in sorted(hidden.items()):
+        notes.skip(f"shapes in group {layer or '(none)'}", count, "they are hidden")
     for kind, count in sorted(unread.items()):
         notes.skip(kind, count, "no path, shape or text")
     if paths:
         notes.found.append(f"groups {listed(sorted({path.layer or '(none)' for path in paths}), 12)}")
-    return Drawing(paths, marks, None, {}, name)
+    return Drawing(paths, marks, None, {}, name, sum(unread.values()))
 
 
 def _named(attributes: dict[str, Any]) -> str:

@@ -4,18 +4,33 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
+import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
+from jld_core.exchange.cells import say_size
 from jld_core.exchange.drawing import check_supports
 from jld_core.exchange.drawn_loads import MOST, SolidMark
 from jld_core.exchange.forces import closest_first, parse_force
-from jld_core.exchange.options import LOWEST, SNAP, Imported, ImportOptions, Notes, complete, listed, rounded, several
+from jld_core.exchange.options import (
+    LOWEST,
+    SNAP,
+    Imported,
+    ImportOptions,
+    Notes,
+    complete,
+    in_words,
+    listed,
+    measure,
+    refuse_unknown,
+    rounded,
+    several,
+)
 from jld_core.geometry import (
     Faces,
     area_vector,
@@ -266,33 +281,67 @@ def _size(vertices: list[Floats]) -> float:
     return size
 
 
-def _supports(parts: list[Part], vertices: list[Floats], options: ImportOptions, near: float) -> list[bool]:
+def _supports(parts: list[Part], options: ImportOptions) -> list[bool]:
     """Return True for each solid that is a support: by the file, by its group, or as lowest.
 
     Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
     """
-    low = min(float(v[:, 2].min()) for v in vertices)
+    heights = np.array([float(part.vertices[:, 2].min()) for part in parts])
+    size = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
+    near = 1e-9 * size if options.tolerance == 0.0 else SNAP * size if options.tolerance is None else options.tolerance
+    lowest = heights <= heights.min() + near if LOWEST in options.support else np.zeros(len(parts), bool)
     return [
-        part.support
-        or options.role(part.group) == "support"
-        or (LOWEST in options.support and float(v[:, 2].min()) <= low + near)
-        for part, v in zip(parts, vertices, strict=True)
+        part.support or options.role(part.group) == "support" or bool(low)
+        for part, low in zip(parts, lowest, strict=True)
     ]
 
 
-def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
+_LEVEL: Final = 1e-6  # height above the lowest point, relative to the size, up to which a face lies there
+
+_FOOT: Final = 0.05  # height of supports that are added, relative to the size
+
+_Y_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # (x, y, z) becomes (x, −z, y)
+
+
+def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
     """Convert the solids of a file to a spatial scene document.
+
+    feet: supports are added below the lowest faces where the file names none.
 
     Raises InputError where there is no solid, an open solid, no support, or more content than a structure has.
     """
     # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
     # to `notes`, and the result holds them as its report.
-    parts = found.parts
+    named = [name for part in found.parts for name in (part.group, part.name)]
+    of_marks = [mark.layer for mark in found.marks]
+    if found.parts:
+        refuse_unknown(options, [*named, *of_marks], "layer, group or name")
+    parts = [part for part in found.parts if options.chosen(part.group, part.name)]
+    notes.skip("solids", len(found.parts) - len(parts), "their layer or group is not to be read")
+    if options.up == "y":
+        parts = [replace(part, vertices=part.vertices @ _Y_UP) for part in parts]
+        found = replace(
+            found,
+            contacts=[(a, b, corners @ _Y_UP) for a, b, corners in found.contacts],
+            marks=[
+                SolidMark(m.at @ _Y_UP, m.layer, m.text, None if m.tail is None else m.tail @ _Y_UP)
+                for m in found.marks
+            ],
+            drawn=[(role, corners @ _Y_UP) for role, corners in found.drawn],
+        )
+        notes.found.append("y up, made z")
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
     scale, unit, drawn_in = _scale(found, options, notes)
+    supports = _supports(parts, options)
+    if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
+        added = _feet(parts, 0.0 if options.tolerance is None else options.tolerance)
+        if added:
+            notes.assumed.append("supports below the lowest faces: the file names none")
+            supports = [*(part.support for part in parts), *(True for _ in added)]
+            parts = [*parts, *added]
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
@@ -305,19 +354,21 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
     kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
     if sum(map(len, kept)) > bent:
         notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
-    whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
+    whole, faces, *_ = closed_solids(names, snapped.vertices, kept)
     turned = sum(a != b for a, b in zip(faces, kept, strict=True))
     notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
     given = sum(len(part.faces) for part in parts)
     whole, faces = _merged(whole, faces)
     if (now := sum(map(len, faces))) < given:
         notes.found.append(f"{given} faces merged to {now} plane ones")
-    supports = _supports(parts, whole, options, max(tolerance, 1e-9 * size))
+    check_supports(supports, options)
     if LOWEST in options.support:
         chosen = (name for name, support in zip(names, supports, strict=True) if support)
         notes.found.append(f"supports where the lowest point is: {listed(chosen)}")
-    check_supports(supports, options)
+    _say_axis(whole, supports, options, notes)
     document: dict[str, Any] = {"name": found.name, **found.facts}
+    if options.tolerance:
+        document["tolerance"] = tolerance  # misfits of faces that share no corner are left to the scene
     document["elements"] = [
         {
             "id": name,
@@ -345,8 +396,45 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
-    notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
+    measured = measure(document["elements"])
+    length = unit or str(document.get("units", {}).get("length", "m"))
+    notes.found.insert(0, f"{counted}, {in_words(measured, length)}")
+    if not found.facts:
+        say_size(measured, length, drawn_in, notes)
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _say_axis(vertices: list[Floats], supports: list[bool], options: ImportOptions, notes: Notes) -> None:
+    """Note supports that lie below the elements along y, and not along z."""
+    middles = np.array([0.5 * (v.min(axis=0) + v.max(axis=0)) for v in vertices])
+    below = middles[np.array(supports)].mean(axis=0) - middles[~np.array(supports)].mean(axis=0)
+    if options.up is None and below[1] < 0.0 and below[2] >= 0.3 * below[1] and abs(below[1]) > abs(below[0]):
+        notes.doubtful.append("the supports lie below the other solids along y: if y points upwards, --up y")
+
+
+def _feet(parts: list[Part], tolerance: float) -> list[Part]:
+    """Return supports below the lowest faces of solids; none where no face is level."""
+    every = np.concatenate([part.vertices for part in parts])
+    size, low = float(np.ptp(every, axis=0).max()), float(every[:, 2].min())
+    down = np.array([0.0, 0.0, _FOOT * size])
+    near = max(_LEVEL * size, tolerance)
+    level = [
+        part.vertices[list(loop)]
+        for part in parts
+        for loop in part.faces
+        if (part.vertices[list(loop), 2] <= low + near).all()
+    ]
+    # triangles of one face are one foot
+    whole = shapely.union_all([shapely.Polygon(face[:, :2]) for face in level])
+    feet = []
+    for k, foot in enumerate(part for part in shapely.get_parts(whole) if part.geom_type == "Polygon"):
+        plan = shapely.get_coordinates(shapely.orient_polygons(foot).exterior)[:-1]
+        top: Floats = np.column_stack([plan, np.full(len(plan), low)])
+        count = len(top)
+        sides = [(i, (i + 1) % count, count + (i + 1) % count, count + i) for i in range(count)]
+        loops = (tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides)
+        feet.append(Part(f"foot{k}", "supports", np.concatenate([top - down, top]), loops, support=True))
+    return feet
 
 
 def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:

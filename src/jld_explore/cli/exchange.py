@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -19,51 +20,65 @@ from jld_core.refinement.transfer import KINDS
 from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself
+from jld_explore.cli.options import (
+    AsJson,
+    DryLayers,
+    FileUnit,
+    HoleLayers,
+    InnerLayers,
+    LoadLayers,
+    OnlyLayers,
+    Rank,
+    SceneFile,
+    SkippedLayers,
+    Source,
+    SupportLayers,
+    Thickness,
+    Tolerance,
+    Up,
+    layer_options,
+    refuse_itself,
+)
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 
 
 def import_command(
     file: Annotated[
-        Path, typer.Argument(help="DXF, SVG, CSV, 3DM, IFC, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)
+        Path,
+        typer.Argument(help="DXF, SVG, CSV, 3DM, IFC, STEP, OBJ, PLY, STL or COMPAS JSON file.", show_default=False),
     ],
     out: Out,
-    support: Annotated[
-        list[str] | None, typer.Option(help="Layer of supports, or: lowest. May be given again.")
-    ] = None,
-    dry: Annotated[list[str] | None, typer.Option(help="Layer of dry joints.")] = None,
-    inner: Annotated[list[str] | None, typer.Option(help="Layer of inner faces.")] = None,
-    load: Annotated[list[str] | None, typer.Option(help="Layer of live loads; numbered layers are load cases.")] = None,
-    hole: Annotated[list[str] | None, typer.Option(help="Layer of openings.")] = None,
-    thickness: Annotated[float | None, typer.Option(help="Out-of-plane thickness, m; default 1.")] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(help="Gaps and overlaps up to it are closed, in the file's unit; default 5e-4 of the size."),
-    ] = None,
+    layer: OnlyLayers = None,
+    skip: SkippedLayers = None,
+    hole: HoleLayers = None,
+    support: SupportLayers = None,
+    load: LoadLayers = None,
+    dry: DryLayers = None,
+    inner: InnerLayers = None,
+    thickness: Thickness = None,
+    tolerance: Tolerance = None,
     facet: Annotated[
         float | None,
         typer.Option(help="Largest distance of chords from arcs, in the file's unit; default 1e-3 of the size."),
     ] = None,
-    unit: Annotated[
-        str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft), made metres; default its own.")
-    ] = None,
+    unit: FileUnit = None,
+    up: Up = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
 
     The report says what was found, snapped, assumed, skipped, and what is doubtful.
     """
+    layers = layer_options(layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner)
     options = ImportOptions(
-        support=tuple(support or ()),
-        dry=tuple(dry or ()),
-        inner=tuple(inner or ()),
-        load=tuple(load or ()),
-        hole=tuple(hole or ()),
+        **layers,
         thickness=thickness,
         tolerance=tolerance,
         facet=facet,
         unit=unit,
+        up=up,
         like=None if like is None else load_scene(like),
     )
     refuse_itself(file, out)
@@ -74,7 +89,7 @@ def import_command(
     except InputError as error:
         raise found.in_unit_of_file(error, "--tolerance").within(str(file)) from None
     write_scene(scene, out)
-    say(f"{found.report}\nwritten to   {out}")
+    say(json.dumps(found.facts(), indent=1) if as_json else f"{found.report}\nwritten to   {out}")
 
 
 def export_command(

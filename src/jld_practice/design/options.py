@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from jld_core.assembly_sequence.order import LAID
 from jld_core.errors import InputError, ParameterError
+from jld_core.exchange import ImportOptions
 from jld_core.exchange.forces import parse_force
 from jld_practice.design.loaded_edges import EXTRADOS, SIDES, points_of
 
@@ -17,6 +18,12 @@ LEAST_SECONDS: Final = 10.0
 
 LOW_FRICTION: Final = 0.8
 """Share of the friction that the winner is checked at, where no low value is given."""
+
+READING: Final = (
+    *("thickness", "tolerance", "unit", "up"),
+    *("layer", "skip", "hole", "support", "load_layer", "dry", "inner"),
+)
+"""Options of reading a file that is no scene."""
 
 _PLACES: Final = 50  # largest number of places of a load; each is a load case
 
@@ -46,8 +53,17 @@ class DesignOptions:
     tension: float | None = None
     shear: float | None = None
     thickness: float | None = None  # out-of-plane thickness of a drawing
-    unit: str | None = None  # unit of length of a drawing
-    support: tuple[str, ...] = ()  # layers of supports of a drawing, or "lowest"
+    # how a file that is no scene is read, as in `ImportOptions`
+    tolerance: float | None = None
+    unit: str | None = None
+    up: Literal["y", "z"] | None = None
+    layer: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
+    hole: tuple[str, ...] = ()
+    support: tuple[str, ...] = ()
+    load_layer: tuple[str, ...] = ()
+    dry: tuple[str, ...] = ()
+    inner: tuple[str, ...] = ()
     # name of one of `LAID`: keep to layouts that can be laid, from a side or from the springings, or whose every stage
     # stands
     laid: str | None = None
@@ -77,6 +93,7 @@ class DesignOptions:
         self._check_friction()
         self.shares()
         self.force("N")
+        _ = self.reading
 
     def _check_friction(self) -> None:
         """Raise ParameterError if the low friction exceeds the nominal one, or stands without it."""
@@ -120,6 +137,12 @@ class DesignOptions:
         if written.components or not written.values[0] > 0.0:
             raise ParameterError("load", f"{self.load!r} is no force downwards", 'one number above 0, as "10 kN"')
         return written.values[0]
+
+    @property
+    def reading(self) -> ImportOptions:
+        """Return the options of reading a file that is no scene."""
+        shared = {name: getattr(self, name) for name in READING if name != "load_layer"}
+        return ImportOptions(load=self.load_layer, **shared)
 
     def given(self) -> dict[str, Any]:
         """Return the values by name of those options that differ from their defaults."""

@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any, Final
 
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
 from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids
+from jld_core.exchange import ImportOptions, Notes
 from jld_core.exchange.cells import hardly_meant
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn_loads import Drawing
 from jld_core.exchange.libraries import read_content, reading
 from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS
-from jld_core.exchange.paths import Path
 from jld_core.exchange.solids import spatial_scene
-from jld_core.geometry.snapping import straight
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_practice.design.options import LOW_FRICTION, DesignOptions
-
-_LEVEL: Final = 1e-6  # height above the lowest point, relative to the size, up to which an edge or a face lies there
-
-_LEAN: Final = 0.05  # least run of the sides of a flat arch over its depth; below it an outline is a wall
+from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
 
 # Keys of a search that speak of the cells of a scene, which a design cuts anew
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
-
-_FOOT: Final = 0.05  # height of supports that are added, relative to the size
 
 
 @dataclass(frozen=True)
@@ -54,7 +44,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
     either. Options that a scene file states itself are refused with ParameterError.
     """
     if _is_scene(file):
-        for name in ("thickness", "unit", "support"):
+        for name in READING:
             if getattr(options, name):
                 raise ParameterError(
                     name, "the outline is a scene, which states this itself", "a drawing, or no such option"
@@ -161,19 +151,18 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
-    how, notes = ImportOptions(support=options.support, thickness=options.thickness, unit=options.unit), Notes()
+    how, notes = options.reading, Notes()
     with reading(file):
         content = read_content(file, how, notes)
         if isinstance(content, Drawing):
-            _refuse_open(content, how)
             _refuse_crossing(content, how)
-            found = planar_scene(_on_feet(content, how, notes), how, notes)
+            found = planar_scene(content, how, notes, feet=True)
         elif options.thickness is not None:
             raise ParameterError(
                 "thickness", "the outline is a solid, which has its own", "a drawing, or no such option"
             )
         else:
-            found = spatial_scene(_solids_on_feet(content, how, notes), how, notes)
+            found = spatial_scene(content, how, notes, feet=True)
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")
         loadless = any(said[0] in note for note in notes.assumed)
@@ -216,22 +205,6 @@ def _defaults(options: DesignOptions) -> list[str]:
     ]
 
 
-def _refuse_open(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError if the lines of a drawing enclose no area, naming the loosest end."""
-    paths = [path for path in drawing.paths if how.role(path.layer) in (None, "support")]
-    if any(path.closed for path in paths) or not paths:
-        return
-    lines = [shapely.LineString(path.points[:, :2]) for path in paths if len(path.points) > 1]
-    whole = shapely.node(shapely.MultiLineString(lines))
-    if shapely.polygonize([whole]).geoms:
-        return
-    ends = np.concatenate([np.array(line.coords)[[0, -1]] for line in lines])
-    apart = np.hypot(*(ends[:, None] - ends[None]).transpose(2, 0, 1)) + np.diag(np.full(len(ends), np.inf))
-    k = int(np.argmax(apart.min(axis=1)))
-    problem = f"its outline is not closed: no other end lies at ({ends[k][0]:.6g}, {ends[k][1]:.6g})"
-    raise InputError("", problem, "one closed line, or lines whose ends meet")
-
-
 def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
     """Raise InputError if a closed outline of a drawing crosses itself, naming the place."""
     # Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps.
@@ -245,97 +218,6 @@ def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
         x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
         problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
         raise InputError("", problem, "corners in the order in which one walks round the outline")
-
-
-def _on_feet(drawing: Drawing, how: ImportOptions, notes: Notes) -> Drawing:
-    """Add supports below the lowest straight edges of a drawing without a layer of supports."""
-    # The drawing is returned as it is if it has supports.
-    named = {how.role(layer) for layer in [*(p.layer for p in drawing.paths), *(m.layer for m in drawing.marks)]}
-    if "support" in named or how.support:
-        return drawing
-    shown = [path for path in drawing.paths if how.role(path.layer) is None and len(path.points) > 1]
-    if not shown:
-        return drawing
-    points = np.concatenate([path.points[:, :2] for path in shown])
-    size, low = float(np.ptp(points, axis=0).max()), float(points[:, 1].min())
-    skewbacks = _skewbacks(shown[0].points, size) if len(shown) == 1 and shown[0].closed else []
-    if skewbacks:
-        notes.assumed.append("supports beside the raked sides of a flat arch: the drawing names none")
-        return replace(drawing, paths=[*drawing.paths, *skewbacks])
-    feet = []
-    for path in shown:
-        ring = np.concatenate([path.points, path.points[:1]]) if path.closed else path.points
-        for a, b in itertools.pairwise(ring):
-            level = max(a[1], b[1]) - low <= _LEVEL * size
-            if level and a[2] == 0.0 and abs(b[0] - a[0]) > _LEVEL * size:
-                feet.append(sorted((float(a[0]), float(b[0]))))
-    boxes = [
-        Path(
-            np.array([[x0, low - _FOOT * size, 0.0], [x1, low - _FOOT * size, 0.0], [x1, low, 0.0], [x0, low, 0.0]]),
-            True,
-            "supports",
-        )
-        for x0, x1 in feet
-    ]
-    if boxes:
-        notes.assumed.append("supports below the lowest edges: the drawing names none")
-    return replace(drawing, paths=[*drawing.paths, *boxes])
-
-
-def _skewbacks(points: Floats, size: float) -> list[Path]:
-    """Return supports beside both sides of an outline that is a flat arch; none for any other outline.
-
-    points: (k, 3) x, y and bulge of a closed path.
-    """
-    # A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards.
-    corners = straight(points[:, :2])
-    if len(corners) != 4 or points[:, 2].any():
-        return []
-    order = np.lexsort((corners[:, 0], corners[:, 1]))
-    (x0, y0), (x1, y1), *upper = corners[order].tolist()
-    (x2, y2), (x3, y3) = sorted(upper)
-    level = abs(y1 - y0) <= _LEVEL * size
-    deep = min(y2, y3) - y0
-    if not (level and 0.0 < deep <= x1 - x0 and x0 - x2 > _LEAN * deep and x3 - x1 > _LEAN * deep):
-        return []
-    out = _FOOT * size
-    return [
-        Path(
-            np.array([[xs, y0, 0.0], [xt + way * out, y0, 0.0], [xt + way * out, yt, 0.0], [xt, yt, 0.0]]),
-            True,
-            "supports",
-        )
-        for xs, xt, yt, way in ((x0, x2, y2, -1.0), (x1, x3, y3, 1.0))
-    ]
-
-
-def _solids_on_feet(solids: Solids, how: ImportOptions, notes: Notes) -> Solids:
-    """Add supports below the lowest faces of solids, if no solid is a support."""
-    if how.support or any(part.support or how.role(part.group) == "support" for part in solids.parts):
-        return solids
-    every = np.concatenate([part.vertices for part in solids.parts])
-    size, low = float(np.ptp(every, axis=0).max()), float(every[:, 2].min())
-    down = np.array([0.0, 0.0, _FOOT * size])
-    level = [
-        part.vertices[list(loop)]
-        for part in solids.parts
-        for loop in part.faces
-        if (part.vertices[list(loop), 2] <= low + _LEVEL * size).all()
-    ]
-    if not level:
-        return solids
-    # triangles of one face are one foot
-    whole = shapely.union_all([shapely.Polygon(face[:, :2]) for face in level])
-    feet = []
-    for k, foot in enumerate(part for part in shapely.get_parts(whole) if part.geom_type == "Polygon"):
-        plan = shapely.get_coordinates(shapely.geometry.polygon.orient(foot).exterior)[:-1]
-        top: Floats = np.column_stack([plan, np.full(len(plan), low)])
-        count = len(top)
-        sides = [(i, (i + 1) % count, count + (i + 1) % count, count + i) for i in range(count)]
-        loops = (tuple(range(count))[::-1], tuple(range(count, 2 * count)), *sides)
-        feet.append(Part(f"foot{k}", "supports", np.concatenate([top - down, top]), loops, support=True))
-    notes.assumed.append("supports below the lowest faces: the file names none")
-    return replace(solids, parts=[*solids.parts, *feet])
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:

@@ -5,6 +5,8 @@ import { ask } from "./live.js";
 
 const OPTIONS = /** @type {const} */ ([
   ["unit", "unit of its lengths", "mm, cm, m, in, ft; default its own"],
+  ["layer", "layers that alone are read", "default: all"],
+  ["skip", "layers that are not read", ""],
   ["support", "layers of supports", "or: lowest"],
   ["dry", "layers of dry joints", ""],
   ["inner", "layers of inner faces", ""],
@@ -12,6 +14,7 @@ const OPTIONS = /** @type {const} */ ([
   ["hole", "layers of openings", ""],
   ["thickness", "thickness, m", "1"],
   ["tolerance", "tolerance, in its unit", "0.0005 of the size"],
+  ["up", "axis that points upwards (solids)", "z, or y"],
   ["facet", "chords from arcs, in its unit", "0.001 of the size"],
 ]);
 const NUMBERS = ["thickness", "tolerance", "facet"];

@@ -1,0 +1,415 @@
+"""Reader of STEP (ISO 10303-21, AP203, AP214, AP242): solids with plane faces, placed in assemblies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange import ImportOptions, Notes, Part, Solids
+from jld_core.exchange.cells import without_holes
+from jld_core.exchange.libraries import parsing, readable
+from jld_core.exchange.options import several
+from jld_core.geometry import Faces
+from jld_core.scene.units import METRES
+
+_TOKEN: Final = re.compile(
+    r"\s+|/\*.*?\*/|(?P<text>'(?:[^']|'')*')|(?P<word>[^\s'(),;=]+)|(?P<mark>[(),;=])", re.DOTALL
+)
+
+_MOST_ENTITIES: Final = 2_000_000  # largest number of instances of a file
+
+_MOST_SOLIDS: Final = 20_000  # largest number of solids that assemblies unfold into
+
+_DEPTH: Final = 32  # largest depth of assemblies
+
+_STRAIGHT: Final = 1e-9  # distance of control points from a line or plane, relative to their size, that counts as none
+
+_PREFIX: Final = {"MILLI": 1e-3, "CENTI": 1e-2, "DECI": 0.1, "KILO": 1e3, "MICRO": 1e-6}
+
+_UNNAMED: Final = ("", "SOLID", "NONE", "BREP", "COMPOUND", "OPEN CASCADE STEP TRANSLATOR")  # names that say nothing
+
+Call = tuple[str, list[Any]]
+"""Type and values of an instance; a value is a `Call`, a list, a number, a text, or a reference as a `Ref`."""
+
+
+class Ref(int):
+    """Number of an instance."""
+
+
+class _File:
+    """Instances of a file.
+
+    calls: by number, one `Call`, or several where an instance has several types.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.calls: dict[int, list[Call]] = {}
+        self._tokens = self._read(text)
+        self._next()
+        while self._token:
+            if self._token[0] == "#":
+                number = int(self._token[1:])
+                self._next("=")
+                self._next()
+                self.calls[number] = self._instances()
+                if len(self.calls) > _MOST_ENTITIES:
+                    raise InputError("", "it holds too many instances", f"at most {_MOST_ENTITIES}")
+            while self._token not in ("", ";"):
+                self._next()
+            self._next()
+        self.by_kind: dict[str, list[int]] = {}
+        for number, calls in self.calls.items():
+            for kind, _ in calls:
+                self.by_kind.setdefault(kind, []).append(number)
+
+    def _read(self, text: str) -> Iterator[str]:
+        """Yield the tokens of the data section."""
+        begin = re.search(r"\bDATA\s*(\([^;]*\))?\s*;", text)
+        for found in _TOKEN.finditer(text, begin.end() if begin else len(text)):
+            if found.lastgroup:
+                yield found[found.lastgroup]
+
+    def _next(self, expected: str = "") -> None:
+        """Go to the next token; raise InputError where it is another than expected."""
+        self._token = next(self._tokens, "")
+        if expected and self._token != expected:
+            raise InputError("", f"{self._token[:20]!r} stands where {expected!r} is due", "a whole STEP file")
+
+    def _instances(self) -> list[Call]:
+        """Read one instance, of one type or of several."""
+        if self._token != "(":
+            return [self._call()]
+        self._next()
+        found = []
+        while self._token not in (")", ""):
+            found.append(self._call())
+        return found
+
+    def _call(self) -> Call:
+        """Read a type with its values."""
+        kind = self._token.upper()
+        self._next("(")
+        return kind, self._values()
+
+    def _values(self) -> list[Any]:
+        """Read values up to the closing bracket."""
+        found: list[Any] = []
+        self._next()
+        while self._token not in (")", ""):
+            token = self._token
+            if token == ",":
+                self._next()
+                continue
+            if token == "(":
+                found.append(self._values())
+            elif token[0] == "'":
+                found.append(_plain(token))
+                self._next()
+            elif token[0] == "#":
+                found.append(Ref(token[1:]))
+                self._next()
+            elif token[0].isalpha():
+                found.append(self._call())
+            else:
+                found.append(_value(token))
+                self._next()
+        self._next()
+        return found
+
+    def of(self, number: int, kind: str) -> list[Any] | None:
+        """Return the values of an instance of a type; None where it is of another."""
+        return next((values for name, values in self.calls.get(number, ()) if name == kind), None)
+
+    def every(self, kind: str) -> Iterator[tuple[int, list[Any]]]:
+        """Yield number and values of all instances of a type."""
+        for number in self.by_kind.get(kind, ()):
+            yield number, self.of(number, kind) or []
+
+    def kind(self, number: int) -> str:
+        """Return the first type of an instance."""
+        return self.calls[number][0][0] if number in self.calls else "nothing"
+
+
+def _plain(token: str) -> str:
+    """Return a text without quotes and escapes."""
+    words = token[1:-1].replace("''", "'")
+    words = re.sub(r"\\X4\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-32-be", "replace"), words)
+    words = re.sub(r"\\X2\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-16-be", "replace"), words)
+    words = re.sub(r"\\X\\([0-9A-F]{2})", lambda m: chr(int(m[1], 16)), words)
+    return words.replace("\\\\", "\\")
+
+
+def _value(token: str) -> float | str | None:
+    """Return a number, an enumeration without its dots, or None for a value that is left out."""
+    if token in ("$", "*"):
+        return None
+    return token.strip(".") if token[0] == "." and not token[1:2].isdigit() else float(token)
+
+
+def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
+    """Read the solids of a STEP file, where its assemblies place them.
+
+    Raises InputError for a file that is broken, states several units, or holds a solid with a curved face or edge.
+    """
+    text = readable(path).read_bytes().decode("utf-8", "replace")
+    if "ISO-10303-21" not in text[:4096]:
+        raise InputError("", "it is no STEP file", "ISO-10303-21; …")
+    with parsing("STEP", "a STEP file"):
+        file = _File(text)
+        unit, scale = _unit(file)
+        parts = _Reader(file, scale, options).parts()
+    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(file.by_kind.get('PRODUCT', ())), 'product')}")
+    if not parts:
+        raise InputError(
+            "", "it holds no solid of faces", "solids with plane faces (MANIFOLD_SOLID_BREP, FACETED_BREP)"
+        )
+    return Solids(parts, name=path.stem, unit=unit)
+
+
+def _unit(file: _File) -> tuple[str, float]:
+    """Return the unit of lengths of a file, and one unit of the file in it (1, or for a unit without a name metres)."""
+    sizes: dict[float, None] = {}
+    for _, values in file.every("GLOBAL_UNIT_ASSIGNED_CONTEXT"):
+        for number in values[0]:
+            if file.of(number, "LENGTH_UNIT") is not None:
+                sizes[_length(file, number)] = None
+    if len(sizes) != 1:
+        names = ", ".join(f"{size:g} m" for size in sizes) or "none"
+        raise InputError("", f"its units of length are {names}", "one unit in the whole file")
+    (size,) = sizes
+    near = [name for name, metres in METRES.items() if abs(metres - size) <= 1e-9 * size]
+    return (near[0], 1.0) if near else ("m", size)
+
+
+def _length(file: _File, number: int) -> float:
+    """Return a unit of length in metres."""
+    converted = file.of(number, "CONVERSION_BASED_UNIT")
+    if converted is None:
+        prefix = (file.of(number, "SI_UNIT") or [None])[0]
+        return _PREFIX[str(prefix)] if prefix else 1.0
+    (_, (value,)), base = (file.of(converted[1], "LENGTH_MEASURE_WITH_UNIT") or _measure(file, converted[1]))[:2]
+    return float(value) * _length(file, base)
+
+
+def _measure(file: _File, number: int) -> list[Any]:
+    """Return the values of a measure with its unit, of any type."""
+    return next(values for name, values in file.calls[number] if name.endswith("MEASURE_WITH_UNIT"))
+
+
+class _Reader:
+    """State of one pass over the products of a file."""
+
+    def __init__(self, file: _File, scale: float, options: ImportOptions) -> None:
+        self._file, self._scale, self._options = file, scale, options
+        self._layers = {
+            int(item): str(values[0]) for _, values in file.every("PRESENTATION_LAYER_ASSIGNMENT") for item in values[2]
+        }
+        self._parts: list[Part] = []
+        self._count = 0
+
+    def parts(self) -> list[Part]:
+        """Return the solids of all products that are part of no other one; without products all representations."""
+        file = self._file
+        owner = {n: values[2] for n, values in file.every("PRODUCT_DEFINITION_SHAPE")}
+        shown: dict[int, list[int]] = {}
+        for _, (form, shape, *_) in file.every("SHAPE_DEFINITION_REPRESENTATION"):
+            shown.setdefault(owner.get(form, 0), []).append(shape)
+        # representations that state the same shape, as one of axes and one of solids
+        alike: dict[int, list[int]] = {}
+        for number, calls in file.calls.items():
+            values = dict(calls).get("SHAPE_REPRESENTATION_RELATIONSHIP")
+            if (
+                values
+                and len(values) >= 4
+                and file.of(number, "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION") is None
+            ):
+                for one, other in (values[2:4], values[3:1:-1]):
+                    alike.setdefault(one, []).append(other)
+        places = dict(self._places(owner))
+        inside: dict[int, list[tuple[int, Floats]]] = {}
+        used = set()
+        for number, values in file.every("NEXT_ASSEMBLY_USAGE_OCCURRENCE"):
+            parent, child = values[3:5]
+            inside.setdefault(parent, []).append((child, self._move(places.get(number), shown.get(child, []), alike)))
+            used.add(child)
+
+        def walk(product: int, matrix: Floats, depth: int) -> None:
+            if depth > _DEPTH:
+                raise InputError("", "its assemblies are nested too deeply", f"at most {_DEPTH} levels")
+            seen: set[int] = set()
+            pending = list(shown.get(product, []))
+            while pending:
+                shape = pending.pop(0)
+                if shape not in seen:
+                    seen.add(shape)
+                    pending += alike.get(shape, [])
+                    self._representation(shape, matrix, self._name(product), depth)
+            for child, move in inside.get(product, []):
+                walk(child, matrix @ move, depth + 1)
+
+        products = [
+            number
+            for kind in ("PRODUCT_DEFINITION", "PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS")
+            for number, _ in file.every(kind)
+        ]
+        for product in products:
+            if product not in used:
+                walk(product, np.eye(4), 0)
+        if not self._parts:
+            for kind in [kind for kind in file.by_kind if kind.endswith("SHAPE_REPRESENTATION")]:
+                for shape, _ in file.every(kind):
+                    self._representation(shape, np.eye(4), "", 0)
+        return self._parts
+
+    def _places(self, owner: dict[int, int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
+        """Yield for each use of a product its first representation and the two axes of its placement."""
+        for _, (relation, form) in self._file.every("CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"):
+            calls = dict(self._file.calls[relation])
+            pair = calls.get("REPRESENTATION_RELATIONSHIP") or calls["SHAPE_REPRESENTATION_RELATIONSHIP"]
+            moved = self._file.of(
+                calls["REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION"][0], "ITEM_DEFINED_TRANSFORMATION"
+            )
+            if moved is not None:
+                yield owner[form], (pair[2], moved[2], moved[3])
+
+    def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
+        """Return the (4, 4) matrix that places a product in its assembly."""
+        if place is None:
+            return np.eye(4)
+        first, one, two = place
+        own = {*shapes, *(other for shape in shapes for other in alike.get(shape, []))}
+        inner, outer = (one, two) if first in own else (two, one)
+        return np.asarray(self._frame(outer) @ np.linalg.inv(self._frame(inner)))
+
+    def _name(self, product: int) -> str:
+        """Return the name of the product of a definition."""
+        definition = self._file.calls[product][0][1]
+        formation = self._file.calls.get(definition[2], [("", [None] * 3)])[0][1]
+        values = self._file.of(formation[2], "PRODUCT") if formation[2] is not None else None
+        return str((values[1] or values[0]) if values else "")
+
+    def _point(self, number: int) -> Floats:
+        """Return a point or direction (3,)."""
+        return np.array(self._file.calls[number][0][1][1], dtype=float)
+
+    def _frame(self, number: int) -> Floats:
+        """Return the (4, 4) matrix of an axis placement."""
+        values = self._file.of(number, "AXIS2_PLACEMENT_3D") or []
+        axis = self._point(values[2]) if values[2] is not None else np.array([0.0, 0.0, 1.0])
+        axis = axis / np.linalg.norm(axis)
+        along = self._point(values[3]) if values[3] is not None else np.eye(3)[int(np.argmin(np.abs(axis)))]
+        along = along - (along @ axis) * axis
+        along = along / np.linalg.norm(along)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.column_stack([along, np.cross(axis, along), axis])
+        matrix[:3, 3] = self._point(values[1])
+        return matrix
+
+    def _representation(self, shape: int, matrix: Floats, title: str, depth: int) -> None:
+        """Read the solids of a representation."""
+        if depth > _DEPTH:
+            raise InputError("", "its shapes are nested too deeply", f"at most {_DEPTH} levels")
+        values = next((v for name, v in self._file.calls[shape] if name.endswith("REPRESENTATION")), None)
+        for item in values[1] if values else ():
+            kind = self._file.kind(item)
+            content = self._file.calls[item][0][1] if item in self._file.calls else []
+            if kind == "MAPPED_ITEM":
+                origin, mapped = self._file.of(content[1], "REPRESENTATION_MAP") or [None, None]
+                if origin is not None and mapped is not None:
+                    move = self._frame(content[2]) @ np.linalg.inv(self._frame(origin))
+                    self._representation(mapped, matrix @ move, title, depth + 1)
+            elif kind in ("MANIFOLD_SOLID_BREP", "FACETED_BREP"):
+                self._solid(item, content[1], matrix, title)
+            elif kind == "SHELL_BASED_SURFACE_MODEL":
+                for shell in content[1]:
+                    self._solid(item, shell, matrix, title)
+            elif kind == "BREP_WITH_VOIDS":
+                raise InputError(title, "it is a solid with a void inside", "solids without voids")
+
+    def _solid(self, item: int, shell: int, matrix: Floats, title: str) -> None:
+        """Add the solid of a shell."""
+        self._count += 1
+        if self._count > _MOST_SOLIDS:
+            raise InputError("", "its assemblies hold too many solids", f"at most {_MOST_SOLIDS}")
+        own = str(self._file.calls[item][0][1][0] or "")
+        name = title if own.upper() in _UNNAMED or own == title else own
+        name = name or f"b{self._count}"
+        points, faces = self._faces(shell, name)
+        points = self._scale * (points @ matrix[:3, :3].T + matrix[:3, 3])
+        group = self._options.group(self._layers.get(item, ""), title, name)
+        self._parts.append(Part(name, group, points, faces))
+
+    def _faces(self, shell: int, title: str) -> tuple[Floats, Faces]:
+        """Return vertices (k, 3) and loops of a shell of plane faces."""
+        number: dict[int, int] = {}
+        bounds = []
+        for face in self._file.calls[shell][0][1][1]:
+            values = next(v for name, v in self._file.calls[face] if name in ("ADVANCED_FACE", "FACE_SURFACE", "FACE"))
+            if len(values) > 2 and not self._flat(values[2]):
+                kind = self._file.kind(values[2])
+                raise InputError(title, f"it has a curved face ({kind})", "plane faces with straight edges")
+            loops = []
+            for bound in values[1]:
+                content = self._file.calls[bound][0][1]
+                corners = self._corners(content[1], title)
+                if len(corners) > 2:
+                    loop = [number.setdefault(corner, len(number)) for corner in corners]
+                    loops.append(loop if content[2] != "F" else loop[::-1])
+            bounds.append(loops)
+        points = np.array([self._place(vertex) for vertex in number]).reshape(-1, 3)
+        return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
+
+    def _place(self, vertex: int) -> Floats:
+        """Return the place (3,) of a vertex, or of a point of a polygon."""
+        values = self._file.of(vertex, "VERTEX_POINT")
+        return self._point(values[1] if values else vertex)
+
+    def _corners(self, loop: int, title: str) -> list[int]:
+        """Return the vertices along a loop of straight edges."""
+        polygon = self._file.of(loop, "POLY_LOOP")
+        if polygon is not None:
+            return [int(point) for point in polygon[1]]
+        corners = []
+        for oriented in (self._file.of(loop, "EDGE_LOOP") or [None, []])[1]:
+            _, _, _, edge, sense = self._file.of(oriented, "ORIENTED_EDGE") or []
+            _, start, end, curve, *_ = self._file.of(edge, "EDGE_CURVE") or []
+            if not self._flat(curve, line=True):
+                raise InputError(
+                    title, f"it has a curved edge ({self._file.kind(self._bare(curve))})", "straight edges"
+                )
+            corners.append(int(end if sense == "F" else start))
+        return corners
+
+    def _bare(self, number: int) -> int:
+        """Return the curve that a curve on a surface, or a part of a curve, is of."""
+        while self._file.kind(number) in ("SURFACE_CURVE", "SEAM_CURVE", "TRIMMED_CURVE"):
+            number = self._file.calls[number][0][1][1]
+        return number
+
+    def _flat(self, number: int, *, line: bool = False) -> bool:
+        """Return True if a surface is plane, or a curve straight; splines by their control points."""
+        number = self._bare(number)
+        if self._file.kind(number) in ("PLANE", "LINE"):
+            return True
+        controls = [v for name, v in self._file.calls[number] if name.startswith(("B_SPLINE", "POLYLINE"))]
+        found = [ref for v in controls for ref in _references(v) if self._file.kind(ref) == "CARTESIAN_POINT"]
+        if len(found) < 2:
+            return False
+        points = np.array([self._point(ref) for ref in found])
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        return bool(spread[(1 if line else 2) :].max(initial=0.0) <= _STRAIGHT * spread[0])
+
+
+def _references(values: list[Any]) -> Iterator[int]:
+    """Yield the references in nested values."""
+    for value in values:
+        if isinstance(value, Ref):
+            yield value
+        elif isinstance(value, list):
+            yield from _references(value)
