@@ -68,7 +68,7 @@ newest:
 	$(PYTHON) src/jld_core/batch/build.py --in-place --best
 	$(PYTHON) -m venv $(NEWEST)
 	JLD_COMPILED_APART=1 $(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
-		--upgrade -e . pytest hypothesis
+		--upgrade -e '.[parquet,reference]' pytest hypothesis
 	$(NEWEST)/bin/python -m pytest -q tests/core/test_silent_solvers.py tests/core/test_result_json.py \
 		tests/core/test_wide_brackets.py tests/validation/test_hard_cases.py tests/explore/test_enumeration.py \
 		tests/explore/test_tables_on_disk.py

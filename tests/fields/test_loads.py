@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples
+from cases_spatial import box
+from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
@@ -165,3 +166,30 @@ def test_flagship_load_is_uniform_over_the_top_of_its_cell() -> None:
     _, loads = loaded_mesh(assembly)
     assert len(loads.segments) == 1
     assert loads.segments[0].live == pytest.approx(np.array([[0.0, -1e5], [0.0, -1e5]]), abs=1e-6)
+
+
+@pytest.mark.parametrize("first", range(4))
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_force_as_steep_on_two_faces_is_asked_for(dimension: int, first: int) -> None:
+    """At an edge of a block, 45° from both faces; the order of corners or faces would choose one of them."""
+    if dimension == 2:
+        square = [[0, 1], [1, 1], [1, 2], [0, 2]]
+        block: dict[str, Any] = {"id": "a", "polygon": square[first:] + square[:first]}
+        ground: dict[str, Any] = {"id": "s", "polygon": [[0, 0], [1, 0], [1, 1], [0, 1]], "support": True}
+        force, at = [4e2, -4e2], [0.0, 2.0]
+    else:
+        block, ground = box("a", [0, 0, 1], [1, 1, 2]), box("s", [0, 0, 0], [1, 1, 1], support=True)
+        block["faces"] = block["faces"][first:] + block["faces"][:first]
+        force, at = [4e2, 0.0, -4e2], [0.0, 0.5, 2.0]
+    document = {
+        "elements": [block, ground],
+        "materials": {
+            "density": 2000,
+            "dry": {"friction_coefficient": 0.6},
+            "inner": {"tensile_strength": 1e5, "shear_strength": 1.5e5},
+        },
+        "loads": {"live": [{"element": "a", "force": force, "at": at}]},
+        "cracks": {"kind": "fields", "gap": 5.0},
+    }
+    with pytest.raises(InputError, match="as steep on two free faces"):
+        solve(document)

@@ -233,25 +233,40 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Float
     """Return the index of the free face of a cell that a force acts on; None if it acts inside or beyond the cell.
 
     place, vector: (2,) of the force. Of several faces, that of the steepest push is taken. Raises InputError for a
-    force on the outline of a cell without a free face there.
+    force on the outline of a cell without a free face there, and for one that is as steep on two of them.
     """
     reach = tolerances.ON_OUTLINE * assembly.size
     if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(shapely.Point(*place)) > reach:
         return None
-    best: tuple[float, int] | None = None
+    found: list[tuple[float, int]] = []
     for index, face in enumerate(faces):
         away = place - face.start
         off, at = abs(away[0] * face.along[1] - away[1] * face.along[0]), float(away @ face.along)
         if face.cell == cell and off <= reach and -reach <= at <= face.length + reach:
-            push = float(abs(vector[0] * face.along[1] - vector[1] * face.along[0]))
-            best = max((push, -index), best or (-1.0, 0))
-    if best is None:
+            found.append((float(abs(vector[0] * face.along[1] - vector[1] * face.along[0])), index))
+    if not found:
         raise InputError(
             f"element {assembly.elements.ids[cell]!r}",
             f"a force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
             "a force on a free face or inside the element",
         )
-    return -best[1]
+    return steepest(found, assembly.elements.ids[cell], place)
+
+
+def steepest(found: list[tuple[float, int]], element: str, place: Floats) -> int:
+    """Return the number with the largest push of pairs (push, number), of faces that hold the place (d,) of a force.
+
+    Raises InputError where two pushes are alike: the order of faces would choose.
+    """
+    (push, number), *others = sorted(found, reverse=True)
+    if others and others[0][0] >= push * (1.0 - tolerances.CONTACT):
+        spot = ", ".join(f"{value:g}" for value in place)
+        raise InputError(
+            f"element {element!r}",
+            f"the force at ({spot}) is as steep on two free faces, and would be spread over either",
+            "a place on one of them, or another direction",
+        )
+    return number
 
 
 def _segments(assembly: Assembly, face: _FreeFace, dead: Sequence[_Piece], live: Sequence[_Piece]) -> list[Segment]:

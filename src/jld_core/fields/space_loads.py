@@ -19,6 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.fields.loads import steepest
 from jld_core.fields.space_cones import across
 from jld_core.fields.space_layers import (
     Facet,
@@ -404,7 +405,8 @@ _Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
     """Return facet and number of the free region of a cell that a force acts on.
 
-    None if it acts inside or beyond the cell. Raises InputError for a force on the surface without a free region there.
+    None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken. Raises InputError
+    for a force on the surface without a free region there, and for one that is as steep on two of them.
     """
     # Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
@@ -412,22 +414,23 @@ def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -
     height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)
     if abs(height) > reach:
         return None
-    best: tuple[float, int, int] | None = None
+    found: list[tuple[float, int]] = []
+    regions: list[tuple[int, int]] = []
     for index, facet in own:
         if abs(float((force.place - facet.origin) @ facet.normal)) > reach:
             continue
         point = shapely.Point(*facet.flat(force.place[None])[0])
         for number, region in enumerate(surface.free(facet)):
             if region.distance(point) <= reach:
-                key = (-abs(float(force.vector @ facet.normal)), index, number)
-                best = key if best is None or key < best else best
-    if best is None:
+                found.append((abs(float(force.vector @ facet.normal)), len(regions)))
+                regions.append((index, number))
+    if not found:
         raise InputError(
             f"element {assembly.elements.ids[cell]!r}",
             f"a force acts on its surface at {_place_text(force.place)}, where it has no free face",
             "a force on a free face or inside the element",
         )
-    return best[1:]
+    return regions[steepest(found, assembly.elements.ids[cell], force.place)]
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Spread:

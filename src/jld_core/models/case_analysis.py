@@ -360,7 +360,9 @@ def solve_by_elements(
         As `solve`, or if blocks crack by fields.
     """
     elements, own = rigid(assembly, labels, what)
-    return replace(solve_rigid(elements, own, model), cracks=assembly.cracks)
+    found = solve_rigid(elements, own, model)
+    cases = {name: replace(one, cracks=assembly.cracks) for name, one in found.cases.items()}
+    return replace(found, cracks=assembly.cracks, cases=cases)
 
 
 @one_thread()

@@ -17,6 +17,7 @@ from jld_core.errors import InputError
 from jld_core.refinement.refine import refine
 from jld_core.refinement.transfer import face_of_piece
 from jld_core.scene import Scene
+from jld_core.scene.uncertain import Uncertain
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         stated = {"cases": [one.case for one in placed], "moving": None, "pushes": None}
         scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated)})
     try:
-        refined = refine(scene, (cell,))
+        refined = refine(_at_means(scene), (cell,))
     except InputError as error:
         where = "cracks" if error.where.startswith("--cell") else error.where
         raise InputError(where, error.problem, error.expected) from None
@@ -55,6 +56,16 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     places = [one.place for one in placed] or [None] * len(fine.cases)
     cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
+
+
+def _at_means(scene: Scene) -> Scene:
+    """Return a scene whose members have their mean capacities: pieces share a number, not a distribution."""
+    means = [
+        {key: float(value) for key, value in vars(member).items() if isinstance(value, Uncertain)}
+        for member in scene.members
+    ]
+    members = [member.model_copy(update=one) for member, one in zip(scene.members, means, strict=True)]
+    return scene.model_copy(update={"members": members}) if any(means) else scene
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:

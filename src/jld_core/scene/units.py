@@ -65,7 +65,9 @@ _EXAMPLES: Final = {
 
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
-    **dict.fromkeys(("at", "width", "path", "distance", "along", "patch", "thickness", "level"), _LENGTH),
+    **dict.fromkeys(
+        ("at", "width", "path", "distance", "along", "patch", "thickness", "level", "cell", "tolerance"), _LENGTH
+    ),
     "moment": _MOMENT,
     "line": _LINE,
     "density": _DENSITY,
