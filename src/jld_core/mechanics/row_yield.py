@@ -175,7 +175,8 @@ class RowYield:
     def _of(self, labels: Bits, name: str) -> NDArray[Any]:
         """Return an array of `LabelRows` by its name, for the label of each face."""
         dry, inner = getattr(self.dry, name), getattr(self.inner, name)
-        return np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
+        found: NDArray[Any] = np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
+        return found
 
     def _full(self, labels: Bits, core: str, shear: Bools) -> Bools:
         """Return a mask (m, q) from one of core resultants, and from masks (m, 2) of shear and torsion."""
