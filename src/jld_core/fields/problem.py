@@ -112,7 +112,7 @@ def material_of(assembly: Assembly) -> Material:
         raise InputError(
             "materials.inner",
             "cracks by fields need the strengths of the blocks",
-            "tensile_strength and shear_strength",
+            " and ".join(key_of("inner", side) for side in ("tension", "shear")),
         )
     plain = np.where(np.isinf(named), -1.0, named)
     if not (np.ptp(plain, axis=0) <= tolerances.ROUNDING * abs(plain).max(axis=0)).all():

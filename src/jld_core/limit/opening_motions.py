@@ -14,7 +14,7 @@ from jld_core.limit.auxiliary_programs import (
 )
 from jld_core.limit.bounds import Motion, Prover
 from jld_core.program import Template
-from jld_core.strengths import Route
+from jld_core.strengths import Route, Strengths
 
 _ROUTE: Final = Route("opening motions")
 
@@ -102,13 +102,11 @@ class OpeningMotions:
             return self.template if rows is None else self.template.with_rows(rows)
         strengths = assembly.strengths(_ROUTE)
         # A member has finite dissipation for every jump, as it stands.
-        bounded = assembly.of_members
-        crushing = np.isfinite(strengths.crush_dry) | np.isfinite(strengths.crush_inner)
-        crushes = bool((crushing & ~bounded).any())
-        friction = np.fmax(strengths.friction, strengths.inner_friction)
-        if not crushes and not (strengths.inner_friction > np.nan_to_num(strengths.friction)).any():
+        bounded, dry, inner = assembly.of_members, strengths.side(dry=True), strengths.side(dry=False)
+        crushes = bool((strengths.crushes & ~bounded).any())
+        if not crushes and not (inner.friction > np.nan_to_num(dry.friction)).any():
             return self.template
         endless = np.full(len(assembly.interfaces), np.inf)
-        inner = np.where(bounded, strengths.crush_inner, endless)
-        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=inner)
+        steep = replace(dry, friction=np.fmax(dry.friction, inner.friction), crush=endless)
+        strengths = Strengths.of(steep, replace(inner, crush=np.where(bounded, inner.crush, endless)))
         return Template(assembly.with_strengths(strengths), scaling, beside=self.template.beside)

@@ -138,11 +138,7 @@ def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> Face
         edge = np.array([[0.0, 1.0], [0.0, -1.0]])
         edges, kern = (np.broadcast_to(scale * edge, (len(which), 2, 2)) for scale in (1.0, 3.0))
     else:
-        counts = np.diff(bending.start)[which]
-        edges, kern = (np.zeros((len(which), int(counts.max(initial=0)), 2)) for _ in range(2))
-        for place, face in enumerate(which.tolist()):
-            part = slice(bending.start[face], bending.start[face + 1])
-            edges[place, : counts[place]], kern[place, : counts[place]] = bending.dry[part], bending.inner[part]
+        edges, kern = (bending.table(dry=dry)[0][which] for dry in (True, False))
     return FaceGeometry(
         faces.normal.shape[1],
         *(own.normal, own.e1, own.e2, own.l1, own.l2, own.area, own.c_t, own.origin, edges, kern),

@@ -22,7 +22,7 @@ from jld_core.mechanics.crushing import Crushing, Parabolas, Rectangles, parabol
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_set import CoulombWedge, ParabolicBending
-from jld_core.scene.standard import ENDS
+from jld_core.scene.standard import ENDS, key_of
 from jld_core.strengths import CRITERIA, STANDARD, Route, Side, Strengths
 
 _ROUTE: Final = Route("the standard yield set")
@@ -270,7 +270,7 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
     odd = np.flatnonzero(np.isfinite(dry.crush) & ~np.isnan(dry.friction) & ~faces.rectangle)
     if odd.size:
         problem = f"face {assembly.pair(odd[0])} is no rectangle"
-        raise InputError("compressive_strength of dry faces", problem, "rectangles only")
+        raise InputError(f"{key_of('dry', 'crush')} of dry faces", problem, "rectangles only")
     return _standard_yield(
         numbers, bending_of(faces, point, inner_bending, np.isfinite(numbers.side(dry=False).crush)), point
     )

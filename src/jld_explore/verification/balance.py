@@ -19,6 +19,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.scene.standard import key_of
 from jld_core.strengths import Route
 
 _ROUTE: Final = Route("certificates")
@@ -62,7 +63,7 @@ class Balances:
         if not self._planar:
             if (strengths.crushes & ~assembly.of_members).any():
                 raise InputError(
-                    "materials", "crushing in space has no certificate", "no compressive_strength in space"
+                    "materials", "crushing in space has no certificate", f"no {key_of('dry', 'crush')} in space"
                 )
             if not faces.rectangle.all():
                 raise InputError("interfaces", "a face is no rectangle", "rectangular faces, for a certificate")

@@ -12,6 +12,7 @@ from scipy.special import ndtr
 from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.mechanics.yield_set import FrictionSet
+from jld_core.scene.standard import PARAMETERS
 from jld_core.threads import one_thread
 from jld_practice.reliability.bounds import SampleBounds
 
@@ -141,7 +142,8 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
     jumps: (m, q). normal: (m,) normal forces of the collapse state. labels: (m,) True = dry.
     """
     slip = sets.slip(jumps) * normal
-    found = {"friction": np.where(labels, slip, 0.0), "inner_friction": np.where(labels, 0.0, slip)}
+    frictions = [one for one in PARAMETERS if one.side == "friction"]
+    found = {one.field: np.where(labels == (one.label == "dry"), slip, 0.0) for one in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
         ends = [

@@ -19,6 +19,7 @@ from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.loads import Loads
 from jld_core.scene import Scene, parse_scene
+from jld_core.scene.standard import ENDS, PARAMETERS
 from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
 from jld_core.strengths import Route, Strengths
 
@@ -132,13 +133,14 @@ class RandomStructure:
             if one.angle:
                 x, m = _tangent(x), _tangent(m)
             base = getattr(own, one.field)[one.faces]
-            least = _LEAST * base if one.field.startswith("crush") else 0.0
+            least = _LEAST * base if one.field in ENDS else 0.0
             tables[one.field][:, one.faces] = np.maximum(base + (x - m), least)
-        tension, shear, friction = (tables[name] for name in ("tension", "shear", "inner_friction"))
+        inner = {one.side: one.field for one in PARAMETERS if one.label == "inner"}
+        tension, shear, friction = (tables[inner[side]] for side in ("tension", "shear", "friction"))
         with np.errstate(divide="ignore", invalid="ignore"):
             apex = np.where(friction > 0.0, shear / friction, np.inf)
         if self.followers:
-            tables["tension"] = np.where(tension > apex, apex, tension)
+            tables[inner["tension"]] = np.where(tension > apex, apex, tension)
         return Strengths(**{name: np.ascontiguousarray(table.ravel()) for name, table in tables.items()})
 
     def loads(self, values: Floats, case: int) -> tuple[Floats, Floats]:
