@@ -26,7 +26,8 @@ def _import_scipy() -> None:
     # testing, ma, polynomial, ...). They are out of sight meanwhile, and load as ever when they are named afterwards.
     import numpy
 
-    names, parts = list(numpy.__all__), getattr(numpy, "__numpy_submodules__", set())
+    names = list(numpy.__all__)
+    parts: set[str] = getattr(numpy, "__numpy_submodules__", set())
     hidden = {name for name in {*names, *parts} if name not in vars(numpy)}
     kept = parts & hidden
     try:
