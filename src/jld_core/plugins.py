@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -30,7 +31,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     Raises InputError where two packages give one name: which of them counts must not depend on an order.
     """
     found: dict[str, EntryPoint] = {}
-    for point in sorted(_installed().select(group=group), key=lambda one: (one.name, one.value)):
+    for point in sorted(_installed(tuple(sys.path)).select(group=group), key=lambda one: (one.name, one.value)):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
@@ -40,8 +41,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed() -> Any:
-    """Return the entry points of all packages, whose metadata are read once."""
+def _installed(path: tuple[str, ...]) -> Any:
+    """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 
     return metadata.entry_points()
