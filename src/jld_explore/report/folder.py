@@ -153,13 +153,12 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     of_study = study.facts(results)
     found |= study.driver.facts(results, complete) | of_study
     found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
-    aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
     asked = required.facts(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
-    every = front_rows(front, known, axes, complete=sure, aimed=aimed)
+    every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")
     on_front = {str(value) for value in values_on(front, counts)}
     found["front"] = [row for row in every if str(row["count"]) in on_front]
     found["best_by_count"] = every
