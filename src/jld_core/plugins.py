@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -30,7 +31,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
     Raises InputError where two packages give one name: which of them counts must not depend on an order.
     """
-    points = list(_installed().select(group=group))
+    points = list(_installed(tuple(sys.path)).select(group=group))
     checkout = _of_checkout()
     if checkout is not None:
         from importlib import metadata
@@ -48,8 +49,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed() -> Any:
-    """Return the entry points of all packages, whose metadata are read once."""
+def _installed(path: tuple[str, ...]) -> Any:
+    """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 
     return metadata.entry_points()

@@ -42,7 +42,6 @@ from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unf
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report import folder as folders
 from jld_explore.report.folder import check_certificate_file, write_tables
-from jld_explore.report.result_files import write_results
 from jld_explore.settings import ExploreSettings, Objective
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.steps import Step, StepContext, run_steps, steps_of
@@ -268,11 +267,9 @@ def _search(
     reason = run_study(study, deadline)
     try:
         with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, later(deadline, settings, TABLES), later=checked is not None)
+            done = write_tables(study, reason, later(deadline, settings, TABLES), alone=checked is None)
             say()  # of a resumed search without a new layout
-            if checked is not None:
-                done = add_check(done, study.space, checked, until)
-                write_results(folder, done.results, csv=settings.csv)
+            done = done if checked is None else add_check(done, study.space, checked, until, settings)
         return _completed(study, done, steps, deadline, until, announce)
     except Interrupted as stop:
         if settings.pictures:

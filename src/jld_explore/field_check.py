@@ -25,6 +25,7 @@ from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
 from jld_explore.report import Exploration, Summary
+from jld_explore.report.result_files import write_results
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
 
@@ -89,10 +90,12 @@ def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
     return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
 
 
-def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline) -> Exploration:
-    """Check the best layouts by fields; add the bounds to the summary on disk.
+def add_check(
+    done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline, settings: ExploreSettings
+) -> Exploration:
+    """Check the best layouts by fields; write the results with the bounds, and add these to the summary on disk.
 
-    Result: the search with columns `fields_lo` and `fields_hi`, which are not written, and `fields` in its summary.
+    Result: the search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
     """
     start = time.perf_counter()
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)
@@ -125,6 +128,7 @@ def add_check(done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: 
     best = [number(low[0]), number(high[0])] if checked else None
     of_blocks = {"fields": facts, "by_fields": best, "uncut": facts["uncut"]}
     found = replace(done, results=results, summary=Summary.of({**done.summary.facts, **of_blocks}))
+    write_results(done.folder, found.results, csv=settings.csv)
     write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
     return found
 

@@ -64,7 +64,6 @@ def forget() -> None:
     """Drop what was found on the path."""
     plugins.entry_points.cache_clear()
     plugins.load.cache_clear()
-    plugins._installed.cache_clear()
 
 
 def with_criterion(document: dict[str, Any], label: str, name: str, **parameters: float) -> dict[str, Any]:

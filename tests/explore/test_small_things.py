@@ -193,3 +193,17 @@ def test_a_matplotlibrc_in_the_current_folder_does_not_matter(content: bytes, tm
         assert done.returncode == 0, done.stderr
         pictures.append((folder / "a.png").read_bytes())
     assert pictures[0] == pictures[1]
+
+
+def test_parts_of_numpy_that_the_command_line_leaves_out_load_when_named() -> None:
+    code = (
+        "import sys; sys.argv = ['jld', '--version']\n"
+        "from jld_explore.__main__ import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "left = {'numpy.f2py', 'numpy.testing'} & set(sys.modules)\n"
+        "import numpy\n"
+        "kept = {'f2py', 'ma', 'testing'} <= set(numpy.__all__) & set(dir(numpy))\n"
+        "print(sorted(left), kept, numpy.ma.masked is not None)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.splitlines()[-1] == "[] True True"

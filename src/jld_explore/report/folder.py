@@ -119,10 +119,8 @@ def check_certificate_file(path: Path, folder: Path) -> None:
         raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
-def write_tables(
-    study: Study, reason: StopReason, deadline: Deadline | None = None, *, later: bool = False
-) -> Exploration:
-    """Write all tables of a finished study; later: the caller writes the results, to which columns come."""
+def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None, alone: bool = True) -> Exploration:
+    """Write all tables of a finished study; not alone: the caller adds columns to the results and writes them."""
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
@@ -155,13 +153,12 @@ def write_tables(
     of_study = study.facts(results)
     found |= study.driver.facts(results, complete) | of_study
     found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
-    aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
     asked = required.facts(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
-    every = front_rows(front, known, axes, complete=sure, aimed=aimed)
+    every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")
     on_front = {str(value) for value in values_on(front, counts)}
     found["front"] = [row for row in every if str(row["count"]) in on_front]
     found["best_by_count"] = every
@@ -174,7 +171,7 @@ def write_tables(
     found["cracks"] = cracks_to_json(study.scene.cracks)
     found |= {"by_fields": _bracket_of_best(results) if by_fields else None, "uncut": None}
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
-    if not later:
+    if alone:
         write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
