@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
-from jld_core.geometry.vectors import area_vector
+from jld_core.geometry import area_vector
 from jld_core.scene import Scene
 from jld_core.scene.units import METRES
 
