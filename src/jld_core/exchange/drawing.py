@@ -72,33 +72,11 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     """
     # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
     # labels and loads. Decisions are added to `notes`, and the result holds them as its report.
-    layers = [path.layer for path in drawing.paths] + [mark.layer for mark in drawing.marks]
-    refuse_unknown(options, [*layers, *drawing.layers], "layer")
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
-    paths = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
-    ignored = Counter(path.layer for path in drawing.paths if options.role(path.layer) == "skip")
-    for layer, count in sorted(ignored.items()):
-        chosen = options.chosen(layer)
-        why = "its name says a frame, axis, dimension or text" if chosen else "it is not to be read"
-        notes.skip(several(count, "path").partition(" ")[2] + f" on layer {layer or '(none)'}", count, why)
+    paths, loads = _read_paths(drawing, options, scale, notes)
     marks = [mark.scaled(scale) for mark in drawing.marks]
-    loads = [path for path in paths if options.role(path.layer) in ("load", "dead")]
-    paths = [path for path in paths if options.role(path.layer) not in ("load", "dead")]
-    if options.up is not None:
-        raise ParameterError("up", "the file is a drawing, which has no such axis", "no such option")
-    if not paths:
-        left = f": all paths are on layers that are not read ({listed(sorted(ignored))})" if ignored else ""
-        wish = "outlines, or a network of lines, to be elements"
-        raise InputError("", f"it holds no closed outline and no line{left}", wish)
-    if sum(len(path.points) for path in paths) > MOST:
-        raise InputError("", "it holds too many corners", f"at most {MOST}")
-    size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
-    places = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
-    if not all((np.abs(place) <= _MOST_SIZE).all() for place in places):
-        raise InputError("", "a point, a text or an arrow lies out of range", f"coordinates up to {_MOST_SIZE:g} m")
-    if not _LEAST <= size <= _MOST_SIZE:
-        raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
+    _refuse_range(paths, loads, marks, unit)
     paths = without_frames(paths, marks, options, notes)
     read = len(paths)
     paths, holes = with_holes(paths)
@@ -149,6 +127,41 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     notes.found.insert(0, f"{counted}, {in_words(measured, unit)}")
     document = complete(document, options, notes, dimension=2)
     return Imported(document, notes.report(), drawn_in, scale)
+
+
+def _read_paths(drawing: Drawing, options: ImportOptions, scale: float, notes: Notes) -> tuple[list[Path], list[Path]]:
+    """Return the paths of a drawing that are structure, and those of loads, scene units; note what is not read.
+
+    Raises InputError where no path is structure, and ParameterError for options that the drawing cannot meet.
+    """
+    if options.up is not None:
+        raise ParameterError("up", "the file is a drawing, which has no such axis", "no such option")
+    layers = [path.layer for path in drawing.paths] + [mark.layer for mark in drawing.marks]
+    refuse_unknown(options, [*layers, *drawing.layers], "layer")
+    ignored = Counter(path.layer for path in drawing.paths if options.role(path.layer) == "skip")
+    for layer, count in sorted(ignored.items()):
+        why = "its name says a frame, axis, dimension or text" if options.chosen(layer) else "it is not to be read"
+        notes.skip(f"{'path' if count == 1 else 'paths'} on layer {layer or '(none)'}", count, why)
+    read = [path.scaled(scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
+    loads = [path for path in read if options.role(path.layer) in ("load", "dead")]
+    paths = [path for path in read if options.role(path.layer) not in ("load", "dead")]
+    if not paths:
+        left = f": all paths are on layers that are not read ({listed(sorted(ignored))})" if ignored else ""
+        wish = "outlines, or a network of lines, to be elements"
+        raise InputError("", f"it holds no closed outline and no line{left}", wish)
+    if sum(len(path.points) for path in paths) > MOST:
+        raise InputError("", "it holds too many corners", f"at most {MOST}")
+    return paths, loads
+
+
+def _refuse_range(paths: list[Path], loads: list[Path], marks: list[Mark], unit: str) -> None:
+    """Raise InputError for a size, or a place of a load, out of range."""
+    size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
+    places = [np.array(mark.at) for mark in marks] + [path.points[:, :2] for path in loads]
+    if not all((np.abs(place) <= _MOST_SIZE).all() for place in places):
+        raise InputError("", "a point, a text or an arrow lies out of range", f"coordinates up to {_MOST_SIZE:g} m")
+    if not _LEAST <= size <= _MOST_SIZE:
+        raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:

@@ -312,36 +312,14 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     """
     # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
     # to `notes`, and the result holds them as its report.
-    named = [name for part in found.parts for name in (part.group, part.name)]
-    of_marks = [mark.layer for mark in found.marks]
-    if found.parts:
-        refuse_unknown(options, [*named, *of_marks], "layer, group or name")
-    parts = [part for part in found.parts if options.chosen(part.group, part.name)]
-    notes.skip("solids", len(found.parts) - len(parts), "their layer or group is not to be read")
-    if options.up == "y":
-        parts = [replace(part, vertices=part.vertices @ _Y_UP) for part in parts]
-        found = replace(
-            found,
-            contacts=[(a, b, corners @ _Y_UP) for a, b, corners in found.contacts],
-            marks=[
-                SolidMark(m.at @ _Y_UP, m.layer, m.text, None if m.tail is None else m.tail @ _Y_UP)
-                for m in found.marks
-            ],
-            drawn=[(role, corners @ _Y_UP) for role, corners in found.drawn],
-        )
-        notes.found.append("y up, made z")
+    found = _chosen(found, options, notes)
+    parts = found.parts
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
     scale, unit, drawn_in = _scale(found, options, notes)
-    supports = _supports(parts, options)
-    if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
-        added = _feet(parts, 0.0 if options.tolerance is None else options.tolerance)
-        if added:
-            notes.assumed.append("supports below the lowest faces: the file names none")
-            supports = [*(part.support for part in parts), *(True for _ in added)]
-            parts = [*parts, *added]
+    parts, supports = _on_feet(parts, options, notes, feet=feet)
     names = _names([part.name for part in parts])
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
@@ -349,18 +327,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
     _note_moved(snapped, tolerance, scale, drawn_in, notes)
-    kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
-    bent = sum(map(len, kept))
-    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
-    if sum(map(len, kept)) > bent:
-        notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
-    whole, faces, *_ = closed_solids(names, snapped.vertices, kept)
-    turned = sum(a != b for a, b in zip(faces, kept, strict=True))
-    notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
-    given = sum(len(part.faces) for part in parts)
-    whole, faces = _merged(whole, faces)
-    if (now := sum(map(len, faces))) < given:
-        notes.found.append(f"{given} faces merged to {now} plane ones")
+    whole, faces = _outer_faces(parts, names, snapped, notes)
     check_supports(supports, options)
     if LOWEST in options.support:
         chosen = (name for name, support in zip(names, supports, strict=True) if support)
@@ -402,6 +369,61 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     if not found.facts:
         say_size(measured, length, drawn_in, notes)
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _chosen(found: Solids, options: ImportOptions, notes: Notes) -> Solids:
+    """Return the solids that are to be read, with z upwards."""
+    if found.parts:
+        named = [name for part in found.parts for name in (part.group, part.name)]
+        refuse_unknown(options, [*named, *(mark.layer for mark in found.marks)], "layer, group or name")
+    parts = [part for part in found.parts if options.chosen(part.group, part.name)]
+    notes.skip("solids", len(found.parts) - len(parts), "their layer or group is not to be read")
+    if options.up != "y":
+        return replace(found, parts=parts)
+    notes.found.append("y up, made z")
+    return replace(
+        found,
+        parts=[replace(part, vertices=part.vertices @ _Y_UP) for part in parts],
+        contacts=[(a, b, corners @ _Y_UP) for a, b, corners in found.contacts],
+        marks=[
+            replace(mark, at=mark.at @ _Y_UP, tail=None if mark.tail is None else mark.tail @ _Y_UP)
+            for mark in found.marks
+        ],
+        drawn=[(role, corners @ _Y_UP) for role, corners in found.drawn],
+    )
+
+
+def _on_feet(parts: list[Part], options: ImportOptions, notes: Notes, *, feet: bool) -> tuple[list[Part], list[bool]]:
+    """Return solids with True for each support; supports are added below where none, or only lowest ones, are there."""
+    supports = _supports(parts, options)
+    if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
+        added = _feet(parts, 0.0 if options.tolerance is None else options.tolerance)
+        if added:
+            notes.assumed.append("supports below the lowest faces: the file names none")
+            return [*parts, *added], [*(part.support for part in parts), *(True for _ in added)]
+    return parts, supports
+
+
+def _outer_faces(
+    parts: list[Part], names: list[str], snapped: SnappedSolids, notes: Notes
+) -> tuple[list[Floats], list[Faces]]:
+    """Return vertices and plane faces of snapped solids, turned outward and merged.
+
+    Raises InputError for a solid that is open.
+    """
+    kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
+    bent = sum(map(len, kept))
+    kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    if sum(map(len, kept)) > bent:
+        notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
+    whole, faces, *_ = closed_solids(names, snapped.vertices, kept)
+    turned = sum(a != b for a, b in zip(faces, kept, strict=True))
+    notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
+    given = sum(len(part.faces) for part in parts)
+    whole, faces = _merged(whole, faces)
+    if (now := sum(map(len, faces))) < given:
+        notes.found.append(f"{given} faces merged to {now} plane ones")
+    return whole, faces
 
 
 def _say_axis(vertices: list[Floats], supports: list[bool], options: ImportOptions, notes: Notes) -> None:

@@ -47,7 +47,9 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
         for name in READING:
             if getattr(options, name):
                 raise ParameterError(
-                    name, "the outline is a scene, which states this itself", "a drawing, or no such option"
+                    name.partition("_")[0],
+                    "the outline is a scene, which states this itself",
+                    "a drawing, or no such option",
                 )
         notes = Notes()
         with reading(file):
