@@ -172,11 +172,22 @@ class RowYield:
         """Return True if one gauge |V| + k|mT| limits shear and torsion under either label."""
         return self.dry.plain and self.inner.plain
 
+    @cached_property
+    def _last(self) -> list[tuple[bytes, dict[str, NDArray[Any]]]]:
+        """Return the labels that were asked for last, as bytes, and their arrays by name."""
+        return [(b"", {})]
+
     def _of(self, labels: Bits, name: str) -> NDArray[Any]:
-        """Return an array of `LabelRows` by its name, for the label of each face."""
-        dry, inner = getattr(self.dry, name), getattr(self.inner, name)
-        chosen: NDArray[Any] = np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
-        return chosen
+        """Return an array of `LabelRows` by its name, for the label of each face; callers must not write to it."""
+        # A proof asks for several arrays of one labelling. A pair is replaced as a whole, so that threads may share it.
+        key, known = labels.tobytes(), self._last[0]
+        if known[0] != key:
+            known = self._last[0] = (key, {})
+        found = known[1].get(name)
+        if found is None:
+            dry, inner = getattr(self.dry, name), getattr(self.inner, name)
+            found = known[1][name] = np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
+        return found
 
     def _full(self, labels: Bits, core: str, shear: Bools) -> Bools:
         """Return a mask (m, q) from one of core resultants, and from masks (m, 2) of shear and torsion."""

@@ -146,11 +146,11 @@ class StandardYield(RowYield):
 
     def friction_of(self, labels: Bits) -> Floats:
         """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
-        return self._of(labels, "mu")[:, 0]
+        return np.array(self._of(labels, "mu")[:, 0])
 
     def capacity_of(self, labels: Bits) -> Floats:
         """Return the scaled shear capacity (m,) of each face at N = 0."""
-        return self._of(labels, "c")[:, 0]
+        return np.array(self._of(labels, "c")[:, 0])
 
     def shear_of(self, forces: Floats) -> Floats:
         """Return the shear demand (m,) of scaled resultants (m, q): |V|, in space |V| + |mT|, but |V| at points."""
