@@ -94,7 +94,7 @@ def design(
 
     forces = [text for text in load or () if is_force(text)]
     if len(forces) > 1:
-        raise ParameterError("load", f"{len(forces)} forces are given", "one, with --places where it acts")
+        raise ParameterError("load", f"{len(forces)} forces are given", "one force, which may act at several places")
     layers = layer_options(
         layer=layer,
         skip=skip,

@@ -239,6 +239,7 @@ def test_verification_imports_nothing_that_searches_or_solves() -> None:
     allowed += (
         "jld_core.strengths",
         "jld_core.files",
+        "jld_core.scene.standard",
         "jld_core.scene.uncertain",
         "jld_core.tolerances",
         "jld_core",
