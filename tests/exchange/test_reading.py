@@ -141,7 +141,10 @@ def test_a_layer_that_is_not_there_is_refused(option: str, tmp_path: Path) -> No
 def test_design_takes_a_force_or_layers_as_load(tmp_path: Path, jld: Command) -> None:
     path = drawing(tmp_path / "a.dxf", wall)
     done = jld("design", path, "-o", tmp_path / "o", "--load", "1 kN", "--load", "2 kN")
-    assert (done.code, done.err) == (2, "jld: --load: 2 forces are given; expected one, with --places where it acts\n")
+    assert (done.code, done.err) == (
+        2,
+        "jld: --load: 2 forces are given; expected one force, which may act at several places\n",
+    )
     done = jld("design", path, "-o", tmp_path / "o", "--load", "LASTEN")
     assert "no layer of the file is like 'LASTEN'" in done.err
 

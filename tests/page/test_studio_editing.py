@@ -115,7 +115,7 @@ def test_scenes_and_files_of_compas_are_both_json(local: Local) -> None:
         ("a.svg", b"<svg>", {}, "a.svg"),
         ("a.svg", b"<svg/>", {"unit": "mile"}, "unit: no unit is named"),
         ("a.svg", b"<svg/>", {"tolerance": "1"}, "a length as a number"),
-        ("a.svg", b"<svg/>", {"layer": "x"}, "layer: an import has no such option"),
+        ("a.svg", b"<svg/>", {"colour": "x"}, "colour: an import has no such option"),
         ("../a.svg", b"<svg/>", {}, "the plain name of a file"),
         ("a.json", json.dumps(small_scene() | {"cracks": {"kind": "cells", "cell": 0.1}}).encode(), {}, "faces and"),
     ],
