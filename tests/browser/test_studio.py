@@ -49,6 +49,11 @@ def answered(found: Visit) -> dict[str, object]:
     return dict(ready.json_value())
 
 
+def bracketed(found: Visit) -> None:
+    """Wait for the bracket of blocks that crack anywhere: its lines move the drawing."""
+    found.page.wait_for_function("() => /blocks that crack anywhere: \\[/.test(document.body.innerText)")
+
+
 def leave(found: Visit) -> None:
     """Leave a page whose studio is about to end: its next request would be an error."""
     found.page.goto("about:blank")
@@ -110,12 +115,8 @@ def test_a_dragged_joint_moves_and_is_taken_back(visit: Open, address: str) -> N
     first = answered(found)["load_factor"]
     found.page.locator("[data-tool=joint]").click()
     handle = found.page.locator("circle.handle[data-vertex='4']")
+    bracketed(found)
     box = handle.bounding_box()
-    for _ in range(20):  # notes of a late answer may still move the drawing
-        found.page.wait_for_timeout(200)
-        before, box = box, handle.bounding_box()
-        if box == before:
-            break
     assert box is not None
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
     found.page.mouse.move(x, y)
@@ -127,6 +128,8 @@ def test_a_dragged_joint_moves_and_is_taken_back(visit: Open, address: str) -> N
     assert list(vertices) == ["4"]
     after = answered(found)["load_factor"]
     assert after != first
+    bracketed(found)
+    looks_like(found, "studio_joints")
     assert found.run("() => studio.steps.past.length") == 2
     drawn = found.run("() => studio.data.structure.faces.flatMap((face) => face.polygon)")
     assert any(np.allclose(point, next(iter(vertices.values()))) for point in drawn)
