@@ -108,19 +108,6 @@ class Format:
     labels: frozenset[State] = field(default=frozenset())
 
 
-def of_text(module: str, function: str) -> Callable[..., None]:
-    """Return a writer by a function that returns the text, or the bytes, of a file; its module is imported then.
-
-    The function is called with a layout, and with ``cells`` where it has that parameter.
-    """
-
-    def write(layout: Layout, path: Path, *, cells: bool) -> None:
-        content = getattr(import_module(module), function)(layout, cells=cells)
-        path.write_bytes(content) if isinstance(content, bytes) else path.write_text(content, encoding="utf-8")
-
-    return write
-
-
 def by(module: str, function: str) -> Callable[..., Any]:
     """Return a reader, or writer to a path, whose module is imported when it is called."""
 
@@ -128,6 +115,17 @@ def by(module: str, function: str) -> Callable[..., Any]:
         return getattr(import_module(module), function)(*arguments, **options)
 
     return call
+
+
+def of_text(module: str, function: str) -> Callable[..., None]:
+    """Return a writer by a function of a layout and `cells` that returns the text, or the bytes, of a file."""
+    content_of = by(module, function)
+
+    def write(layout: Layout, path: Path, *, cells: bool) -> None:
+        content = content_of(layout, cells=cells)
+        path.write_bytes(content) if isinstance(content, bytes) else path.write_text(content, encoding="utf-8")
+
+    return write
 
 
 _OWN: Final = (

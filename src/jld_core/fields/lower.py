@@ -35,16 +35,17 @@ _STEPS = 6  # largest number of correction steps of a projection onto equilibriu
 
 @dataclass(frozen=True)
 class StressField:
-    """Certified stress field of one labelling, scaled (see `Units`)."""
+    """Certified stress field of one labelling, in the plane or in space, scaled (see `Units`)."""
 
     factor: float  # λ that the field carries, a lower bound
-    # (t, 3, 3) stresses (m, d, s) at the three corners of each triangle: (σx + σy)/2, (σx − σy)/2 and τxy, tension
-    # positive
+    # Tension is positive. In the plane: (t, 3, 3) stresses (m, d, s) at the three corners of each triangle,
+    # (σx + σy)/2, (σx − σy)/2 and τxy. In space: (t, 4, 6) stresses at the four corners of each tetrahedron as vectors
+    # (xx, √2 xy, yy, √2 xz, √2 yz, zz).
     stress: Floats
     room: float  # least distance to a yield condition, less `charge`; at least 0
     charge: float  # stress that covers the residual of equilibrium, subtracted from the distance to yield
-    # (t, 3) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate
-    # how λ grows with strength, and steer refinement; no bound depends on them.
+    # (t, 3 or 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
+    # estimate how λ grows with strength, and steer refinement; no bound depends on them.
     rate: Floats
 
 

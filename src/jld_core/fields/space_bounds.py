@@ -18,6 +18,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldStatus, relative_gap, status_of_bounds
 from jld_core.fields.cone_pattern import Answer, Rows
+from jld_core.fields.lower import StressField
 from jld_core.fields.problem import Material, Units, material_of, require_refinement
 from jld_core.fields.space_cones import DIAGONAL, ConeSizes, across, normal_map, solve_cones, tensors
 from jld_core.fields.space_joints import SpatialProblem, fitted_joints, spatial_problem, spatial_units
@@ -36,21 +37,6 @@ _STEPS = 6  # largest number of correction steps of a projection onto equilibriu
 _REGULAR = 1e-10
 
 
-@dataclass(frozen=True)
-class SpatialStress:
-    """Certified stress field in space, scaled (see `Units`)."""
-
-    factor: float  # λ that the field carries, a lower bound
-    # (t, 4, 6) stresses at the four corners of each tetrahedron as vectors (xx, √2 xy, yy, √2 xz, √2 yz, zz), tension
-    # positive
-    stress: Floats
-    room: float  # least distance to a yield condition, less `charge`; at least 0
-    charge: float  # stress that covers the residual of equilibrium, subtracted from the distance to yield
-    # (t, 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They estimate
-    # how λ grows with strength, and steer refinement; no bound depends on them.
-    rate: Floats
-
-
 class SpatialLowerBound:
     """Lower bound on λ by stress fields, for one labelling on one mesh in space.
 
@@ -63,7 +49,7 @@ class SpatialLowerBound:
         self._solids = len(problem.mesh)
         self.status = ""
 
-    def bound(self) -> SpatialStress | None:
+    def bound(self) -> StressField | None:
         """Find a stress field and certify it, with larger margins to yield where that fails.
 
         None if the solver failed, or no attempt passed the check.
@@ -81,7 +67,7 @@ class SpatialLowerBound:
             proposed = answer
         return None if proposed is None else self._blend(proposed)
 
-    def _blend(self, proposed: Answer) -> SpatialStress | None:
+    def _blend(self, proposed: Answer) -> StressField | None:
         """Certify a mean of a field that violates yield and one with ample room, or return None."""
         # The room is concave, so that the mean has room enough.
         inner = self.propose(_INTERIOR)
@@ -98,20 +84,20 @@ class SpatialLowerBound:
         found = self.certify(point[: 24 * self._solids], float(point[-1]))
         return None if found is None else replace(found, rate=self._rate(proposed.dual))
 
-    def certify(self, stress: Floats, factor: float) -> SpatialStress | None:
+    def certify(self, stress: Floats, factor: float) -> StressField | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
 
-        stress: (24t,) in the order of `SpatialStress.stress`.
+        stress: (24t,) in the order of `StressField.stress`.
         """
         projected, rest = self._project(stress, factor)
         field = projected.reshape(-1, 4, 6)
         room = self.room(field) - rest
-        return SpatialStress(factor, field, room, rest, np.zeros((self._solids, 4))) if room >= 0.0 else None
+        return StressField(factor, field, room, rest, np.zeros((self._solids, 4))) if room >= 0.0 else None
 
     def room(self, stress: Floats) -> float:
         """Return the least distance of stresses to any yield condition, scaled stress.
 
-        stress: (t, 4, 6) as in `SpatialStress`. A negative result means that yield is violated in a block or on a dry
+        stress: (t, 4, 6) as in `StressField`. A negative result means that yield is violated in a block or on a dry
         joint. Rounding of eigenvalues is subtracted. Equilibrium is not checked.
         """
         p = self.problem
@@ -150,7 +136,7 @@ class SpatialLowerBound:
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
         """Matrix E (rows, 24t + 1) and right-hand side f (rows,) of equilibrium E x = f."""
-        # x: stresses in the order of `SpatialStress.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
+        # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (10.4). On dry
         # joints without friction and shear strength, two more rows at each corner exclude shear.
         p, count, s = self.problem, self._solids, self.problem.sides
         rows, last = Rows(), 24 * count
@@ -271,7 +257,7 @@ class SpatialLowerBound:
             threes.add([(np.repeat(columns[rough], 3, axis=0), wide.reshape(-1, 6))], right.ravel(), 3 * len(wide))
 
     def _rate(self, dual: Floats) -> Floats:
-        """Return the `SpatialStress.rate` (t, 4) of multipliers of all rows of the program."""
+        """Return the `StressField.rate` (t, 4) of multipliers of all rows of the program."""
         lines = self.problem.material.lines
         start, count = self._yields
         shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
@@ -330,7 +316,7 @@ class SpatialFields:
     # problem, fine: scaled problem on `mesh`, and on `split`
     problem: SpatialProblem
     fine: SpatialProblem
-    stress: SpatialStress | None  # stress field on `split`, None where none was certified
+    stress: StressField | None  # stress field on `split`, None where none was certified
     velocity: SpatialVelocity | None  # velocity field on `mesh`, None where none was certified
 
     @classmethod
@@ -407,7 +393,7 @@ class SpatialFields:
         parts[:, rows, rows] = velocity.mean(axis=1)[:, None]
         return parts.reshape(-1, 4, 3)
 
-    def _joint_corners(self, stress: SpatialStress, velocity: Floats) -> Floats:
+    def _joint_corners(self, stress: StressField, velocity: Floats) -> Floats:
         """Compute the power (t, 4) that joint tractions lose at each corner of the tetrahedra.
 
         velocity: (4t, 4, 3) on `split`. The loss is minus the power of the tractions on the jump, where positive;
@@ -436,7 +422,7 @@ def _marks(error: Floats) -> Bools:
     return marks
 
 
-def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Floats) -> Floats:
+def stress_power(problem: SpatialProblem, stress: StressField, velocity: Floats) -> Floats:
     """Return the power of a stress field on velocities in each tetrahedron, (t,), scaled.
 
     velocity: (t, 4, 3) at the corners. Each tetrahedron counts with half of its triangles. By virtual power the sum is
@@ -455,16 +441,14 @@ def stress_power(problem: SpatialProblem, stress: SpatialStress, velocity: Float
     return np.asarray(power)
 
 
-def _weak_corners(stress: SpatialStress) -> Floats:
+def _weak_corners(stress: StressField) -> Floats:
     """Sum the multipliers of yield to the corners (t, 4) of the unsplit tetrahedra."""
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
     return np.asarray(rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True))
 
 
-def _across_sides(
-    problem: SpatialProblem, stress: SpatialStress, velocity: Floats, rows: Ints
-) -> tuple[Floats, Floats]:
+def _across_sides(problem: SpatialProblem, stress: StressField, velocity: Floats, rows: Ints) -> tuple[Floats, Floats]:
     """Return tractions on tetrahedron a and velocity jumps at the corners of triangles.
 
     rows: (k,) triangles. velocity: (t, 4, 3), scaled. Both results are (k, 3, 3): triangle, corner, axis.
