@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import plugins
 from jld_core.limit import LimitAnalysisResult
-from jld_core.models import sensitivities
+from jld_core.models import geometry_sensitivities, sensitivities
 
 _KINKS: Final = 40  # number of faces up to which `jld solve` looks for kinks of the derivatives by vertices
 _UNASKED: Final = 128  # number of faces up to which `jld solve` computes rates that nobody asked for: .3 s
@@ -29,7 +28,7 @@ def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: boo
     why = f"{faces} faces: ask for them with --sensitivities" if asked is None else "--no-sensitivities"
     facts: dict[str, Any] = {"sensitivities": rates} if wanted else {"sensitivities": {"not_computed": why}}
     if vertices:
-        moves = plugins.part("geometry_sensitivities")(result, one_sided=wanted and faces <= _KINKS)
+        moves = geometry_sensitivities(result, one_sided=wanted and faces <= _KINKS)
         facts["geometry_sensitivities"] = None if moves is None else moves.to_json()
     took = time.perf_counter() - start
     seconds = dict(result.seconds)
