@@ -46,7 +46,6 @@ ORDER = [
     ["jld_core.exchange"],
     ["jld_core.views"],
     ["jld_core.models"],
-    ["jld_core.assembly_sequence"],
     ["jld_core.limit"],
     ["jld_core.solvers"],
     ["jld_core.fields"],

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.parameters import require_kind
+from jld_core.plugins import part
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
@@ -278,15 +278,17 @@ class SearchSpace:
         return Limits(self.assembly, self.search)
 
     @cached_property
-    def laying(self) -> SequenceConstraint | None:
-        """Assembly sequence constraint, None if the search has none.
+    def laying(self) -> Any:
+        """Assembly sequence constraint, `jld_practice.laying.SequenceConstraint`; None if the search has none.
 
         It is evaluated for canonical labellings, so that all images of a labelling give the same result.
         """
         if self.search.assemble is None:
             return None
         sideways = self.search.assemble_out_of_plane
-        return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+        return part("laying_constraint")(
+            self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways
+        )
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
         """Return the part of the space without slits and large blocks, and with all cells.

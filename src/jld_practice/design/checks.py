@@ -13,8 +13,6 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
@@ -26,6 +24,8 @@ from jld_explore.uncut import most_without_cuts
 from jld_practice.design.crushing import why_no_fields
 from jld_practice.design.options import LOW_FRICTION
 from jld_practice.design.trials import Bounds, Check, Design, Trial, at_low_friction, built, field_bounds, one_case
+from jld_practice.laying import assembly_order
+from jld_practice.laying.order import LAID
 
 # Share of the time that is left for each check, in their order
 _SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 0.8, "without cuts": 1.0}

@@ -7,11 +7,11 @@ import os
 from dataclasses import dataclass, fields
 from typing import Any, Final, Literal
 
-from jld_core.assembly_sequence.order import LAID
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import ImportOptions
 from jld_core.exchange.forces import parse_force
 from jld_practice.design.loaded_edges import EXTRADOS, SIDES, points_of
+from jld_practice.laying.order import LAID
 
 LEAST_SECONDS: Final = 10.0
 """Shortest time limit, s: program start, reading, one solve and the page take some seconds."""
