@@ -16,14 +16,15 @@ from matplotlib.figure import Figure
 
 import jld_core.views
 import jld_practice.laying
+import jld_practice.reactions
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build.settlements import settlements_of
-from jld_core.limit.force_range import settle
-from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import solve_by_fields
 from jld_core.views.path import PathValue
 from jld_practice.laying import assembly_order
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.force_range import settle
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 SIDES = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
@@ -65,9 +66,9 @@ def tower(dimension: int) -> dict[str, Any]:
 
 
 def drawings() -> dict[str, Any]:
-    """Return the functions of views and of laying that make a figure or write a file, by name."""
+    """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
     found = {}
-    packages = jld_core.views, jld_practice.laying
+    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
     for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
         code = import_module(f"{package.__name__}.{module.name}")
         for name, one in vars(code).items():
@@ -123,12 +124,12 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "path.figure_of_path": lambda draw, made, _: draw(
         made.plain, [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
     ),
-    "settled.figure_of_settled": lambda draw, made, _: draw(
+    "settled_figure.figure_of_settled": lambda draw, made, _: draw(
         settle(made.plain, settlements_of(made.bare, made.plain)[0])
     ),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
-    "thrust.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
+    "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
 }
 
 

@@ -16,8 +16,7 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
-from jld_practice.laying import assembly_order
-from jld_practice.laying.constraint import SequenceConstraint
+from jld_practice.laying import SequenceConstraint, assembly_order
 from jld_practice.laying.order import locked_blocks
 
 # what blocks that crack anywhere carry, test_field_check.py tests

@@ -14,9 +14,9 @@ from cases_spatial import box
 from command import call
 from jld_core import build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
-from jld_core.limit import Settled
-from jld_core.limit.force_range import reactions, settle
 from jld_core.scene import Scene
+from jld_practice.reactions import Settled
+from jld_practice.reactions.force_range import reactions, settle
 
 SPREAD = {
     "name": "spread",

@@ -12,13 +12,13 @@ import typer
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import Settled
-from jld_core.limit.force_range import settle
 from jld_core.models import rigid
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank
 from jld_explore.cli.streams import say
+from jld_practice.reactions import Settled
+from jld_practice.reactions.force_range import settle
 
 
 def settlement(
@@ -55,7 +55,7 @@ def settlement(
 
 def _words(found: Settled) -> str:
     """Describe the reactions under one settlement."""
-    from jld_core.views.settled import words_of
+    from jld_practice.reactions.settled_figure import words_of
 
     if found.stands is False:
         return f"{found.settlement.name}: it falls under its dead load alone"
@@ -70,7 +70,7 @@ def _words(found: Settled) -> str:
 def _write(found: list[Settled], told: str, out: Path) -> None:
     """Write settlement.json and one picture per settlement."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.settled import figure_of_settled
+    from jld_practice.reactions.settled_figure import figure_of_settled
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "settlement.json", told)

@@ -13,7 +13,12 @@ import typer
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit.thrust import (
+from jld_core.models import rigid
+from jld_explore.cli.ending import UNCERTIFIED
+from jld_explore.cli.layout import layout_of, require_whole_faces
+from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.streams import say
+from jld_practice.reactions.thrust import (
     Resultant,
     ThrustRanges,
     reactions_of_supports,
@@ -22,11 +27,6 @@ from jld_core.limit.thrust import (
     thrust_ranges,
     words_of_range,
 )
-from jld_core.models import rigid
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Rank
-from jld_explore.cli.streams import say
 
 
 def thrust(
@@ -121,7 +121,7 @@ def _words(found: ThrustRanges) -> str:
 def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
     """Write thrust.json and one picture per resultant and load case."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.thrust import figure_of_range
+    from jld_practice.reactions.thrust_figure import figure_of_range
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "thrust.json", told)
