@@ -249,6 +249,8 @@ class Report:
         What can hardly be meant, as a size or an opening that is filled.
     largest : float
         Largest displacement of a corner, scene units.
+    doubted : tuple of str
+        Ids of the elements that may be openings.
     """
 
     found: tuple[str, ...] = ()
@@ -257,6 +259,7 @@ class Report:
     skipped: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
     largest: float = 0.0
+    doubted: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         kinds = ("found", "snapped", "assumed", "skipped", "doubtful")
@@ -377,6 +380,8 @@ class Notes:
         Sentences, as in `Report`.
     largest : float
         Largest move of a corner, as in `Report`.
+    doubted : list of str
+        Ids of elements, as in `Report`.
     """
 
     found: list[str] = field(default_factory=list)
@@ -385,6 +390,7 @@ class Notes:
     skipped: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     largest: float = 0.0
+    doubted: list[str] = field(default_factory=list)
 
     def skip(self, what: str, count: int, why: str) -> None:
         """Add a sentence about things that were left out; do nothing for a count of 0."""
@@ -400,6 +406,7 @@ class Notes:
             tuple(self.skipped),
             tuple(self.doubtful),
             self.largest,
+            tuple(self.doubted),
         )
 
 
