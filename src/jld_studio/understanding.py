@@ -119,8 +119,8 @@ def _tried(
 
 
 def _line(error: InputError) -> str:
-    """Return an error in one line, without the folder of its file."""
-    return re.sub(r"/\S*/", "", str(error))
+    """Return an error in one line, without the folder of its file and the quotes of parameters."""
+    return re.sub(r'`(\w+)(?:=("?\w*"?))?`', r"\1 \2", re.sub(r"/\S*/", "", str(error))).replace("  ", " ")
 
 
 def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:

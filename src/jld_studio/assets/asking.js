@@ -76,6 +76,7 @@ export class Asking {
   #front(shown) {
     this.host.hidden = !shown;
     this.main.hidden = shown;
+    byId("title").hidden = shown; // that of the scene behind
   }
 
   close() {
@@ -160,7 +161,8 @@ export class Asking {
         this.#close())),
       el("p", { class: "first" }, first),
       problem ? el("p", { class: "warning", role: "alert" }, problem) : "",
-      found.refused && found.refused !== first ? el("p", { class: "warning", role: "alert" }, found.undesigned === null ? "It can be designed; as blocks it does not open yet: " : "", found.refused) : "",
+      found.refused && found.refused !== first ? el("p", { class: "warning", role: "alert" }, found.undesigned === null ? "It can be designed; as blocks it does not open yet. " : "", found.refused,
+        /no support/.test(found.refused) ? [" ", el("button", { type: "button", onclick: () => this.#lowest(true) }, "what lies lowest is ground")] : "") : "",
       doubts.length ? el("ul", { class: "doubts" }, doubts.map((/** @type {any} */ [, text, advice]) => el("li", {}, el("strong", {}, "doubtful: "), text, " ",
         advice ? el("button", { type: "button", onclick: () => this.#follow(advice) }, advice.option === "hole" ? `${advice.value} is an opening` : `${advice.option} ${advice.value}`) : ""))) : "",
       el("div", { class: "asking" }, el("div", {}, this.#bar(), this.#picture(first), this.#legend(), this.#job ?? ""), el("div", {}, this.#layers(), this.#fields(), this.#report(rest), this.#commands())),
@@ -177,6 +179,14 @@ export class Asking {
     return el("div", { class: "bar", id: "asking-bar", role: "toolbar", "aria-label": `what layer ${layer.name || "without a name"} is` },
       el("strong", {}, layer.name || "(no layer)"), ` (${layer.count}) is`,
       this.#choices().map((role) => el("button", { type: "button", "data-own": `is ${role}`, "aria-pressed": String(role === layer.role), onclick: () => this.role(layer.name, role) }, ROLES[role][0])));
+  }
+
+  /** @param {boolean} ground whether what lies lowest is ground */
+  #lowest(ground) {
+    const { support = [], ...rest } = this.options;
+    const named = this.found.layers.filter((/** @type {any} */ one) => one.role === "support").map((/** @type {any} */ one) => patternOf(one.name));
+    const kept = ground ? ["lowest", ...named] : support.filter((/** @type {string} */ one) => one !== "lowest");
+    this.set(kept.length ? { ...rest, support: kept } : rest);
   }
 
   #choices() {
@@ -216,12 +226,7 @@ export class Asking {
         el("button", { type: "button", class: "name grow", "data-own": `layer ${layer.name}`, "aria-pressed": String(layer.name === this.layer), onclick: () => this.choose(layer.name) }, layer.name || "(no layer)"),
         el("span", { class: "count" }, String(layer.count)), select);
     });
-    const lowest = el("input", { type: "checkbox", "data-own": "lowest", checked: Boolean(this.options.support?.includes("lowest")), onchange: () => {
-      const { support = [], ...rest } = this.options;
-      const named = this.found.layers.filter((/** @type {any} */ one) => one.role === "support").map((/** @type {any} */ one) => patternOf(one.name));
-      const kept = lowest.checked ? ["lowest", ...named] : support.filter((/** @type {string} */ one) => one !== "lowest");
-      this.set(kept.length ? { ...rest, support: kept } : rest);
-    } });
+    const lowest = el("input", { type: "checkbox", "data-own": "lowest", checked: Boolean(this.options.support?.includes("lowest")), onchange: () => this.#lowest(lowest.checked) });
     return el("section", {}, el("h3", {}, this.found.planar ? "Layers" : "Layers and groups"), el("ul", { class: "entries layers" }, rows),
       el("label", { class: "check" }, lowest, "what lies lowest is ground"));
   }
@@ -257,7 +262,7 @@ export class Asking {
   }
 
   #commands() {
-    return el("details", {}, el("summary", {}, "the same by the command line"), Object.values(this.found.commands).map((line) => el("pre", { class: "command", tabindex: 0 }, line)));
+    return el("details", { open: true }, el("summary", {}, "the same by the command line"), Object.values(this.found.commands).map((line) => el("pre", { class: "command", tabindex: 0 }, line)));
   }
 
   async #open() {

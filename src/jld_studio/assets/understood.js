@@ -16,7 +16,7 @@ export const ROLES = /** @type {Record<string, [string, string, string, string]>
   unused: ["nothing became of it", "none", "#b35c00", "8 3 2 3"],
   doubtful: ["doubtful: an opening?", "url(#ask-doubtful)", "#7d5a00", ""],
 });
-const [WIDE, TALL, EDGE] = [900, 560, 56];
+const [WIDE, TALL, EDGE] = [900, 560, 74];
 const MOST_NAMES = 60;
 
 /** Patterns and the arrow head, which the page holds once. */
