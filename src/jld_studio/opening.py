@@ -15,7 +15,6 @@ from typing import Any, Final
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.exchange import Imported, ImportOptions, Report, import_file
-from jld_core.exchange.formats import readers
 from jld_core.exchange.options import LAYER_ROLES
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_core.scene.cracks import CellCracks
@@ -88,7 +87,7 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
 
 def stated_scene(path: Path) -> Scene | None:
     """Return the scene of a scene file, None for a file that is to be imported; raise InputError for a broken scene."""
-    if path.suffix.lower().lstrip(".") not in readers():  # import_file names them where this is another
+    if path.suffix.lower() != ".json":
         return None
     try:
         scene = require_followed(load_scene(path), path.name)
@@ -96,6 +95,8 @@ def stated_scene(path: Path) -> Scene | None:
     except NeedsImport:
         return None
     except InputError as error:
+        if path.read_bytes()[:1] == b"[":  # a list of meshes
+            return None
         raise (error if error.where.startswith(str(path)) else error.within(path.name)) from None
     return scene
 

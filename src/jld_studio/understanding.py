@@ -195,7 +195,7 @@ def _mark(mark: Mark | SolidMark, start: Any, end: Any, options: ImportOptions) 
 
 
 def _use(elements: Sequence[Mapping[str, Any]]) -> Callable[[np.ndarray[Any, Any]], bool]:
-    """Return a function that says whether points (k, 2 or more) of a path lie on boundaries of elements."""
+    """Return a function that says whether points (k, 3) of a path lie on boundaries of elements."""
     if not elements:
         return lambda _: True
     rings = shapely.union_all([shapely.LinearRing(one["outline"]) for one in elements])
@@ -204,7 +204,8 @@ def _use(elements: Sequence[Mapping[str, Any]]) -> Callable[[np.ndarray[Any, Any
     shapely.prepare(near)
 
     def used(points: np.ndarray[Any, Any]) -> bool:
-        return bool(shapely.contains_xy(near, points[:, :2]).mean() >= 0.5)
+        middles = 0.5 * (points[1:, :2] + points[:-1, :2])[points[:-1, 2] == 0.0]
+        return bool(shapely.contains_xy(near, np.concatenate([points[:, :2], middles])).mean() >= 0.5)
 
     return used
 

@@ -225,7 +225,8 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise (error if error.where.startswith((str(path), "--")) else error.within(str(path))) from error.__cause__
+        stays = error.parameter or error.where.startswith(str(path))
+        raise (error if stays else error.within(str(path))) from error.__cause__
 
 
 def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | Solids:
