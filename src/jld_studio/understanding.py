@@ -17,13 +17,15 @@ from jld_core.errors import InputError
 from jld_core.exchange import Imported, ImportOptions, Notes, Solids
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn_loads import Drawing, Mark, SolidMark
-from jld_core.exchange.libraries import read_content, reading, without_collection
+from jld_core.exchange.libraries import in_own_process, reader_of, reading, without_collection
 from jld_core.exchange.solids import spatial_scene
 from jld_core.plugins import entry_points
 from jld_studio.opening import LAYERS, on_page, scene_of, sentences, stated
 
 DESIGNED: Final = {"mass": "block-mass", "force": "load", "seconds": "seconds"}
 """Settings of a design that the page states, and the options of `jld design`."""
+
+_SECONDS: Final = 60.0, 10.0  # time in which a file is read and understood, s, and further time for each megabyte
 
 _REACH: Final = 2e-3  # distance, relative to the size, within which a path lies on the boundary of an element
 
@@ -42,13 +44,22 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
     settings: of a design, by the names of `DESIGNED`. Entries: "report", each kind, sentence and the option that it
     advises, or None; "layers" and "shapes" with their roles; "elements"; "refused", why it opens as no scene,
     and "undesigned", why no design can start; "commands", those of the command line. Raises InputError for a file or
-    options that cannot be read.
+    options that cannot be read, or not in time.
     """
-    notes = Notes()
+    seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
+    with reading(path):
+        found: dict[str, Any] = in_own_process(_understood, path.absolute(), options, settings, seconds=seconds)
+    return found
+
+
+def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an import understands of a file, as `understood`."""
+    notes, read = Notes(), reader_of(path).read
+    assert read is not None
     with reading(path), without_collection():
-        content = drawn = read_content(path, options, notes)
+        content = drawn = read(path, options, notes)
         if options.skip or options.layer:  # some readers leave out what is not to be read
-            drawn = read_content(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
+            drawn = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
     found, tried, refused = _tried(path, content, options, notes, feet=False)
     undesigned: InputError | None = None
     if refused is not None:

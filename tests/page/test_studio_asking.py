@@ -19,13 +19,12 @@ from jld_core.exchange import ImportOptions, import_file
 from paths import ROOT
 from scenes_of_pages import small_scene
 
-pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 ezdxf = pytest.importorskip("ezdxf")
-for library in ("svgelements", "meshio", "rhino3dm", "ifcopenshell"):
+for library in ("uvicorn", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
     pytest.importorskip(library)
 
-from jld_studio.server import opened
-from local_studio import Local
+from jld_studio.server import opened  # noqa: E402
+from local_studio import Local  # noqa: E402
 
 
 @pytest.fixture(scope="module")
