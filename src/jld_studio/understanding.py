@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +18,7 @@ from jld_core.exchange import Imported, ImportOptions, Notes, Solids
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.drawn_loads import Drawing, Mark, SolidMark
 from jld_core.exchange.libraries import in_own_process, reader_of, reading, without_collection
+from jld_core.exchange.paths import Path as Outline
 from jld_core.exchange.solids import spatial_scene
 from jld_core.plugins import entry_points
 from jld_studio.opening import LAYERS, on_page, scene_of, sentences, stated
@@ -42,9 +43,9 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
     """Return what an import understands of a drawing or a file of solids, as JSON data for the page.
 
     settings: of a design, by the names of `DESIGNED`. Entries: "report", each kind, sentence and the option that it
-    advises, or None; "layers" and "shapes" with their roles; "elements"; "refused", why it opens as no scene,
-    and "undesigned", why no design can start; "commands", those of the command line. Raises InputError for a file or
-    options that cannot be read, or not in time.
+    advises, or None; "layers" and "shapes" with their roles; "elements"; "refused", why it opens as no scene and the
+    option that is advised, and "undesigned", why no design can start; "commands", those of the command line. Raises
+    InputError for a file or options that cannot be read, or not in time.
     """
     seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
     with reading(path):
@@ -72,7 +73,7 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
     facts = {} if found is None else found.facts()
     return {
         "report": [[kind, on_page(text), _remedy(text, layers)] for kind, text in sentences(tried.report())],
-        "refused": None if refused is None else _line(refused),
+        "refused": None if refused is None else [_line(refused), _remedy(str(refused), layers)],
         "undesigned": None if undesigned is None else _line(undesigned),
         "planar": isinstance(drawn, Drawing),
         "layers": list(layers.values()),
@@ -131,14 +132,15 @@ def _tried(
 
 def _line(error: InputError) -> str:
     """Return an error in one line, without the folder of its file and the quotes of parameters."""
-    return re.sub(r'`(\w+)(?:=("?\w*"?))?`', r"\1 \2", re.sub(r"/\S*/", "", str(error))).replace("  ", " ")
+    plain = re.sub(r'`(\w+)(?:=("?\w*"?))?`', r"\1 \2", re.sub(r"/\S*/", "", str(error)))
+    return " ".join(on_page(plain).split())
 
 
 def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the option that a sentence advises, as {"option", "value"}, None without one."""
     advice = _REMEDY.search(text)
     if advice is None:
-        return None
+        return {"option": "support", "value": "lowest"} if "has no support" in text else None
     option, value = advice[1], advice[2].split()[0].rstrip(".,;:")
     if option == "hole":
         return {"option": option, "value": advice[2]} if advice[2] in layers else None
@@ -184,16 +186,15 @@ def _planar(drawn: Drawing, options: ImportOptions, found: Imported | None) -> d
         }
         for entry in entries
     ]
-    used = _use(elements)
     shapes = [
         {
             "points": path.points.tolist(),
             "holes": [hole.tolist() for hole in path.holes],
             "closed": path.closed,
             "layer": path.layer,
-            "role": role if (role := options.role(path.layer) or "block") != "block" or used(path.points) else "unused",
+            "role": role if (role := options.role(path.layer) or "block") != "block" or used else "unused",
         }
-        for path in drawn.paths
+        for path, used in zip(drawn.paths, _used(drawn.paths, elements), strict=True)
     ]
     marks = [_mark(mark, mark.at, mark.end, options) for mark in drawn.marks]
     return {"shapes": shapes, "elements": elements, "marks": marks}
@@ -205,47 +206,53 @@ def _mark(mark: Mark | SolidMark, start: Any, end: Any, options: ImportOptions) 
     return {**ends, "text": mark.text or "", "layer": mark.layer, "role": options.role(mark.layer) or "block"}
 
 
-def _use(elements: Sequence[Mapping[str, Any]]) -> Callable[[np.ndarray[Any, Any]], bool]:
-    """Return a function that says whether points (k, 3) of a path lie on boundaries of elements."""
+def _used(paths: Sequence[Outline], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
+    """Return for each path whether it lies on boundaries of elements."""
     if not elements:
-        return lambda _: True
-    rings = shapely.union_all([shapely.LinearRing(one["outline"]) for one in elements])
-    west, south, east, north = rings.bounds
-    near = rings.buffer(_REACH * max(east - west, north - south))
-    shapely.prepare(near)
-
-    def used(points: np.ndarray[Any, Any]) -> bool:
-        middles = 0.5 * (points[1:, :2] + points[:-1, :2])[points[:-1, 2] == 0.0]
-        return bool(shapely.contains_xy(near, np.concatenate([points[:, :2], middles])).mean() >= 0.5)
-
-    return used
+        return [True] * len(paths)
+    rings = shapely.STRtree([shapely.LinearRing(one["outline"]) for one in elements])
+    straight = [path.points[:-1, 2] == 0.0 for path in paths]
+    middles = [
+        0.5 * (path.points[1:, :2] + path.points[:-1, :2])[own] for path, own in zip(paths, straight, strict=True)
+    ]
+    probes = [np.concatenate([path.points[:, :2], middle]) for path, middle in zip(paths, middles, strict=True)]
+    owner, every = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
+    reach = _REACH * float(np.ptp(np.concatenate([one["outline"] for one in elements]), axis=0).max())
+    on = np.isin(np.arange(len(every)), rings.query(shapely.points(every), predicate="dwithin", distance=reach)[0])
+    found: list[bool] = (np.bincount(owner, on, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
+    return found
 
 
 def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
     """Return "shapes" of solids, in the unit of the file with z upwards; "elements" is empty."""
-    entries = iter([] if found is None else found.document["elements"])
+    entries, scale = ([], 1.0) if found is None else (list(found.document["elements"]), found.scale)
     boxes = sum(len(part.faces) for part in drawn.parts) > _MOST_FACES
-    shapes, turn = [], np.array(_Y_UP) if options.up == "y" else np.eye(3)
+    turn = np.array(_Y_UP) if options.up == "y" else np.eye(3)
+    shapes = []
     for part in drawn.parts:
         role = _role(part.group, part.name, options, planar=False)
-        entry = next(entries, {}) if role != "skip" else {}
-        corners = part.vertices @ turn
-        faces: Sequence[Sequence[int]] = part.faces
+        entry = entries.pop(0) if entries and role != "skip" else None
+        role = "support" if part.support or (entry and entry.get("support")) else role
+        corners, faces = part.vertices @ turn, part.faces
+        if entry is not None:  # turned outward and merged
+            corners, faces = np.array(entry["vertices"]) / scale, entry["faces"]
         if boxes:
             ends = np.stack([corners.min(axis=0), corners.max(axis=0)])
             corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
             faces = _BOX
-        shapes.append(
-            {
-                "name": part.name,
-                "layer": part.group,
-                "role": "support" if entry.get("support") or part.support else role,
-                "corners": corners.tolist(),
-                "faces": [list(loop) for loop in faces],
-            }
-        )
-    marks = [
-        replace(mark, at=mark.at @ turn, tail=None if mark.tail is None else mark.tail @ turn) for mark in drawn.marks
+        shapes.append(_solid(part.name, part.group, role, corners, faces, outward=boxes or entry is not None))
+    feet = [
+        _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
+        for one in entries
     ]
-    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in marks]
-    return {"shapes": shapes, "elements": [], "marks": [_mark(*arrow, options) for arrow in arrows]}
+    marks = [
+        _mark(mark, *((mark.at @ turn, None) if mark.tail is None else (mark.tail @ turn, mark.at @ turn)), options)
+        for mark in drawn.marks
+    ]
+    return {"shapes": shapes + feet, "elements": [], "marks": marks}
+
+
+def _solid(name: str, layer: str | None, role: str, corners: Any, faces: Any, *, outward: bool) -> dict[str, Any]:
+    """Return the shape of a solid; outward: its faces are turned outward."""
+    loops = [list(map(int, loop)) for loop in faces]
+    return {"name": name, "layer": layer, "role": role, "corners": corners.tolist(), "faces": loops, "outward": outward}

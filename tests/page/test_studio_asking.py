@@ -75,7 +75,7 @@ def test_every_kind_of_file_is_shown_or_one_line(local: Local, file: File, tmp_p
     path = tmp_path / file.name
     file.write(path)
     status, found = local.api("read", sent(path, **json.loads(json.dumps(file.options))))
-    line = found["error"] if status == 400 else found["refused"]
+    line = found["error"] if status == 400 else (found["refused"] or [""])[0]
     assert bool(line) == bool(file.refused), found
     if line:
         assert file.refused in line
@@ -116,7 +116,8 @@ def roles(found: dict[str, Any]) -> dict[str, str]:
 def test_choices_are_the_options_of_the_command_line(local: Local, wall: Path, tmp_path: Path, jld: Command) -> None:
     """Shown without a support, then as said by hand; the command of the page and `open` make the same scene."""
     found = read(local, wall)
-    assert "it has no support" in found["refused"]
+    assert "it has no support" in found["refused"][0]
+    assert found["refused"][1] == {"option": "support", "value": "lowest"}
     assert found["undesigned"] is None  # a design adds supports
     assert roles(found) == {
         "W 1": "block", "X[1]": "block", "-G": "block", "PLANRAHMEN": "skip", "ACHSE": "skip", "PFEILE": "block",
@@ -151,7 +152,7 @@ def test_axis_unit_and_lowest_of_solids(local: Local, tmp_path: Path) -> None:
     for number, name in enumerate(("below", "above")):
         lines += [f"o {name}", *("f " + " ".join(str(k + 4 * number) for k in loop) for loop in loops)]
     path.write_text("\n".join(lines))
-    assert "no support" in read(local, path)["refused"]
+    assert "no support" in read(local, path)["refused"][0]
     found = read(local, path, support=["below"])
     advice = [line[2] for line in found["report"] if line[2]]
     assert {"option": "up", "value": "y"} in advice

@@ -135,14 +135,20 @@ export class Asking {
   }
 
   #first() {
-    const { report, refused } = this.found;
-    return report.find((/** @type {any} */ [kind]) => kind === "found")?.[1] ?? refused ?? "";
+    const { report, refused, size } = this.found;
+    return size ? report[0][1] : refused?.[0] ?? "";
   }
 
-  /** @param {any} advice */
-  #follow({ option, value }) {
-    if (option === "hole") this.role(value, "hole");
-    else this.#with(option, value);
+  /** A button that follows what a sentence advises. @param {any} advice */
+  #remedy(advice) {
+    if (!advice) return "";
+    const { option, value } = advice;
+    const words = { hole: `${value} is an opening`, support: "what lies lowest is ground", unit: `lengths are in ${value}`, up: `${value} points upwards`, tolerance: `close gaps up to ${value}` };
+    return el("button", { type: "button", onclick: () => {
+      if (option === "hole") this.role(value, "hole");
+      else if (option === "support") this.#lowest(true);
+      else this.#with(option, value);
+    } }, words[/** @type {"up"} */ (option)]);
   }
 
   /** @param {string} problem */
@@ -159,12 +165,10 @@ export class Asking {
         el("button", { type: "button", id: "asking-design", "data-own": "design", disabled: found.undesigned !== null, title: found.undesigned ?? "jld design: blocks are found inside the outline", onclick: () => this.#design() }, "design"), " ",
         el("button", { type: "button", id: "asking-undo", "data-own": "undo", disabled: !this.past.length, title: "Ctrl+Z", onclick: () => this.undo() }, "take back"), " ",
         this.#close())),
-      el("p", { class: "first" }, first),
+      el("p", { class: found.size ? "first" : "first warning" }, first, " ", found.size ? "" : this.#remedy(found.refused[1])),
       problem ? el("p", { class: "warning", role: "alert" }, problem) : "",
-      found.refused && found.refused !== first ? el("p", { class: "warning", role: "alert" }, found.undesigned === null ? "It can be designed; as blocks it does not open yet. " : "", found.refused,
-        /no support/.test(found.refused) ? [" ", el("button", { type: "button", onclick: () => this.#lowest(true) }, "what lies lowest is ground")] : "") : "",
-      doubts.length ? el("ul", { class: "doubts" }, doubts.map((/** @type {any} */ [, text, advice]) => el("li", {}, el("strong", {}, "doubtful: "), text, " ",
-        advice ? el("button", { type: "button", onclick: () => this.#follow(advice) }, advice.option === "hole" ? `${advice.value} is an opening` : `${advice.option} ${advice.value}`) : ""))) : "",
+      found.refused && found.refused[0] !== first ? el("p", { class: "warning", role: "alert" }, found.undesigned === null ? "It can be designed; as blocks it does not open yet. " : "", found.refused[0], " ", this.#remedy(found.refused[1])) : "",
+      doubts.length ? el("ul", { class: "doubts" }, doubts.map((/** @type {any} */ [, text, advice]) => el("li", {}, el("strong", {}, "doubtful: "), text, " ", this.#remedy(advice)))) : "",
       el("div", { class: "asking" }, el("div", {}, this.#bar(), this.#picture(first), this.#legend(), this.#job ?? ""), el("div", {}, this.#layers(), this.#fields(), this.#report(rest), this.#commands())),
     );
     const list = this.host.querySelector(".layers");

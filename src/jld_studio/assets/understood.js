@@ -106,6 +106,15 @@ function measures(places, found) {
   ];
 }
 
+/** Rings around the gaps that sentences name, which are in the unit of the file. @param {any} found @param {(p: number[]) => number[]} at */
+function gaps(found, at) {
+  const lines = [...found.report.map((/** @type {any} */ line) => line[1]), found.refused?.[0] ?? ""].filter((text) => /gaps?\b/.test(text));
+  return lines.flatMap((text) => [...text.matchAll(/at \(([-\d.e+]+), ([-\d.e+]+)\)/g)]).map(([, x, y]) => {
+    const [cx, cy] = at([Number(x), Number(y)]);
+    return svg("g", {}, svg("circle", { cx, cy, r: 12, fill: "none", stroke: "#b8321a", "stroke-width": 2.4 }), svg("text", { x: cx + 15, y: cy - 8, class: "note start" }, "gap"));
+  });
+}
+
 /** @param {any} found */
 function planar(found) {
   const all = [...found.shapes.flatMap((/** @type {any} */ s) => s.points), ...found.elements.flatMap((/** @type {any} */ e) => e.outline), ...found.marks.map((/** @type {any} */ m) => m.at)];
@@ -130,7 +139,7 @@ function planar(found) {
       shape.role === "hole" && shape.closed ? inside(shape.points.map(at), "opening") : null);
   });
   const box = holds ? found.elements.flatMap((/** @type {any} */ one) => one.outline.map(at)) : [];
-  return { height, parts: [drawn, shapes, ...marks(found, at), holds ? measures(box, found) : []] };
+  return { height, parts: [drawn, shapes, ...marks(found, at), gaps(found, at), holds ? measures(box, found) : []] };
 }
 
 /** @param {any} found @param {(p: number[]) => number[]} at */
@@ -142,6 +151,14 @@ function marks(found, at) {
     return svg("g", { "data-layer": mark.layer, class: "shape" },
       end ? svg("line", { x1: x, y1: y, x2: end[0], y2: end[1], ...lineOf(mark.role) }) : svg("circle", { cx: x, cy: y, r: 3, fill: stroke }),
       mark.text ? svg("text", { x: x + 5, y: y - 5, class: "note start", fill: stroke }, mark.text) : null);
+  });
+}
+
+/** Twice the area of a loop as a vector. @param {number[][]} points */
+function areaOf(points) {
+  return [0, 1, 2].map((k) => {
+    const [i, j] = [(k + 1) % 3, (k + 2) % 3];
+    return points.reduce((sum, p, n) => sum + p[i] * points[(n + 1) % points.length][j] - p[j] * points[(n + 1) % points.length][i], 0);
   });
 }
 
@@ -159,8 +176,8 @@ function spatial(found, turn) {
   faces.sort((/** @type {any} */ a, /** @type {any} */ b) => b.away - a.away);
   const drawn = faces.map((/** @type {any} */ { shape, points }) => {
     const [, fill, stroke, dashes] = ROLES[shape.role];
-    const [p, q, r] = points;
-    const normal = [0, 1, 2].map((k) => (q[(k + 1) % 3] - p[(k + 1) % 3]) * (r[(k + 2) % 3] - p[(k + 2) % 3]) - (q[(k + 2) % 3] - p[(k + 2) % 3]) * (r[(k + 1) % 3] - p[(k + 1) % 3]));
+    const normal = areaOf(points);
+    if (shape.outward && normal[2] < 0) return null; // turned away: the axes are left-handed
     const light = Math.abs(normal[1] * 0.8 + normal[0] * 0.6) / Math.max(Math.hypot(...normal), 1e-300);
     const d = outlineOf(points.map((/** @type {number[]} */ one) => one.slice(0, 2)), true, at);
     return svg("g", { "data-layer": shape.layer, class: "shape" }, svg("title", {}, `${shape.name || shape.layer || "(no layer)"}: ${ROLES[shape.role][0]}`),
