@@ -72,7 +72,7 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
     layers = _layers(drawn, options)
     facts = {} if found is None else found.facts()
     return {
-        "report": [[kind, on_page(text), _remedy(text, layers)] for kind, text in sentences(tried.report())],
+        "report": [[kind, *_advised(text, layers)] for kind, text in sentences(tried.report())],
         "refused": None if refused is None else [_line(refused), _remedy(str(refused), layers)],
         "undesigned": None if undesigned is None else _line(undesigned),
         "planar": isinstance(drawn, Drawing),
@@ -134,6 +134,12 @@ def _line(error: InputError) -> str:
     """Return an error in one line, without the folder of its file and the quotes of parameters."""
     plain = re.sub(r'`(\w+)(?:=("?\w*"?))?`', r"\1 \2", re.sub(r"/\S*/", "", str(error)))
     return " ".join(on_page(plain).split())
+
+
+def _advised(text: str, layers: Mapping[str, Any]) -> tuple[str, dict[str, Any] | None]:
+    """Return a sentence for the page, and the option that it advises, which then is no part of it."""
+    remedy = _remedy(text, layers)
+    return (on_page(text), None) if remedy is None else (_REMEDY.sub("", text).rstrip(" ,:"), remedy)
 
 
 def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -32,6 +32,12 @@ class Studio {
     const own = Object.values(data.solutions)[0];
     this.steps = new Steps({ scene: given.scene, labelling: own?.labelling ?? "", ...structuredClone(given.changes) });
     this.tool = "toggle";
+    /** name of the scene that is shown @type {string | undefined} */
+    this.using = undefined;
+    /** @type {any} */
+    this.viewer = null;
+    /** forms by part of the scene @type {any} */
+    this.forms = null;
     /** @type {import("./contract.js").Solution | null} */
     this.solution = null;
     /** texts of λ × load, by case @type {string[][]} */

@@ -21,7 +21,7 @@ const MOST_NAMES = 60;
 
 /** Patterns and the arrow head, which the page holds once. */
 export function patterns() {
-  const hatch = (/** @type {string} */ id, /** @type {string} */ ground, ...lines) => svg("pattern", { id, width: 10, height: 10, patternUnits: "userSpaceOnUse" }, svg("rect", { width: 10, height: 10, fill: ground }), lines);
+  const hatch = (/** @type {string} */ id, /** @type {string} */ ground, /** @type {any[]} */ ...lines) => svg("pattern", { id, width: 10, height: 10, patternUnits: "userSpaceOnUse" }, svg("rect", { width: 10, height: 10, fill: ground }), lines);
   const line = (/** @type {string} */ d, /** @type {string} */ stroke) => svg("path", { d, stroke, "stroke-width": 1.4, fill: "none" });
   const rising = "M -2 2 L 2 -2 M 0 10 L 10 0 M 8 12 L 12 8";
   return svg("svg", { class: "visually-hidden", "aria-hidden": "true" }, svg("defs", {},
