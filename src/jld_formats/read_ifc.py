@@ -107,6 +107,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
     ifc = library("ifcopenshell", path)
     readable(path)
     with parsing("IFC", "an IFC file"):
+        notes.reached("bytes in its text", path.stat().st_size)
         model = ifc.open(str(path))
         products = [p for p in model.by_type("IfcProduct") if getattr(p, "Representation", None) is not None]
         if len(products) > MOST:
@@ -118,7 +119,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         empty = unfolded = 0
         known: dict[int, int] = {}
         counted: Counter[str] = Counter()
-        for product in products:
+        for done, product in enumerate(products):
+            notes.reached("products", done, len(products))
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
                 empty += 1
                 continue

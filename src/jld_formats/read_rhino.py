@@ -126,7 +126,8 @@ class _Reader:
 
     def content(self, title: str) -> Drawing | Solids:
         """Read all objects."""
-        for item in self._model.Objects:
+        for done, item in enumerate(self._model.Objects):
+            self._notes.reached("objects", done, len(self._model.Objects))
             if not item.Attributes.IsInstanceDefinitionObject:
                 self._read(item, None, [])
         for (kind, layer), count in sorted(self._unread.items()):

@@ -243,6 +243,7 @@ def say_nested(nested: list[tuple[Cell, Cell]], notes: Notes) -> None:
         many = "an opening" if len(names) == 1 else "openings"
         remedy = f"--hole {layers[around]}" if layers[around] else "draw it on a layer of its own, and --hole LAYER"
         notes.doubtful.append(f"{listed(names)} {verb} within {around}: {many}? {remedy}")
+        notes.doubted += names
 
 
 def say_large(cells: list[Cell], notes: Notes) -> None:
@@ -256,6 +257,7 @@ def say_large(cells: list[Cell], notes: Notes) -> None:
         if area > _LARGE * usual:
             what = f"element {cell.name!r} has {area / usual:.3g} times the area of the median element"
             notes.doubtful.append(f"{what}: if it is an opening, draw its outline on a layer of --hole")
+            notes.doubted.append(str(cell.name))
 
 
 def _line(path: Path, points: Floats) -> shapely.LineString:

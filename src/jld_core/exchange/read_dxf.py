@@ -62,6 +62,7 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     ezdxf = library("ezdxf", path)
     readable(path)
     with parsing("DXF", "a DXF file, ASCII or binary"):
+        notes.reached("bytes in its text", path.stat().st_size)
         document = ezdxf.readfile(path)
         space = document.modelspace()
         _refuse_large_blocks(document, space)
@@ -116,7 +117,8 @@ class _Reader:
         """Read all entities of a model space."""
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
-        for entity in space:
+        for number, entity in enumerate(space):
+            self.notes.reached("entities", number, len(space))
             self._read(entity, None, 0)
         lost = 0
         for (kind, layer), count in sorted(self.unread.items()):
@@ -208,6 +210,7 @@ class _Reader:
         before = len(self.paths)
         for copy in entity.multi_insert() if entity.mcount > 1 else (entity,):
             for part in copy.virtual_entities():
+                self.notes.reached("paths of blocks", len(self.paths))
                 self._read(part, layer, depth + 1)
         names = [text for tag, text in attributes if tag in ("id", "name")]
         fresh = [k for k in range(before, len(self.paths)) if self.paths[k].closed]

@@ -56,6 +56,7 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     if text.count("<") > 2 * MOST:
         raise InputError("", "it holds too many shapes", f"at most {MOST}")
     with parsing("SVG", "an SVG file"):
+        notes.reached("bytes in its text", len(text))
         tree = ElementTree.fromstring(text)
         if (count := _expanded(tree)) > _MOST_EXPANDED:
             raise InputError("", f"it expands to {count:.3g} shapes by <use>", f"at most {_MOST_EXPANDED}")
@@ -211,6 +212,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
     def walk(group: Any, layer: str) -> None:
         """Collect the items of a group and its subgroups."""
         for item in group:
+            notes.reached("shapes", len(paths))
             values = item.values if isinstance(getattr(item, "values", None), dict) else {}
             own = values.get("attributes", {})
             if isinstance(item, svg.Group):

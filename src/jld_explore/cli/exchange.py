@@ -39,6 +39,7 @@ from jld_explore.cli.options import (
     layer_options,
     refuse_itself,
 )
+from jld_explore.cli.progress import shown_reading
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 
@@ -65,6 +66,9 @@ def import_command(
     unit: FileUnit = None,
     up: Up = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time in which the file must be read; default 60, and 5 for each megabyte.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
@@ -80,9 +84,11 @@ def import_command(
         unit=unit,
         up=up,
         like=None if like is None else load_scene(like),
+        seconds=seconds,
     )
     refuse_itself(file, out)
-    found = import_file(file, options)
+    with shown_reading(file) as progress:
+        found = import_file(file, options, progress=progress)
     try:
         scene = parse_scene(found.document, "")
         build_assembly(scene)

@@ -1,9 +1,12 @@
-"""Show the progress of a search on stderr if it is a terminal."""
+"""Show the progress of a search, or of reading a file, on stderr if it is a terminal."""
 
 from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -63,6 +66,20 @@ class ProgressBar:
         rates = speed(now.solved / now.seconds if now.seconds > 0.0 else None).lstrip(", ")
         left = _time_left(now)
         self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
+
+
+@contextmanager
+def shown_reading(file: Path) -> Iterator[Callable[[str, int, int], None]]:
+    """Show on stderr, if it is a terminal, how much of a file was read, by the function that this yields."""
+    console = Console(file=sys.stderr)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[said]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(f"reading {file.name}", total=None, said="")
+
+        def show(what: str, done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total or None, said=f"{done} {what}")
+
+        yield show
 
 
 def _time_left(now: study_state.Progress) -> str:
