@@ -108,6 +108,8 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except RecursionError:
+        raise InputError("", "it is nested too deeply", expected) from None
     except Exception as error:
         raise InputError(
             "", f"it is no {kind} that can be read: it is damaged, or of another kind", expected
