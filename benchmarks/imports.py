@@ -1,9 +1,9 @@
 """Reading files: time and memory of bombs, of large files, and of the shelf of files as programs write them.
 
 `python -m benchmarks.imports` writes the table. Each file is read by `jld import` in a process of its own: processor
-seconds of it and of the one that reads, and the larger memory of both. Bombs are small files that expand, nest or branch
-(`tests/files/bombs.py`): each has to end in one line. Large ones are cells of lines beside a closed outline, in n × n
-cells, and blocks of solids.
+seconds of it and of the one that reads, and the larger memory of both. Bombs are small files that expand, nest or
+branch (`tests/files/bombs.py`): each has to end in one line. Large ones are cells of lines beside a closed outline, in
+n × n cells, and blocks of solids.
 """
 
 from __future__ import annotations
