@@ -119,7 +119,11 @@ def test_arrays_tuples_and_texts_are_taken(tmp_path: Path) -> None:
             {"id": "b", "polygon": square + np.array([0.0, 1.0])},
             {"id": "c", "polygon": [tuple(corner) for corner in square + np.array([0.0, 2.0])]},
         ),
-        "materials": {"density": np.float64(1.0), "dry": {"friction_coefficient": np.float32(0.5)}},
+        "materials": {
+            "density": np.float64(1.0),
+            "dry": {"friction_coefficient": np.float32(0.5)},
+            "inner": {"tensile_strength": 1, "shear_strength": 1},
+        },
         "loads": {"live": ({"body": (1.0, 0.0)},)},
     }
     assert solve(document).load_factor == pytest.approx(0.5)
