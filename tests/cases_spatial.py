@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jld_core.assembly import Assembly
+from jld_core import Assembly
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 

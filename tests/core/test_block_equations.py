@@ -11,8 +11,7 @@ import pytest
 
 from cases import grid_assembly
 from cases_spatial import assembly, rotation, wall
-from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.assembly import blocks_of
+from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, parse_scene
 from jld_core.geometry import spun
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver

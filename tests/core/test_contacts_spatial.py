@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, stools, wall
-from jld_core.assembly import Assembly
+from jld_core import Assembly, InputError
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.geometry import outlines as polygons
 from jld_core.scene import parse_scene
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import Scene, build_assembly, parse_scene, solve
+from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
-from jld_core.errors import InputError
 from jld_core.exchange import Layout, export, import_file
 from jld_core.refinement import refine
 from jld_core.strengths import Route

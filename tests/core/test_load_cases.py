@@ -12,8 +12,7 @@ import pytest
 
 from cases import grid_document
 from command import call
-from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_core.errors import SolverError
+from jld_core import InputError, SolverError, Status, build_assembly, parse_scene, solve
 from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
 from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
 from jld_core.models import require_model

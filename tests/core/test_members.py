@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.errors import InputError
+from jld_core import Assembly, InputError, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.sub_assembly import faces_of
-from jld_core.views.notebook import facts_of_assembly, facts_of_result
+from jld_core.views import facts_of_assembly, facts_of_result
 
 Document = dict[str, Any]
 

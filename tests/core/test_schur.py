@@ -10,9 +10,17 @@ from studies.families import running_bond
 
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
-from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_core import (
+    Assembly,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    SolverError,
+    Status,
+    build_assembly,
+    parse_scene,
+    solve,
+)
 from jld_core.arrays import Floats
-from jld_core.errors import SolverError
 from jld_core.limit import Prover
 from jld_core.limit.repair import Repair
 from jld_core.mechanics import scaling_of

@@ -16,7 +16,7 @@ import pytest
 
 from cases import CASES, grid_assembly
 from cases_spatial import box, scene
-from jld_core.assembly import Assembly
+from jld_core import Assembly
 from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.build import build_assembly

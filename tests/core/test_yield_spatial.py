@@ -17,10 +17,8 @@ from benchmarks.scenes import cubes
 from numpy.typing import NDArray
 
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
-from jld_core import solve, solve_many
-from jld_core.assembly import Assembly
+from jld_core import Assembly, InputError, solve, solve_many
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Status
 from jld_core.mechanics import InnerBending, scaling_of
 from jld_core.mechanics.standard import StandardYield, standard_yield

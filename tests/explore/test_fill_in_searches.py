@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from jld_core import build_assembly, parse_scene
-from jld_core.errors import InputError
+from jld_core import InputError, build_assembly, parse_scene
 from jld_core.models import solve_by_fields
 from jld_explore import explore
 from jld_explore.verification import verify

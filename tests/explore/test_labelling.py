@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from cases import grid_assembly, grid_document
+from jld_core import Assembly
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.space import labelling

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import samples
+from jld_core import InputError, samples
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.exchange import Layout
 from jld_core.scene import Scene, parse_scene
 from jld_explore import explore

@@ -12,8 +12,7 @@ import pandas as pd
 import pytest
 from benchmarks.claims import Tally, members
 
-from jld_core import build_assembly, parse_scene, solve
-from jld_core.errors import InputError
+from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.models import solve_by_fields
 from jld_explore import explore

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_scene
+from jld_core import InputError
 from jld_core.arrays import Bits
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.scene import parse_scene
 from jld_explore.drivers import BufferedRandom, Register, operators
 from jld_explore.drivers.enumeration import Enumeration

@@ -21,7 +21,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest, chosen
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, StopReason, explore
 from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.proof_check import Claim, check_proof
@@ -32,7 +32,6 @@ from jld_explore.space import search_space
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes
 from jld_explore.study import Study
-from jld_explore.study_state import StopReason
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -15,9 +15,9 @@ import pytest
 
 from cases import grid_document
 from command import ended
+from jld_core import InputError
 from jld_core.arrays import Bits
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.evaluation import Evaluation, Records

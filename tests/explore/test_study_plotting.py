@@ -10,9 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from command import call
-from jld_core import LimitAnalysis, Status, build_assembly, load_scene
+from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly, blocks_of
 from jld_core.views.figures import save_figure
 from jld_explore.report.pictures import (
     labels_of,

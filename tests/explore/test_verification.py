@@ -21,8 +21,8 @@ from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_document
 from command import call
+from jld_core import InputError
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore

@@ -35,7 +35,7 @@ from jld_core import (
 from jld_core.models.zero_dilation.certificate import BinaryFractions
 from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
 from jld_core.models.zero_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
 from reference_zero_dilation import loads_without_dilation
