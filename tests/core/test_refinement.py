@@ -12,7 +12,7 @@ import shapely
 
 from cases import grid_document
 from cases_spatial import box
-from command import call
+from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.refinement import refine
 from jld_core.refinement.cells import crack_cells
@@ -144,10 +144,10 @@ def test_pairs_of_the_search_and_labels_follow_their_pieces() -> None:
     assert {"c1r0", "c1r1"} not in opened
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, jld: Command) -> None:
     scene, out = tmp_path / "wall.json", tmp_path / "fine.json"
     scene.write_text(WALL.model_dump_json(exclude_defaults=True))
-    done = call(monkeypatch, capsys, "refine", scene, "--cell", "0.2,0.1", "-o", out)
+    done = jld("refine", scene, "--cell", "0.2,0.1", "-o", out)
     assert (done.code, done.err) == (0, "")
     assert load_scene(out).fingerprint == refine(WALL, (0.2, 0.1)).scene.fingerprint
     spatial = tmp_path / "vault.json"
@@ -171,7 +171,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
         ([bare, "--cell", "0.1"], ["materials.inner"]),
         ([tmp_path / "none.json", "--cell", "0.1"], ["none.json"]),
     ):
-        wrong = call(monkeypatch, capsys, "refine", *arguments, "-o", bad)
+        wrong = jld("refine", *arguments, "-o", bad)
         assert (wrong.code, wrong.out, wrong.err.count("\n")) == (2, "", 1), arguments
         assert all(word in wrong.err for word in words), wrong.err
     assert not bad.exists()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from command import call
+from command import Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.cli import overview
@@ -61,9 +61,7 @@ def test_commands_import_slow_modules_on_demand() -> None:
     assert (done.returncode, done.stdout.split()) == (0, ["[]", "[]"]), done.stderr
 
 
-def test_help_names_every_command_and_driver(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_names_every_command_and_driver(jld: Command) -> None:
     from jld_explore.cli.command import app
 
     group: Any = get_command(app)
@@ -71,12 +69,10 @@ def test_help_names_every_command_and_driver(
     assert all(group.get_command(None, name).callback or name == "new" for name in overview.COMMANDS)
     assert group.get_command(None, "nonsense") is None
     assert set(DRIVERS) == set(overview.DRIVERS)
-    assert call(monkeypatch, capsys, "--help").out == overview.text()
+    assert jld("--help").out == overview.text()
 
 
-def test_the_example_of_the_help_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     pytest.importorskip("ezdxf")
     monkeypatch.chdir(tmp_path)
     lines = overview.text().partition("Example:\n")[2].split("\n")
@@ -84,7 +80,7 @@ def test_the_example_of_the_help_runs(
     assert [command[0] for command in commands] == ["new", "check", "explore", "export"]
     for command in commands:
         quick = ["--driver", "random", "--budget", "4", "--jobs", "1"] if command[0] == "explore" else []
-        assert call(monkeypatch, capsys, *command, *quick).code == 0
+        assert jld(*command, *quick).code == 0
 
 
 def test_names_of_the_face_are_not_modules() -> None:
@@ -97,11 +93,9 @@ def test_names_of_the_face_are_not_modules() -> None:
         jld_explore.search  # noqa: B018
 
 
-def test_a_scene_is_drawn_where_one_stands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_is_drawn_where_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, capsys, "plot", SCENE).out == "flat_beam_arch.png\n"
+    assert jld("plot", SCENE).out == "flat_beam_arch.png\n"
     assert (tmp_path / "flat_beam_arch.png").exists()
     assert not SCENE.with_suffix(".png").exists()
 
@@ -154,13 +148,11 @@ def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_terminal_tables_shorten_long_labellings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_terminal_tables_shorten_long_labellings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, capsys, "new", "wall", "-o", "wall.json").code == 0
+    assert jld("new", "wall", "-o", "wall.json").code == 0
     options = ("--driver", "random", "--budget", "3", "--jobs", "1")
-    shown = call(monkeypatch, capsys, "explore", "wall.json", "--out", "out", *options).out
+    shown = jld("explore", "wall.json", "--out", "out", *options).out
     assert "…" in shown
     assert max(map(len, shown.splitlines())) < 160
 
