@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from command import Command
@@ -87,11 +87,7 @@ def in_units(length: str, force: str, density: Any, factor: float = 1.0) -> dict
     return {
         "units": {"length": length, "force": force},
         "grid": {"cell": [0.4 / metres, 0.2 / metres], "thickness": 0.3 / metres, "rows": ["aa", "ab", "##"]},
-        "materials": {
-            "density": density,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": stress, "shear_strength": stress},
-        },
+        "materials": dry_and_inner(density, 0.6, stress, stress),
         "loads": {"live": [{"body": [1, 0]}]},
     }
 

@@ -15,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import jld_core.views
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.assembly_sequence import assembly_order
@@ -45,11 +46,7 @@ def tower(dimension: int) -> dict[str, Any]:
             {"id": "ground", "support": True, **shape(-1)},
             *({"id": f"s{k}", **shape(k)} for k in range(3)),
         ],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-        },
+        "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
         "loads": {"live": [{"element": "s2", "force": [1.0] + [0.0] * (dimension - 1)}]},
         "members": [
             {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from cases_spatial import box
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
@@ -188,11 +188,7 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
             {"id": "L", "vertices": ell, "faces": faces},
             {"id": "ground", "vertices": ground, "faces": boxes, "support": True},
         ],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 1},
-            "inner": {"tensile_strength": 1, "shear_strength": 1},
-        },
+        "materials": dry_and_inner(1, 1, 1, 1),
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
     with pytest.raises(InputError, match="'L': it is not convex"):
@@ -230,11 +226,7 @@ def test_pressure_on_a_split_solid_acts_on_the_free_faces_of_its_pieces() -> Non
             box("a", [0, 0, 0], [1, 1, 1]),
             box("b", [1, 0, 0], [2, 1, 1]),
         ],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
-        },
+        "materials": dry_and_inner(1, 0.6, 1e3, 1e3),
         "loads": {"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]},
     }
     scene = parse_scene(document)
@@ -268,11 +260,7 @@ def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str 
         loads = [{**loads[0], "element": f"c{k}r0"} for k in (wide // 2 - 1, wide // 2)]
     document = {
         "grid": {"cell": [0.2, 0.2], "thickness": 0.1, "rows": rows},
-        "materials": {
-            "density": 300,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1000.0, "shear_strength": 3000.0},
-        },
+        "materials": dry_and_inner(300, 0.6, 1000.0, 3000.0),
         "loads": {"live": loads},
         "labels": {"default": "inner"},
     }
@@ -295,11 +283,7 @@ def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str 
 def test_in_space_a_force_at_a_common_corner_of_cells_is_shared() -> None:
     document = {
         "elements": [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("b", [0, 0, 0], [1, 1, 1])],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
-        },
+        "materials": dry_and_inner(1, 0.6, 1e3, 1e3),
         "loads": {"live": [{"element": "b", "force": [8.0, 0, 0], "moment": [0, 0, 0.8]}]},
     }
     refined = build_assembly(refine(parse_scene(document), (0.5,)).scene)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from studies.families import running_bond
 
-from cases import CASES, grid_assembly
+from cases import CASES, dry_and_inner, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import (
     Assembly,
@@ -188,11 +188,7 @@ def test_a_run_whose_embedding_variable_vanishes_proves_nothing() -> None:
     }
     document = {
         "elements": [{"id": name, "polygon": p, "support": name == "ground"} for name, p in polygons.items()],
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.65},
-            "inner": {"tensile_strength": 0, "shear_strength": 0},
-        },
+        "materials": dry_and_inner(1400, 0.65, 0, 0),
         "loads": {"live": [{"element": "lean", "moment": -330}], "dead": [{"body": [0.05, -0.1]}]},
         "labels": {"default": "dry", "inner": [["base", "ground"]]},
     }
@@ -246,11 +242,7 @@ def test_an_iterate_jammed_at_the_boundary_of_its_cones_is_centred() -> None:
     # Steps fell below 1e-8 at a gap of 2e-3 of this layout, which ended the iterations.
     content = {
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": [*["a" * 20] * 20, "#" * 20]},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": 2e6, "shear_strength": 2e6},
-        },
+        "materials": dry_and_inner(1400, 0.75, 2e6, 2e6),
         "loads": {"live": [{"body": [1, 0]}]},
         "search": {"block_cells": [1, 4]},
     }

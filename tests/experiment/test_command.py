@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from cases import dry_and_inner
 from command import Command
 from paths import SCENES
 
@@ -18,11 +19,7 @@ def scene(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Pat
     path = tmp_path / "scene.json"
     document = {
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 2e4, "shear_strength": 2e4},
-        },
+        "materials": dry_and_inner(1400, 0.5, 2e4, 2e4),
         "loads": {"live": live},
     }
     path.write_text(json.dumps(document), "utf-8")

@@ -10,6 +10,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
+from cases import dry_and_inner
 from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import parse_scene
@@ -20,11 +21,7 @@ from jld_explore.space import search_space
 
 SCENE = {
     "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},
-    "materials": {
-        "density": 2000,
-        "dry": {"friction_coefficient": 0.6},
-        "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-    },
+    "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
     "loads": {"live": [{"body": [1, 0]}]},
 }
 

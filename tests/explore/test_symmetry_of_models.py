@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from benchmarks.claims import Tally, symmetry
 
+from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene
 from jld_explore import explore
 from jld_explore.space import search_space
@@ -21,11 +22,7 @@ def lintel(cracks: Any = "faces", **more: Any) -> Document:
     """A lintel of 4 cells of 1 m on two supports under two equal forces."""
     return {
         "grid": {"cell": [1.0, 1.0], "rows": ["aaaa", "#..#"]},
-        "materials": {
-            "density": 2000.0,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000.0, 0.6, 1e5, 2e5),
         "loads": {
             "live": [{"element": f"c{k}r0", "force": [0, -1e3], "at": [x, 2.0]} for k, x in ((1, 1.35), (2, 2.65))]
         },

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from jld_core import parse_scene
 from jld_experiment import experiments
 from jld_explore import ExploreSettings, explore
@@ -51,11 +51,7 @@ def scene(first: str = "a") -> dict[str, Any]:
     ground = [[-1, -1], [3, -1], [3, 0], [-1, 0]]
     return {
         "elements": [*elements, {"id": "ground", "polygon": ground, "support": True}],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.7},
-            "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000, 0.7, 2e5, 2e5),
         "loads": {"live": [{"body": [1, 0]}]},
     }
 
