@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cases import dry_and_inner
-from jld_core import Assembly
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
+from jld_core import Assembly, build_assembly, parse_scene
 
 Document = dict[str, Any]
 Array = NDArray[np.float64]

@@ -10,10 +10,9 @@ import pytest
 from cases import dry_and_inner, grid_assembly
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
-from jld_core import Assembly, build_assembly, parse_scene
+from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene
 from jld_core.assembly_sequence import assembly_order
 from jld_core.assembly_sequence.order import locked_blocks
-from jld_core.limit import LimitAnalysis
 
 
 def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:

@@ -19,10 +19,9 @@ import pytest
 from cases import grid_document
 from command import Command, call, environment
 from every_driver import LIMIT
-from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
+from jld_core import InputError, SolveOptions, build_assembly, load_scene, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.files import whole_file
-from jld_core.limit import SolveOptions
 from jld_core.views import facts_of_result
 from jld_core.views.figures import figure_of_result, save_figure
 from jld_explore import ExploreSettings, explore, read_folder, search_space

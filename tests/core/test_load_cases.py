@@ -12,8 +12,8 @@ import pytest
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, SolverError, Status, build_assembly, parse_scene, solve
-from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
+from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
+from jld_core.limit import CaseBounds, governing
 from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
 from jld_core.models import require_model
 from jld_core.models.case_analysis import CaseAnalysis

@@ -10,8 +10,16 @@ import pytest
 from scipy.optimize import linprog
 
 from cases import dry_and_inner
-from jld_core import Assembly, InputError, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.limit import LimitAnalysis
+from jld_core import (
+    Assembly,
+    InputError,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Status,
+    build_assembly,
+    parse_scene,
+    solve,
+)
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.sub_assembly import faces_of
 from jld_core.views import facts_of_assembly, facts_of_result

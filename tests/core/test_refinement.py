@@ -16,7 +16,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.refinement import refine
 from jld_core.refinement.cells import crack_cells
-from jld_explore.space import search_space
+from jld_explore import search_space
 
 BODY = {"live": [{"body": [1.0, 0.0]}]}
 WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")

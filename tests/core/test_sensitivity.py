@@ -13,9 +13,8 @@ from cases import grid_assembly, grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from command import Command
-from jld_core import Assembly, build_assembly, parse_scene, solve
+from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
-from jld_core.limit import LimitAnalysis
 from jld_core.models import sensitivities
 from jld_core.models.sensitivity import Sensitivity, _parameters
 

@@ -11,9 +11,8 @@ import pytest
 
 from cases import dry_and_inner
 from cases_spatial import box
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import ParameterError
-from jld_core.limit import Status
 from jld_core.scene.design import PartialFactors, partial_factors
 from jld_core.scene.design_values import at_design_values
 from jld_practice.design_check.check import DesignCheck, at_design_loads, combinations_of, design_check

@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from command import Command
-from jld_core import parse_scene
-from jld_core.scene import Scene
+from jld_core import Scene, parse_scene
 from jld_experiment import experiments as module
 from jld_experiment.experiments import FILE, Experiments, with_experiments
 from jld_explore import ExploreSettings, explore

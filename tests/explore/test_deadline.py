@@ -22,12 +22,11 @@ from benchmarks.claims import time_limits
 
 from cases import grid_document
 from command import running
-from jld_core import InputError, build_assembly, parse_scene, samples
+from jld_core import InputError, SolveOptions, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_core.limit import SolveOptions
-from jld_explore import Driver, ExploreSettings, explore, field_check
+from jld_explore import Driver, ExploreSettings, explore, field_check, search_space
 from jld_explore.cli.command import main
 from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
@@ -40,7 +39,6 @@ from jld_explore.evaluation import EvaluatorSettings, raise_deferred
 from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
-from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible

@@ -13,18 +13,14 @@ import pytest
 
 from cases import DOWN, grid_document
 from cases_spatial import box, scene
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis, SolveOptions, Status
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
+from jld_explore import Evaluation, Exploration, ExploreSettings, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflict_generation import windows_of
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.report import Exploration
-from jld_explore.space import search_space
+from jld_explore.evaluation import Records
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 

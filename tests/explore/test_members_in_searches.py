@@ -16,10 +16,9 @@ from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.models import solve_by_fields
-from jld_explore import explore
+from jld_explore import explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.report.page_contract import PageData
-from jld_explore.space import search_space
 from jld_explore.verification import verify
 
 Document = dict[str, Any]

@@ -11,13 +11,9 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
 from cases import dry_and_inner
-from jld_core.build import build_assembly
-from jld_core.limit import Status
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_core import Status, build_assembly, parse_scene
+from jld_explore import Evaluation, ExploreSettings, explore, search_space
 from jld_explore.drivers.optuna import FILE, Optuna
-from jld_explore.evaluation import Evaluation
-from jld_explore.space import search_space
 
 SCENE = {
     "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},

@@ -13,10 +13,8 @@ from pydantic import Field
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError
+from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration

@@ -21,14 +21,12 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest, chosen
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
-from jld_explore import ExploreSettings, StopReason, explore
-from jld_explore.drivers import Driver
+from jld_explore import Driver, Exploration, ExploreSettings, StopReason, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
-from jld_explore.report import Exploration, words
-from jld_explore.space import search_space
+from jld_explore.report import words
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes
 from jld_explore.study import Study

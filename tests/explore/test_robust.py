@@ -15,8 +15,7 @@ from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.scene.reading import at_low
 from jld_core.strengths import Route
-from jld_explore import ExploreSettings, explore
-from jld_explore.report import read_folder
+from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.space import from_string
 
 ROUTE = Route("a test")

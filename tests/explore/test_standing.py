@@ -14,8 +14,7 @@ from benchmarks.common import random_segmentations, scene
 
 from cases import dry_and_inner, grid_document
 from command import Command
-from jld_core import build_assembly, parse_scene, solve
-from jld_core.limit import SolveOptions
+from jld_core import SolveOptions, build_assembly, parse_scene, solve
 from jld_explore import Exploration, explore, read_folder
 from jld_explore.evaluation.standing import Standing
 from jld_explore.report.words import facts_of_exploration

@@ -11,8 +11,7 @@ from benchmarks.claims import Tally, symmetry
 
 from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene
-from jld_explore import explore
-from jld_explore.space import search_space
+from jld_explore import explore, search_space
 
 Document = dict[str, Any]
 Change = Callable[[Document], None]

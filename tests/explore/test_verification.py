@@ -21,13 +21,9 @@ from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_document
 from command import Command
-from jld_core import InputError
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
-from jld_explore.space import search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances

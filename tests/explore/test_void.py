@@ -12,11 +12,9 @@ import pytest
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.scene import Scene
-from jld_explore import ExploreSettings, explore, search_space
+from jld_core import InputError, Scene, build_assembly, parse_scene, solve
+from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.report import read_folder
 from jld_explore.space.void import cut, omitted
 
 ROWS = ["aaa", "aaa", "###"]

@@ -12,11 +12,10 @@ from studies.families import semicircular_arch
 
 from cases_spatial import box
 from command import Command
-from jld_core import build_assembly, parse_scene
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
 from jld_core.limit import Settled
 from jld_core.limit.force_range import reactions, settle
-from jld_core.scene import Scene
 
 SPREAD = {
     "name": "spread",

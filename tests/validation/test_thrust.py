@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 
 from cases_spatial import box
 from command import Command
-from jld_core import build_assembly, parse_scene
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.errors import ParameterError
 from jld_core.limit.thrust import (
     ResultantRange,
@@ -22,7 +22,6 @@ from jld_core.limit.thrust import (
     thrust_ranges,
 )
 from jld_core.samples import arch
-from jld_core.scene import Scene
 from jld_core.strengths import Route
 from transforms import as_elements, rotated
 
