@@ -155,7 +155,7 @@ def test_nobody_else_names_a_count() -> None:
 
 def test_shapes_are_counted_while_there_is_time() -> None:
     """Values up to the deadline are those without one, the rest is missing, and the first layout always has its own."""
-    scene = vault(voussoirs=5, courses=3)
+    scene = vault(voussoirs=4, courses=2)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     count = next(count for count in registered() if count.kinds)

@@ -492,7 +492,7 @@ def test_a_search_ranks_its_best_layouts_by_reliability(
     without_pictures: None,
     without_field_check: None,
 ) -> None:
-    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 500)
+    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 150)
     path, out = tmp_path / "wall.json", tmp_path / "out"
     document = grid_document(["ab", "cd", "##"], tension=4e3, shear=5e3, block_cells=[1, 2])
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}

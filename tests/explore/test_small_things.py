@@ -170,20 +170,21 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe no text", b"axes.facecolor: red\n", b"figure.dpi: none\nbogus line\n"])
-def test_a_matplotlibrc_in_the_current_folder_does_not_matter(content: bytes, tmp_path: Path) -> None:
+def test_a_matplotlibrc_in_the_current_folder_does_not_matter(tmp_path: Path) -> None:
     """Pictures are the same bytes, whatever the file says."""
-    pictures = []
-    for name in ("plain", "styled"):
-        folder = tmp_path / name
+    pictures = set()
+    for number, content in enumerate(
+        (b"", b"\xff\xfe no text", b"axes.facecolor: red\nfigure.dpi: none\nbogus line\n")
+    ):
+        folder = tmp_path / str(number)
         folder.mkdir()
-        if name == "styled":
+        if content:
             (folder / "matplotlibrc").write_bytes(content)
         command = [sys.executable, "-m", "jld_explore", "plot", str(ROOT / "scenes" / "flat_beam_arch.json")]
         done = subprocess.run([*command, "-o", "a.png"], cwd=folder, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        pictures.append((folder / "a.png").read_bytes())
-    assert pictures[0] == pictures[1]
+        pictures.add((folder / "a.png").read_bytes())
+    assert len(pictures) == 1
 
 
 def test_parts_of_numpy_that_the_command_line_leaves_out_load_when_named() -> None:

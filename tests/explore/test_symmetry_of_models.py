@@ -165,5 +165,5 @@ def test_an_objective_of_the_user_is_asked_for_each_mirror_image() -> None:
 def test_merged_layouts_have_one_load_factor() -> None:
     """A share of `python -m benchmarks.claims symmetry`: cases by faces and cells."""
     tally = Tally(symmetry.CLAIM)
-    assert [symmetry.case(seed, tally) for seed in (0, 1, 3, 4, 6, 7, 19, 40)] == [""] * 8
+    assert [symmetry.case(seed, tally) for seed in (0, 1, 6, 40)] == [""] * 4
     assert tally.notes["cells: merged"] > 0

@@ -109,7 +109,7 @@ def test_the_strongest_for_its_weight(every: Any) -> None:
 def test_other_drivers_keep_to_the_same_layouts(every: Any, tmp_path: Path) -> None:
     known = dict(zip(every.results["labelling"], every.results["load_factor"], strict=True))
     for driver in ("genetic", "hillclimb", "random"):
-        settings = ExploreSettings(driver=driver, budget=120, pictures=False)
+        settings = ExploreSettings(driver=driver, budget=40, pictures=False)
         done = explore(every.scene, tmp_path / driver, settings)
         assert set(done.results["labelling"]) <= set(known)
         assert done.results["labelling"].str.contains("v").any()
