@@ -6,6 +6,7 @@ import inspect
 import json
 import pkgutil
 from collections.abc import Callable
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,7 @@ class Made:
         self.ranges = thrust_ranges(self.plain)
         self.settled = settle(self.plain, settlements_of(self.bare, self.plain)[0])
 
+    @cached_property
     def fields(self) -> Any:
         """Return assembly, labels and bounds by fields of a coarse mesh."""
         return solve_by_fields(self.plain, gap=0.5, seconds=0.0).governing_case
@@ -107,20 +109,16 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "figures.figure_of_result": lambda draw, made, _: draw(made.result, ids=True, values=True),
     "figures.figure_of_layouts": lambda draw, made, _: draw([made.result] * 2, ["one", "other"]),
     "figures.save_figure": lambda draw, made, folder: draw(made.result.plot(), folder / "result.svg"),
-    "field_figures.figure_of_fields": lambda draw, made, _: draw(*made.fields()),
-    "field_figures.figure_of_field_layouts": lambda draw, made, _: draw([made.fields()], ["one"]),
+    "field_figures.figure_of_fields": lambda draw, made, _: draw(*made.fields),
+    "field_figures.figure_of_field_layouts": lambda draw, made, _: draw([made.fields], ["one"]),
     "moved_joints.figure_of_move": lambda draw, made, _: draw(
         made.plain, made.plain, made.plain.labels, made.vertices, 0.1 * made.vertices, ("before", "after")
     ),
     "moved_joints.figure_of_vertex_rates": lambda draw, made, _: draw(
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
-    "path.figure_of_path": lambda draw, made, _: draw(
-        made.plain, [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
-    ),
-    "settled.figure_of_settled": lambda draw, made, _: draw(
-        settle(made.plain, settlements_of(made.bare, made.plain)[0])
-    ),
+    "path.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
+    "settled.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
     "thrust.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
@@ -132,7 +130,8 @@ def test_every_drawing_has_a_row() -> None:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_drawing(name: str, made: Made, tmp_path: Path) -> None:
+def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_core.views.animation.FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:

@@ -71,7 +71,7 @@ def test_the_load_factor_is_that_of_all_interfaces_listed(entries: list[dict[str
     for name, values in vars(assembly.strengths(ROUTE)).items():
         assert np.array_equal(values, getattr(other.strengths(ROUTE), name), equal_nan=True), name
     plain, changed = build_assembly(parse_scene(document([]))), []
-    for number in range(2 ** len(assembly.interfaces)):
+    for number in range(0, 2 ** len(assembly.interfaces), 5):
         labels = (number >> np.arange(len(assembly.interfaces))) & 1 > 0
         found, expected = solve(assembly, labels), solve(other, labels)
         assert found.status == expected.status
