@@ -14,7 +14,6 @@ import pytest
 import jld_core
 from cases import grid_document
 from jld_core import InputError, Model, build_assembly, load_scene, parse_scene, solve, solve_many
-from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import cost_estimate, require_memory, sensitivities
 from jld_core.refinement import refine
@@ -24,6 +23,7 @@ from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import count_named, from_string, to_string
+from jld_practice.laying import assembly_order
 
 DOCUMENT = grid_document(["aa", "aa", "##"])
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_geometry import joint_shapes as shape_search
@@ -31,11 +32,7 @@ def two_blocks(tension: float = 2e5, shear: float = 4e5, place: float = 0.2) -> 
     document: dict[str, Any] = {
         "thickness": THICK,
         "elements": [{"id": name, "polygon": one, "support": name == "ground"} for name, one in outlines.items()],
-        "materials": {
-            "density": 0.0,
-            "dry": {"friction_coefficient": FRICTION},
-            "inner": {"tensile_strength": tension, "shear_strength": shear},
-        },
+        "materials": dry_and_inner(0.0, FRICTION, tension, shear),
         "labels": {"inner": [["ground", "low"]]},
         "loads": {
             "dead": [{"element": "up", "force": [0.0, -PRESS], "at": [place, 0.1]}],

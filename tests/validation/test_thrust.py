@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 
 from cases_spatial import box
 from command import Command
-from jld_core import build_assembly, parse_scene
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.errors import ParameterError
 from jld_core.samples import arch
 from jld_core.scene import Scene
