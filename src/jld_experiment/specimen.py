@@ -14,8 +14,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry import moment_about
 from jld_core.strengths import Route
-from jld_experiment.bench import HALF, Bench, Drive, Motion
-from jld_experiment.energy import EnergyBalance
+from jld_experiment.bench import HALF, Bench, Drive, EnergyBalance, Motion
 from jld_experiment.moving_spatial import Plane, Space, plane_of, space_of
 from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts

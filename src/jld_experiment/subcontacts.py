@@ -12,8 +12,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import ParameterError
 from jld_core.geometry import area_of
-from jld_experiment.bench import FLOW, FRACTURE, FRICTION
-from jld_experiment.energy import compiled
+from jld_experiment.bench import FLOW, FRACTURE, FRICTION, compiled
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 """Names of the schemes of `sub_contacts`."""

@@ -21,8 +21,7 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
 from jld_geometry.box_certificate import KEY, BoxClaim, Leaf, Node, Split, read
-from jld_geometry.box_structure import BoxStructure, Loads
-from jld_geometry.polynomials import Polynomial, add, is_at_least_zero, product
+from jld_geometry.box_structure import BoxStructure, Loads, Polynomial, add, is_at_least_zero, product
 
 _ROUTE: Final = Route("certificates of boxes")
 

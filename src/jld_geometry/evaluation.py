@@ -20,10 +20,8 @@ from jld_core.models import solve_rigid
 from jld_core.program import Template
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.limits import Limits
-from jld_geometry.moved_scene import MovedScene
-from jld_geometry.spatial_mesh import SpatialMesh, SpatialMovedScene
-from jld_geometry.spatial_program import SpatialLimits
+from jld_geometry.limits import Limits, SpatialLimits
+from jld_geometry.moved_scene import MovedScene, SpatialMesh, SpatialMovedScene
 from jld_geometry.step import CaseState, Goal, Region, StepAnswer, solve_step
 from jld_geometry.variables import Variables
 

@@ -20,10 +20,8 @@ from jld_core.scene.move import Move
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated, Evaluator
-from jld_geometry.limits import Limits
-from jld_geometry.moved_scene import MovedScene
-from jld_geometry.spatial_mesh import SpatialMesh, SpatialMovedScene, spatial_mesh
-from jld_geometry.spatial_program import SpatialLimits, require_spatial, spatial_variables
+from jld_geometry.limits import Limits, SpatialLimits, require_spatial, spatial_variables
+from jld_geometry.moved_scene import MovedScene, SpatialMesh, SpatialMovedScene, spatial_mesh
 from jld_geometry.step import Goal, StepAnswer
 from jld_geometry.variables import Variables, variables_of
 

@@ -22,7 +22,7 @@ from jld_core.loads import Loads
 from jld_core.solvers.highs import highs_of
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.spatial_mesh import spatial_mesh
+from jld_geometry.moved_scene import spatial_mesh
 
 
 def length_rates(mesh: VertexMesh) -> sp.csr_array:

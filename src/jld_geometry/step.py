@@ -15,9 +15,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.limits import LimitValues
-from jld_geometry.spatial_mesh import SpatialMesh
-from jld_geometry.spatial_program import spatial_residual_rates
+from jld_geometry.limits import LimitValues, spatial_residual_rates
+from jld_geometry.moved_scene import SpatialMesh
 from jld_geometry.spatial_rates import length_rates, residual_rates
 
 Goal = Literal["load_factor", "friction", "thickness", "slack"]

@@ -15,9 +15,8 @@ from jld_core.limit import FIELD_SECONDS
 from jld_core.scene import Scene
 from jld_core.scene.design import partial_factors
 from jld_explore.cli.check import load, warn_of
-from jld_explore.cli.cracks import Cracks, Seconds, with_cracks
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.options import AsJson, CaseSeconds, Cracks, Rank, with_cracks
 from jld_explore.cli.streams import say
 
 
@@ -31,7 +30,7 @@ def check_design(
         typer.Option("--set", help="Set of partial factors: EN 1990, EN 1990 EQU, EN 1996-1-1, or one of the scene."),
     ] = None,
     cracks: Cracks = None,
-    seconds: Seconds = None,
+    seconds: CaseSeconds = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for page (PDF, HTML) and JSON.")] = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
     as_json: AsJson = False,

@@ -30,8 +30,7 @@ from jld_explore.cli.layout import best_of_design, start_of_design
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
-from jld_practice.making import Stone, factor_to, stones_of, stones_table
-from jld_practice.printed import Printed, write_printed
+from jld_practice.printed import Printed, Stone, factor_to, stones_of, stones_table, write_printed
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,8 @@ from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
 from jld_practice.reliability.analysis import SAMPLES, Reliability, ReliabilityOptions, analyse, structure_of
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison, compare
+from jld_practice.reliability.structure import SampleBounds
 
 _SHOWN = 12  # number of variables of the printed table, those of largest importance first
 

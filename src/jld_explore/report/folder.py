@@ -27,8 +27,8 @@ from jld_explore.report import summary as required
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
-from jld_explore.report.result_files import without_parquet, write_results
 from jld_explore.report.summary import Summary
+from jld_explore.report.tables import without_parquet, write_results
 from jld_explore.space import registered
 from jld_explore.study import Study
 from jld_explore.study_state import StopReason, name_of

@@ -25,8 +25,8 @@ from jld_core.solvers import SOLVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import with_evidence
-from jld_explore.report.result_files import read_results, results_path
 from jld_explore.report.summary import Summary
+from jld_explore.report.tables import read_results, results_path
 from jld_explore.space.void import cut, is_labelling
 from jld_explore.study_state import StopReason
 
@@ -65,7 +65,7 @@ class Exploration(NotebookRepr):
         Model of the search.
     """
 
-    shown_by: ClassVar[str] = "jld_explore.report.notebook:ExplorationView"
+    shown_by: ClassVar[str] = "jld_explore.report.page_of_study:ExplorationView"
 
     scene: Scene
     assembly: Assembly

@@ -13,8 +13,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import ParameterError
 from jld_core.refinement.walls import prism_of
 from jld_core.scene import Scene, parse_scene
-from jld_practice.design.loaded_edges import loaded_line
-from jld_practice.design.options import DesignOptions
+from jld_practice.design.options import DesignOptions, loaded_line
 
 _SPREAD: Final = 0.1  # default length over which a load is spread, relative to the length that it acts along
 

@@ -34,9 +34,8 @@ from jld_core.scene.design_values import at_design_values
 from jld_core.solvers import make_solver
 from jld_core.strengths import Route
 from jld_core.threads import one_thread
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.form import LimitFunction
-from jld_practice.reliability.structure import Growth, RandomStructure, Variables
+from jld_practice.reliability.structure import Growth, RandomStructure, SampleBounds, Variables
 
 ROUTE: Final = Route("the design check")
 """Reader of strengths: partial factors are known for the standard ones alone."""

@@ -13,7 +13,6 @@ from jld_core.assembly import Assembly
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.form import Form, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import (
     CONFIDENCE,
@@ -24,7 +23,7 @@ from jld_practice.reliability.monte_carlo import (
     is_rare,
     simulate,
 )
-from jld_practice.reliability.structure import RandomStructure, Variables, random_structure
+from jld_practice.reliability.structure import RandomStructure, SampleBounds, Variables, random_structure
 
 # Probability of unseen failures, over that of known ones, that the spread of samples is chosen for
 _SHARE: Final = 0.05

@@ -14,7 +14,7 @@ from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.mechanics.yield_set import FrictionSet
 from jld_core.scene.standard import PARAMETERS
 from jld_core.threads import one_thread
-from jld_practice.reliability.bounds import SampleBounds
+from jld_practice.reliability.structure import SampleBounds
 
 _STEPS: Final = 60  # largest number of iterations
 

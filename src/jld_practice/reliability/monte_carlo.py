@@ -15,8 +15,8 @@ from scipy.special import betaincinv, ndtri
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
-from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
 from jld_practice.reliability.form import Form
+from jld_practice.reliability.structure import GoverningBounds, SampleBounds
 
 _FEW: Final = 1000  # failures expected of plain sampling below which samples are drawn around the design points
 
