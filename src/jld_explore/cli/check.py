@@ -1,4 +1,4 @@
-"""Provide `jld check` and `jld verify`, and the checks of a scene that other commands share."""
+"""Provide `jld check` and `jld verify`, and checks of a scene that other commands share."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ if TYPE_CHECKING:
 
 
 def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
-    """Read a scene file and return its scene and assembly.
-
-    Raises InputError for a scene that is invalid, or needs more memory than there is.
-    """
+    """Read a scene file and return scene and assembly; InputError if invalid or too large."""
     scene = load_scene(path)
     with error_context(path):
         require_memory(scene)  # before contacts are built, which may take minutes
@@ -43,10 +40,7 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write warnings and notes of an assembly to stderr, each with the file's name.
-
-    Call it after all checks that may refuse the scene.
-    """
+    """Write warnings and notes of an assembly to stderr, after all checks that may refuse it."""
     for warning in assembly.warnings:
         warn(f"jld: warning: {path}: {warning}")
     for note in assembly.notes:
@@ -54,10 +48,7 @@ def warn_of(path: Path, assembly: Assembly) -> None:
 
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
-    """Return the search space of a scene; check it as `jld explore` does if the scene has one.
-
-    Raises InputError for a search that is impossible.
-    """
+    """Return the search space of a scene; InputError for an impossible search."""
     from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
 
     asked = "search" in scene.model_fields_set

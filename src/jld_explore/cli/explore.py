@@ -1,4 +1,4 @@
-"""Define `jld explore`."""
+"""Provide `jld explore`."""
 
 from __future__ import annotations
 
@@ -120,10 +120,7 @@ def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 class ProgressBar:
-    """Progress bar of a search on stderr: count, rate, best λ with bound and gap, and time left.
-
-    Use it as a context, and call it with each progress report. Nothing is shown if stderr is no terminal.
-    """
+    """Progress bar of a search on stderr, if that is a terminal; call it with each report."""
 
     def __init__(self, label: str) -> None:
         console = Console(file=sys.stderr)
@@ -142,18 +139,15 @@ class ProgressBar:
         self._task = self._bar.add_task(label, total=None, rate="", best="", left="")
 
     def __enter__(self) -> Self:
-        """Start the display."""
         self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop the display."""
         self._bar.stop()
 
     def __call__(self, now: study_state.Progress) -> None:
-        """Show the latest progress report of a search."""
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
             best += f" ≤ {now.bound:.6g}"
@@ -165,10 +159,7 @@ class ProgressBar:
 
 
 def _time_left(now: study_state.Progress) -> str:
-    """Return in words how long a search goes on at most; "" if nothing is known.
-
-    It ends at its time limit, or when the layouts that are left have been evaluated at the rate so far.
-    """
+    """Return in words how long a search goes on at most; "" if nothing is known."""
     rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
     left = min(rest, now.left)
     return f"{left:.0f} s left" if math.isfinite(left) else ""
@@ -282,5 +273,4 @@ def _check_jobs(jobs: int | None) -> None:
 
 
 def _say_found(done: Exploration, as_json: bool) -> None:
-    """Print the results of a search."""
     say(json.dumps(done.summary.to_json(), indent=1) if as_json else words.exploration(done))

@@ -6,6 +6,7 @@ from typing import Final
 
 from jld_core import plugins
 
+# description of each command, in the order of use
 COMMANDS: Final = {
     "new": "write a scene by name: arch, wall, corner, vault, dome, flat-arch, buttress, grid",
     "import": "make a scene of a drawing or of solids",
@@ -27,8 +28,8 @@ COMMANDS: Final = {
     "thrust": "least and greatest reaction of supports, and forces across joints",
     "export": "write the blocks of a layout for another program",
 }
-"""Description of each command, in the order of use."""
 
+# description of each search driver
 DRIVERS: Final = {
     "enumeration": "every layout once; the best is proven. Default where the space is small",
     "exact": "proves the best of spaces far too large to enumerate. Default where that is in reach",
@@ -38,7 +39,6 @@ DRIVERS: Final = {
     "anneal": "the strongest layout of a large scene, without proof",
     "optuna": "any of its samplers",
 }
-"""Description of each search driver."""
 
 _HEAD = """Usage: jld [OPTIONS] COMMAND [ARGS]...
 

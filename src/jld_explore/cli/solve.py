@@ -1,4 +1,4 @@
-"""Define `jld solve`."""
+"""Provide `jld solve`."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ _UNASKED: Final = 128  # number of faces up to which `jld solve` computes rates 
 
 
 def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: bool) -> LimitAnalysisResult:
-    """Return a result with the derivatives of λ in its `facts`, and their time in its `seconds`.
+    """Add the derivatives of λ to `facts` of a result, by vertices too if asked.
 
-    asked: compute the rates by strengths and weight; None: where there are few faces. vertices: by vertices as well.
+    asked: compute rates by strengths and weight; None: where there are few faces.
     """
     start = time.perf_counter()
     faces = len(result.assembly.interfaces)
@@ -202,7 +202,6 @@ def _own_layout(path: Path, strict: bool) -> LaidOut:
 
 
 def _layout_of(folder: Path, rank: int | None) -> LaidOut:
-    """Return a layout of a results folder."""
     from jld_explore.cli.layout import layout_of  # reading a folder needs pandas, a scene does not
 
     return layout_of(folder, rank)

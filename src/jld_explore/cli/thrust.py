@@ -80,10 +80,7 @@ def thrust(
 def _resultants(
     assembly: Assembly, support: list[str] | None, joint: list[str] | None, section: list[str] | None
 ) -> tuple[Resultant, ...]:
-    """Return the resultants that the options name; those of all supports if they name none.
-
-    Raises ParameterError for names and numbers that do not fit.
-    """
+    """Return the resultants that the options name; those of all supports if they name none."""
     found: tuple[Resultant, ...] = ()
     if support or not (joint or section):
         found += reactions_of_supports(assembly, support or None)
