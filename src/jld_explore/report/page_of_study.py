@@ -45,23 +45,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-NAME: Final = "report.html"
-"""File name of the page in the folder of a study."""
+NAME: Final = "report.html"  # file name of the page in the folder of a study
 
-SOLVED: Final = 50
-"""Number of best rows whose forces and mechanism a page holds, besides those of the front."""
+SOLVED: Final = 50  # best rows whose forces and mechanism a page holds, besides those of the front
 
-PATIENCE: Final = 0.5
-"""Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
+PATIENCE: Final = 0.5  # s, after which no further row is solved for a page: a search must end soon after its time limit
 
-DEAR: Final = 0.3
-"""Seconds after a deadline that solving the best row may take."""
+DEAR: Final = 0.3  # s after a deadline that solving the best row may take
 
 # Time of a row that is solved alone, with forces and mechanism, as a multiple of that of its evaluation
 _AGAIN: Final = 2.0
 
+# sentence of the page on how to get forces that it does not hold
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
-"""Sentence of the page on how to get forces that it does not hold."""
 
 
 def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
@@ -75,10 +71,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 
 
 def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
-    """Assemble the data of the page of one layout (see `page_data`).
-
-    Result: data that can be written as JSON.
-    """
+    """Assemble the data of the page of one layout."""
     assembly, solution = found.assembly, solution_of(found)
     return page_data(
         kind="report",
@@ -104,10 +97,7 @@ def study_data(
     most: int = MOST,
     solved: int = SOLVED,
 ) -> PageData:
-    """Assemble the data of the page of a search (see `page_data`).
-
-    Result: data that can be written as JSON.
-    """
+    """Assemble the data of the page of a search."""
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
@@ -186,10 +176,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
 
 
 def _worth(rows: pd.DataFrame, front: pd.DataFrame, solved: int) -> Sequence[int]:
-    """Return the positions of rows in the order in which they are solved.
-
-    The best row comes first, then the rows on the front, then the next ranks.
-    """
+    """Return the positions of rows in the order of solving: best row, front, next ranks."""
     ranked = np.flatnonzero(rows["rank"].notna())[:solved].tolist()
     edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
@@ -203,13 +190,12 @@ def write_report(
     Parameters
     ----------
     done : Exploration
-        Finished search.
     out : Path, optional
-        Folder of the page. Default: the folder of the study.
+        Default: the folder of the study.
     patience : float
         Time limit for solving layouts to be drawn, s; the best come first.
     deadline : Deadline, optional
-        Deadline that also limits the solves.
+        Also limits the solves.
 
     Returns
     -------
@@ -259,7 +245,6 @@ class Page:
     height: int = 900  # height of the frame, pixels
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame, as Jupyter calls for it."""
         frame = 'style="width: 100%; border: 1px solid #888" title="the page of a search"'
         return f'<iframe srcdoc="{html.escape(self.text)}" height="{self.height}" {frame}></iframe>'
 
@@ -268,20 +253,18 @@ class Page:
 
 
 def show_page(done: Exploration, height: int = 900, patience: float = PATIENCE) -> Page:
-    """Make the interactive page of a finished search for a notebook; no file is written.
+    """Make the interactive page of a search for a notebook; no file is written.
 
     Parameters
     ----------
     done : Exploration
-        Finished search.
     height : int
         Height of the frame, pixels.
     patience : float
-        Time limit for solving layouts to be drawn, s; the best come first.
+        Time limit for solving layouts to be drawn, s.
 
     Returns
     -------
     Page
-        Page for the notebook.
     """
     return Page(study_page(done, patience), height)

@@ -1,4 +1,4 @@
-"""Make result tables from the records and the study."""
+"""Make result tables from the records and the study, and write and read them as CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -38,31 +38,25 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-CSV_FILE: Final = "results.csv"
-"""File name of the table for people and spreadsheets."""
+CSV_FILE: Final = "results.csv"  # table for people and spreadsheets
 
-PARQUET_FILE: Final = "results.parquet"
-"""File name of the table that programs read."""
+PARQUET_FILE: Final = "results.parquet"  # table that programs read
 
+# most rows written as CSV unasked: a million take 280 MB and 10 s, four times as much as Parquet
 CSV_ROWS: Final = 100_000
-"""Largest number of rows that are written as CSV unasked. A million rows take 280 MB and 10 s, four times as much as
-Parquet; spreadsheets end at 1 048 576 rows.
-"""
 
-WITH_PARQUET: Final = "pip install 'jld[parquet]'"
-"""Command that installs what Parquet needs."""
+WITH_PARQUET: Final = "pip install 'jld[parquet]'"  # installs what Parquet needs
 
 # Columns of texts, which CSV does not tell from numbers
 _TEXTS: Final = ("labelling", "status", "settled", "driver", "governing")
 
 
 def parquet_is_installed() -> bool:
-    """Return True if tables can be written and read as Parquet."""
     return find_spec("pyarrow") is not None
 
 
 def without_parquet(rows: int) -> list[str]:
-    """Return the sentence that says what a table of so many rows loses without Parquet; none for few rows."""
+    """Return the sentence that says what a table of so many rows loses without Parquet; none for few."""
     if rows <= CSV_ROWS or parquet_is_installed():
         return []
     lost = f"{CSV_FILE} of {rows} rows takes four times the space and time of {PARQUET_FILE}, which needs pyarrow"
@@ -86,10 +80,7 @@ def write_results(folder: Path, results: pd.DataFrame, *, csv: bool | None = Non
 
 
 def results_path(folder: Path) -> Path:
-    """Return the file of a folder that holds its table: Parquet where it can be read, else CSV.
-
-    The path of results.csv if there is none. Raises InputError for Parquet alone that cannot be read.
-    """
+    """Return the file of a folder that holds its table: Parquet where it can be read, else CSV."""
     parquet, csv = folder / PARQUET_FILE, folder / CSV_FILE
     if not parquet.exists() or (csv.exists() and not parquet_is_installed()):
         return csv
@@ -99,10 +90,7 @@ def results_path(folder: Path) -> Path:
 
 
 def read_results(path: Path) -> pd.DataFrame:
-    """Read a table of results, of the same types from both files.
-
-    Raises OSError, TypeError or ValueError for a damaged file.
-    """
+    """Read a table of results, of the same types from both files."""
     import pandas as pd  # slow to import and needed for tables only
 
     if path.suffix == ".parquet":
@@ -122,7 +110,7 @@ def read_results(path: Path) -> pd.DataFrame:
 
 
 def _without_apostrophe(value: object) -> object:
-    """Return a text as it was before `harmless` put an apostrophe before it; any other value as it is."""
+    """Return a text as it was before `harmless` put an apostrophe before it."""
     return value[1:] if isinstance(value, str) and value[:1] == "'" and harmless(value[1:]) == value else value
 
 
@@ -132,10 +120,9 @@ _DIGITS: Final = 12  # decimal digits to which counts are compared, relative to 
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
-    """Return a mask of the rows that are not dominated in λ and the counts.
+    """Return (k,) the rows that are not dominated in load factors (k,) and counts (k, c).
 
-    load_factors: (k,) λ, more is better; rows with NaN are never on the front. counts: (k,) values of c counts.
-    *senses: "max" or "min" for each count. Returns (k,).
+    A row with NaN is never on the front. *senses: "max" or "min" for each count.
     """
     # A row is dominated if another is at least as good in all objectives and better in one.
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
@@ -157,10 +144,7 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
 
 
 def _unbeaten(best: Floats, level: Floats) -> Bools:
-    """Return a mask (p,) of the non-dominated rows among rows with different counts.
-
-    best: (p,) largest λ of each row. level: (p, c) counts, larger is better, ascending; no two rows are equal.
-    """
+    """Return (p,) the non-dominated rows, of largest λ (p,) and distinct ascending counts (p, c)."""
     if level.shape[1] == 1:
         # Levels ascend, so rows with better counts follow.
         behind = np.maximum.accumulate(best[::-1])[::-1]
@@ -175,11 +159,9 @@ def _unbeaten(best: Floats, level: Floats) -> Bools:
     return kept
 
 
-CONVERGENCE: Final = "convergence.csv"
-"""File name of the convergence table."""
+CONVERGENCE: Final = "convergence.csv"  # file name of the convergence table
 
-STANDS: Final = "stands_at_zero"
-"""Name of the column, and of the entry of the summary, on layouts that stand under their dead load alone."""
+STANDS: Final = "stands_at_zero"  # column, and entry of the summary, on layouts that stand under their dead load alone
 
 _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, which limits temporary memory
 
@@ -223,8 +205,7 @@ def results_table(
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    own_objective: True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
-    Result: table with the columns of results.csv, λ in scene units; a count that was not computed is NA.
+    own_objective: `load_factor` is a user's value, and λ the last entry of `cases`.
     """
     # Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under
     # their dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach
@@ -289,7 +270,7 @@ def results_table(
 def _stands(
     rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline | None, *, by_fields: bool
 ) -> Floats:
-    """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided."""
+    """Return 1 for rows whose layouts stand under their dead load alone, 0 for others, NaN where undecided."""
     status = statuses(rows)
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
@@ -301,7 +282,7 @@ def _stands(
 
 
 def that_stand(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with a load factor whose layouts stand under their dead load alone; all where none does."""
+    """Return the rows with a load factor that stand under their dead load alone; all where none does."""
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     if STANDS not in ranked:
         return ranked
@@ -312,10 +293,7 @@ def that_stand(results: pd.DataFrame) -> pd.DataFrame:
 def _insert_late(
     table: pd.DataFrame, late: Sequence[Count], labellings: Bits, space: SearchSpace, deadline: Deadline
 ) -> None:
-    """Insert the columns of counts that need block outlines into a table, in their order.
-
-    labellings: (k, m) of the rows, True = dry. Values that are not computed by the deadline are NA.
-    """
+    """Insert the columns of counts that need block outlines; NA where the deadline comes first."""
     import pandas as pd
 
     for count in late:
@@ -346,20 +324,15 @@ def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
-    """Return λ at nominal values of the layout that is strongest at low values.
-
-    None if no layout has a load factor.
-    """
+    """Return λ at nominal values of the layout that is strongest at low values, or None."""
     ranked = that_stand(results)
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-    """Return the groups (k,) that share a rank, and within them the levels (k,) of equal strength, best first.
+    """Return the groups (k,) that share a rank, and within them levels (k,) of equal strength, best first.
 
-    load_factor: (k,) λ, NaN for none. low, high: (k,) brackets. Rows share a rank if equally many others are proven
-    stronger. They are equally strong if λ differs by no more than their brackets, or than 1e-6 where these are wide.
-    Group and level 0 hold the rows without a load factor.
+    Rows share a rank if equally many others are proven stronger by their brackets; without λ both are 0.
     """
     group, level = np.zeros((2, len(load_factor)), dtype=np.int64)
     # Replace a missing end of a bracket by λ.
@@ -399,7 +372,7 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.Da
 
 
 def is_ahead(results: pd.DataFrame, bound: float | None, gap: float, floor: float = 0.0) -> bool:
-    """Return True if no other layout may be stronger than the first, by more than a gap."""
+    """Return whether no other layout may be stronger than the first, by more than a gap."""
     top = results[(results["rank"] == 1).fillna(False)]
     high = min(float(top["bracket_hi"].max()), math.inf if bound is None else bound)
     return len(top) <= 1 or not relative_width(float(top["bracket_lo"].max()), high, floor) > gap
@@ -423,11 +396,8 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
 
 
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
-    """Return the content of summary.json that the results and the study determine.
-
-    complete: True if every class has been evaluated; the best is then optimal up to the widths of the brackets. A
-    driver may also know a bound on λ of all layouts, or have completed a proof of its own.
-    """
+    """Return the content of summary.json that results and study determine."""
+    # with all classes the best is optimal up to the widths of brackets; a driver may have a bound or a proof of its own
     # The content names the best labelling, its proof, and how it was found.
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
