@@ -1,7 +1,4 @@
-"""Read and write certificates of proofs over boxes: JSON lines with claim, tree, digest.
-
-The tree is written node by node, a split before both of its halves, the lower one first.
-"""
+"""Read and write certificates of proofs over boxes: JSON lines with claim, tree, digest."""
 
 from __future__ import annotations
 
@@ -15,17 +12,14 @@ from typing import Any, Final
 from jld_core.errors import InputError
 from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of, write_lines
 
-VERSION: Final = 1
-"""Version of the file format."""
+VERSION: Final = 1  # version of the file format
 
-KEY: Final = "jld box certificate"
-"""Key of the version in the first line."""
+KEY: Final = "jld box certificate"  # key of the version in the first line
 
 # Remedy in error messages about a damaged certificate
 _EXPECTED: Final = "a certificate as jld move --prove --certificate writes it"
 
-Pair = tuple[float, float]
-"""Two numbers: a point, a displacement, or the ends of an interval."""
+Pair = tuple[float, float]  # a point, a displacement, or the ends of an interval
 
 
 @dataclass(frozen=True)
@@ -44,7 +38,7 @@ class BoxClaim:
 
 @dataclass(frozen=True)
 class Split:
-    """Node of the tree: the box is split into two along one parameter."""
+    """Node of the tree: the box is split into two along one parameter, the lower half first."""
 
     axis: int  # index of the parameter
     at: float  # value of the parameter at the common end of both halves, length
@@ -80,11 +74,7 @@ def _line(node: Node) -> dict[str, Any]:
 
 
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
-    """Read a certificate without checking its tree.
-
-    Returns the claim, whose scene is not validated, and the nodes in the order of their lines. Raises InputError if the
-    file cannot be read, is no such certificate, or is not whole.
-    """
+    """Read a certificate without checking scene and tree; InputError if it is damaged."""
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:

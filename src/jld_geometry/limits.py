@@ -23,11 +23,9 @@ from jld_geometry.moved_scene import SpatialMesh
 from jld_geometry.spatial_rates import AreaRates, area_rates, face_motion, held_forces, shape_loads, volume_rates
 from jld_geometry.variables import Variables, ties_of, vertex_at
 
-EDGE: Final = 0.15
-"""Default of the least length of an edge, relative to the mean edge of all free elements."""
+EDGE: Final = 0.15  # default of the least length of an edge, relative to the mean edge of all free elements
 
-LEAST_AREA: Final = 0.05
-"""Least area of an element, relative to its area at the start."""
+LEAST_AREA: Final = 0.05  # least area of an element, relative to its area at the start
 
 _KEPT: Final = 0.98  # share of its value at the start that a limit requires if the start violates the limit
 
@@ -45,16 +43,7 @@ class LimitValues:
 
 
 class Limits:
-    """Limits on the geometry of planar joints: r functions with least or exact values.
-
-    They limit angles, edges, areas, masses, draft, equal shapes and places of loads.
-
-    A limit that the start violates is relaxed to its value at the start.
-
-    scene: scene with its loads. labels: (m,) True = dry. mesh: vertices at the start. moving: (v,) True for the
-    vertices that move; limits of others are left out. move: limits of the user. least: (r,) least values,
-    dimensionless. equal: (r,) True where the value is to be kept exactly.
-    """
+    """Limits on planar joints: r functions with least or exact values, which the start keeps."""
 
     def __init__(
         self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh, moving: Bools, move: Move
@@ -124,10 +113,7 @@ class Limits:
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
     def _of_straight(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return deviations of straight corners from 180°, rad, and their derivatives.
-
-        Where corners need not stay straight, the values are distances to the largest bend on either side.
-        """
+        """Return deviations of straight corners from 180°, or distances to the largest bend, rad; derivatives."""
         angle = _angle(places, self._straight) - np.pi
         rates = _angle_rates(places, self._straight)
         if self._move.straight:
@@ -234,11 +220,7 @@ def sparse_rows(values: Floats, columns: Ints, size: int) -> sp.csr_array:
 
 
 def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array:
-    """Return the masses (b, n) of the elements in blocks that change, by block.
-
-    A row holds the masses of one block's elements, zeros elsewhere. Blocks that hold a support or no changing element
-    have no row. labels: (m,) True = dry. changing: (n,) True for elements with a vertex that moves.
-    """
+    """Return the masses (b, n) of elements, by block without supports that holds changing (n,) ones."""
     elements = assembly.elements
     block = blocks_of(assembly, labels)
     grounded = np.isin(block, block[elements.support])
@@ -249,10 +231,7 @@ def mass_rows(assembly: Assembly, labels: Bits, changing: Bools) -> sp.csr_array
 
 
 def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[tuple[Floats, int, int, float]]:
-    """Return place (2,), edge and half width of each point load on its element's outline.
-
-    Raises InputError as `loads_that_move`.
-    """
+    """Return place (2,), first and last vertex, and half width of point loads on outlines."""
     # An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
     # stated.
     found = []
@@ -275,10 +254,7 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
 
 
 def loads_that_move(scene: Scene) -> list[LoadEntry]:
-    """Return all entries of the loads of a scene, if each keeps its meaning while joints move.
-
-    Raises InputError for fill, moving loads and pressure on faces.
-    """
+    """Return all load entries of a scene; InputError for one that loses its meaning while joints move."""
     loads = scene.loads
     entries: list[LoadEntry] = [*loads.dead, *(loads.live or [])]
     for case in loads.cases or []:
@@ -325,10 +301,9 @@ def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
 def spatial_residual_rates(
     assembly: Assembly, mesh: SpatialMesh, forces: Floats, load_factor: float, mechanism: Floats | None, used: Bools
 ) -> sp.csr_array:
-    """Return the derivatives (6·free, 3v) of the equilibrium residual by the vertices.
+    """Return the derivatives (6·free, 3v) of the equilibrium residual by the used (v,) vertices.
 
-    forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice. used:
-    (v,) True for the vertices whose derivatives are asked for.
+    forces: (m, 6). mechanism: (n, 6), by which corner forces are chosen that are not unique; None for any choice.
     """
     # Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
     # the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
@@ -376,14 +351,7 @@ def _columns(vertices: Ints) -> Ints:
 
 
 class SpatialLimits:
-    """Limits on the geometry of joints in space: r functions with least or exact values.
-
-    They limit planes of joints, lengths of edges, volumes of elements and masses of blocks.
-
-    assembly: structure at the start. labels: (m,) True = dry. mesh: vertices at the start. moving: (v,) True for the
-    vertices that move. move: limits of the user. least: (r,) least values, dimensionless. equal: (r,) True where the
-    value is to be kept exactly.
-    """
+    """Limits on joints in space: planes of joints, edges, volumes and masses of blocks."""
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools, move: Move) -> None:
         self._assembly, self._mesh, self._move = assembly, mesh, move
@@ -461,10 +429,7 @@ class SpatialLimits:
 
 
 def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Floats]:
-    """Compute the volume of an element, and its derivatives (k, 3) by its k corners.
-
-    places: (v, 3) positions of all vertices.
-    """
+    """Compute the volume of an element, and its derivatives (k, 3) by its k corners."""
     corners = mesh.corners[element]
     middle = places[corners].mean(axis=0)
     position = {int(vertex): k for k, vertex in enumerate(corners)}
@@ -479,10 +444,7 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
 
 
 def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Variables:
-    """Choose the variables of a structure in space: corners of joints that slide along edges.
-
-    Raises InputError as `variables_of`.
-    """
+    """Choose the variables of a structure in space: corners of joints that slide along edges."""
     # A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
     # that "along" names move in its direction.
     held = np.zeros(len(mesh.places), dtype=bool)
@@ -513,10 +475,7 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Vari
 
 
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
-    """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint.
-
-    held: (v,) True for vertices that stay.
-    """
+    """Return vertex and unit sliding direction (3,) of each corner that belongs to one joint."""
     # Each of the two elements must have exactly one edge from the corner across the joint, at more than 60° to one
     # another.
     faces, owner, edges = assembly.interfaces, *mesh.edges

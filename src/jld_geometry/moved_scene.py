@@ -17,12 +17,7 @@ from jld_geometry.variables import SAME
 
 
 class MovedScene:
-    """Scene whose vertices move while elements, interfaces and labels stay.
-
-    Grids are written out as elements and interfaces. Points by which the key "move" names vertices move with them.
-
-    scene: planar scene. labels: (m,) True = dry. mesh: vertices of the assembly.
-    """
+    """Planar scene whose vertices, and points that name them, move; all else stays."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh) -> None:
         self._mesh = mesh
@@ -57,18 +52,12 @@ class MovedScene:
         return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the validated scene with the vertices at the positions (v, 2).
-
-        Raises InputError where the positions make no valid scene.
-        """
+        """Return the validated scene with the vertices at (v, 2); InputError where it is none."""
         return parse_scene(self.document(places, friction), "the moved scene")
 
 
 def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: float) -> dict[str, Any]:
-    """Return the key "move" with each point at a vertex replaced by the vertex's new position.
-
-    start, places: (v, d) positions before and now.
-    """
+    """Return the key "move" with points at vertices, at `start` (v, d), moved to `places` (v, d)."""
 
     def moved(point: list[float]) -> list[float]:
         """Return the present position of the vertex at a point, or the point if none is there."""
@@ -91,7 +80,6 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return an entry with its friction coefficient multiplied."""
         entry = dict(entry)
         angle = entry.pop("friction_angle", None)
         if angle is not None:
@@ -141,10 +129,7 @@ class SpatialMesh:
 
 
 def spatial_mesh(assembly: Assembly) -> SpatialMesh:
-    """Find the vertices that the elements and interfaces of a spatial assembly share.
-
-    Raises InputError for an assembly with members, since nothing says how their points move.
-    """
+    """Find the vertices that the elements and interfaces of a spatial assembly share."""
     assembly.members.refuse("a move of joints")
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
     number, places = merged_points([*shapes, *polygons], _MERGED * shortest_edge(assembly))
@@ -170,13 +155,7 @@ def shortest_edge(assembly: Assembly) -> float:
 
 
 class SpatialMovedScene:
-    """Spatial scene whose vertices move while elements, interfaces and labels stay.
-
-    Outer faces with a vertex that moves become triangles, since they would not stay plane.
-
-    scene: spatial scene. labels: (m,) True = dry. mesh: vertices of the assembly. moving: (v,) True for the vertices
-    that move.
-    """
+    """Spatial scene whose vertices move; outer faces that move become triangles."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools) -> None:
         self._mesh, self._reach = mesh, assembly.size
@@ -221,11 +200,7 @@ class SpatialMovedScene:
 
 
 def _parts(ring: Ints, face: list[int], joints: set[frozenset[int]], moving: Bools) -> list[list[int]]:
-    """Triangulate a face of an element if it is outer and has a vertex that moves.
-
-    ring: (k,) vertices. moving: (v,) True for vertices that move. Returns the loops of corners: triangles, or the face
-    alone.
-    """
+    """Return the loops of a face: triangles if it is outer and has a vertex that moves."""
     if frozenset(ring.tolist()) in joints or len(face) == 3 or not moving[ring].any():
         return [face]
     return [[face[0], face[k], face[k + 1]] for k in range(1, len(face) - 1)]

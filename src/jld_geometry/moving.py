@@ -46,10 +46,7 @@ def write_move(
     titles: tuple[str, str],
     out: Path,
 ) -> None:
-    """Write scene, table and picture of moved joints to files of one name.
-
-    labels: (m,) True = dry. places, moved: (v, 2) vertices after the move and their displacements, scene units.
-    """
+    """Write scene, table and picture of moved joints to files of one name."""
     import pandas as pd  # slow to import and needed for tables only
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
@@ -99,10 +96,7 @@ def shape_of(text: str) -> Shape:
 
 
 def direction_of(text: str | None) -> Floats | None:
-    """Return the vector (3,) that a text states; None for None.
-
-    Raises ParameterError for any other text.
-    """
+    """Return the vector (3,) that a text states; None for None."""
     if text is None:
         return None
     try:
@@ -124,13 +118,9 @@ def move_shape(
     out: Path,
     as_json: bool,
 ) -> None:
-    """Search the best shape of all joints, write the files and print the result.
-
-    labels: (m,) True = dry.
-    """
+    """Search the best shape of all joints, write the files and print the result."""
 
     def progress(shape: Shape, value: float) -> None:
-        """Print a shape that was tried."""
         if not as_json:
             say(f"{_named(shape)}  λ ≥ {value:.6g}")
 
@@ -176,11 +166,7 @@ def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
 
 
 def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str, Any]:
-    """Return lower bounds on λ by fields with straight joints and with the best shape.
-
-    labels: (m,) True = dry. The entries are "before", "after" (None if unknown) and "skipped", the reason if nothing
-    was computed: in space a single mesh may take minutes.
-    """
+    """Return lower bounds on λ by fields with straight joints and the best shape, or why there are none."""
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
     if assembly.dimension == 3:
         return found | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
@@ -232,10 +218,7 @@ def prove_positions(
     certificate: Path | None,
     as_json: bool,
 ) -> None:
-    """Prove a bound over a box, check the proof, write the best scene and print both bounds.
-
-    labels: (m,) True = dry.
-    """
+    """Prove a bound over a box, check the proof, write the best scene and print both bounds."""
 
     def progress(best: float, bound: float, boxes: int) -> None:
         """Print the bounds at intervals, once a position that stands is found."""
@@ -269,10 +252,7 @@ def prove_positions(
 
 
 def _box(text: str) -> float | tuple[Floats, Floats]:
-    """Convert the value of `--prove` to a length, or to both ends (p,) of a box.
-
-    Raises InputError for anything else.
-    """
+    """Convert the value of `--prove` to a length, or to both ends (p,) of a box."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
@@ -321,10 +301,7 @@ _GAP: Final = 1e-3  # default of the relative distance of both bounds at which a
 
 
 def require_movable(scene: Scene, assembly: Assembly) -> None:
-    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling.
-
-    A scene without the key is accepted.
-    """
+    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling."""
     if scene.move is not None:
         GeometrySearch(scene, assembly, assembly.labels)
 
@@ -445,10 +422,7 @@ def _finish(
     *,
     by_fields: bool,
 ) -> None:
-    """Check a move by fields, write table and picture, and print the result.
-
-    labels: (m,) True = dry.
-    """
+    """Check a move by fields, write table and picture, and print the result."""
     facts = _facts(done)
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
@@ -494,10 +468,7 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
 def _check_by_fields(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any] | None:
-    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
-
-    labels: (m,) True = dry.
-    """
+    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere."""
     if labels.all() or done.after is None or not done.moved.any():
         return None
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
@@ -516,10 +487,7 @@ def _check_by_fields(
 def _bounded(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
-    """Put bounds by fields into the facts of a move; return the lower ones before and after.
-
-    labels: (m,) True = dry.
-    """
+    """Put bounds by fields into the facts of a move; return the lower ones before and after."""
     seconds = min(_FIELD_SECONDS, until.remaining() / 2.0)
     before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).decided
     moved = assembly if done.after is None else done.after.assembly

@@ -1,4 +1,4 @@
-"""Optimise joints by programs over forces and positions; every point is proven."""
+"""Optimise joints by programs over forces and positions, and derive λ by vertices; every point is proven."""
 
 from __future__ import annotations
 
@@ -57,12 +57,9 @@ def move_joints(
     labels: Bits,
     **options: Unpack[MoveOptions],
 ) -> MovedJoints:
-    """Move the joints of a structure to optimise the objective that its key "move" states.
+    """Move joints to optimise the objective of the key "move", docs/method.md (11.6).
 
-    labels: (m,) True = dry. Result: best geometry found, every accepted point of all searches, and why the best one
-    ended. Raises InputError: the key "move" does not fit the structure, or neither it nor any position tried stands.
-    Raises KeyboardInterrupt: an interrupt before the first accepted point; a later one ends the search with the best so
-    far.
+    An interrupt after the first accepted point ends the search with the best so far.
     """
     # The objective is the largest λ, or the least friction or thickness at which the dead load stands. docs/method.md
     # (11.6).
@@ -83,10 +80,7 @@ def move_joints(
 def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
-    """Optimise from every start, then from the best end; return best point and reason.
-
-    Raises InputError where no position stands.
-    """
+    """Optimise from every start, then from the best end; return best point and reason."""
     best: tuple[Evaluated, str] | None = None
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
@@ -175,12 +169,8 @@ _ALIKE: Final = 1e-6  # difference of both rates, relative to the largest rate, 
 
 
 def one_sided(result: LimitAnalysisResult, mesh: VertexMesh, rates: Floats) -> tuple[Floats, Floats]:
-    """Compute the rates (2v,) of λ for a decrease and for an increase of each coordinate.
-
-    rates: (2v,) from the forces and the mechanism of the result, per length, scene units; entry 2·vertex + axis. Both
-    results equal `rates` where forces and mechanism leave the rate unique. They also do for large programs and programs
-    with cones, in which kinks are not looked for.
-    """
+    """Compute the rates (2v,) of λ for a decrease and an increase of each coordinate, from `rates` (2v,)."""
+    # both are `rates` where forces and mechanism leave them unique, in large programs, and in those with cones
     analysis = LimitAnalysis(result.assembly)
     structure = analysis.template.structure
     if structure.cones or structure.shape[1] > _COLUMNS:
@@ -279,11 +269,7 @@ def _size(direction: Floats, values: Floats) -> float:
 
 @one_thread()
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
-    """Compute the derivatives of λ by the positions of all vertices, scene units.
-
-    With load cases: of the governing factor. None where the status is not collapse, for strengths or models whose
-    bounds do not hold for all labellings, and under pressure, members or bond. one_sided: look for kinks in the plane.
-    """
+    """Compute the derivatives of the governing λ by the positions of all vertices, or None."""
     require_kind("result", result, LimitAnalysisResult)
     if result.cases:
         names = [case.name for case in result.assembly.cases]
