@@ -10,30 +10,20 @@ from typing import Any, Final, NamedTuple, TypeVar, cast
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 
+# Control of a number of steps: push, share of the dead loads, λ, rate, damping scheme (0 local, 1 viscous, 2 combined)
+# and damping. In a push live·velocity follows the rate and λ is its multiplier. Pairs hold first and last step, linear
+# between. Damping is the share of the unbalanced force against the velocity; of viscous damping the drag over momentum,
+# per step.
 Drive = tuple[bool, tuple[float, float], tuple[float, float], tuple[float, float], int, float]
-"""Control of a number of steps: push, share of the dead loads, λ, rate, damping scheme and damping.
 
-If `push` is True, live·velocity follows the rate and λ is the multiplier of this constraint; else λ is given.
-Shares, λ and rates are pairs: first and last step, linear between.
-Damping schemes are 0 local, 1 viscous and 2 combined, see `Settings.damping_scheme`. Damping is the share of the
-unbalanced force that acts against the velocity; of viscous damping it is the drag over momentum, per time step.
-Forces and moments are damped separately, so that no direction is preferred.
-"""
-
+# Entries of `Motion.work`, energies since the first step, scene units: work of the dead loads and of the live loads at
+# the reported λ; losses by damping (less what the constraint of a push supplies), friction, plastic flow and brittle
+# breaking; what contacts of corners store or lose; and, no sum, the work of contacts in the half step of the velocities
 DEAD, LIVE, DAMPING, FRICTION, FLOW, FRACTURE, CORNERS, HALF = range(8)
-"""Entries of `Motion.work`, energies since the first step, in scene units.
-
-Work of the dead loads, and of the live loads at the reported λ. Losses: damping (less what the constraint of a push
-supplies against it), friction (dry joints and cracks), plastic flow of inner faces, brittle breaking, and what contacts
-of corners store or lose. The last is no sum: the work of all contacts in the half step to which velocities belong.
-"""
 
 
 class Bench(NamedTuple):
-    """Constant arrays of the time stepping, for n elements, m faces and s sub-contacts.
-
-    There are q freedoms per element: 3 in the plane (d = 2) and 6 in space (d = 3). All numbers are in scene units.
-    """
+    """Constant arrays of the time stepping, scene units: n elements, m faces, s sub-contacts, q freedoms."""
 
     # dead, live: (n, q) forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1
     dead: Floats
@@ -55,41 +45,23 @@ class Bench(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Arrays of an assembly that every time step changes in place, in scene units.
+    """Arrays of an assembly that every time step changes in place, in scene units."""
 
-    Attributes
-    ----------
-    moved, velocity : (n, q) float array
-        Displacements and rotations of the elements, and their change per time step.
-    overlap, pressure : (s,) float array
-        Elastic overlap (length) and compressive stress of sub-contacts.
-    shear : (s, d − 1) float array
-        Shear stress of sub-contacts.
-    broken : (s,) bool array
-        True for broken sub-contacts.
-    before : (n, q) float array
-        Unbalanced forces of the step before, for combined damping.
-    work : (8,) float array
-        Energies since the first step, see `DEAD`.
-    """
-
+    # moved, velocity: (n, q) displacements and rotations of the elements, and their change per time step
     moved: Floats
     velocity: Floats
+    # overlap, pressure: (s,) elastic overlap (length) and compressive stress of sub-contacts
     overlap: Floats
     pressure: Floats
-    shear: Floats
-    broken: Bools
-    before: Floats
-    work: Floats
+    shear: Floats  # (s, d − 1) shear stress of sub-contacts
+    broken: Bools  # (s,) True for broken sub-contacts
+    before: Floats  # (n, q) unbalanced forces of the step before, for combined damping
+    work: Floats  # (8,) energies since the first step, entries as `DEAD` and following
 
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies from the unloaded structure to a state, in scene units of work.
-
-    The work of the loads equals kinetic and elastic energy and all losses. Each is computed on its own: none is what
-    the others leave.
-    """
+    """Energies from the unloaded structure to a state, scene units of work, each computed on its own."""
 
     # dead, live: work of the dead loads, and of the live loads at the reported λ
     dead: float
@@ -133,12 +105,9 @@ _SOURCES: Final = tuple(
 
 
 def compiled(function: F) -> F:
-    """Return a function of arrays and numbers that numba compiles at its first call.
-
-    There is no fast-math, so two runs of one experiment are bitwise equal. The machine code is cached on disk. The
-    cache depends on the sources of the whole package: numba alone checks only the file of the function and would keep
-    outdated code of other files. Importing this module raises InputError where numba is not installed.
-    """
+    """Return a function of arrays and numbers that numba compiles at its first call."""
+    # No fast-math, so that runs are bitwise equal. The cache on disk depends on all sources of the package: numba alone
+    # checks the file of the function and would keep outdated code of others.
     made: Any = numba.njit(cache=True, error_model="numpy")(function)
     made._cache._cache_file._source_stamp = _SOURCES
     return cast(F, made)

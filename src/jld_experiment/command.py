@@ -57,8 +57,8 @@ def experiment(
 ) -> None:
     """Load a layout in a virtual experiment until it comes down, and compare with λ.
 
-    The layout is pushed twice, slowly and fast. The output has the collapse load, its ratio to λ of limit analysis, and
-    the load at the first crack. The exit code is 4 if the two pushes do not agree.
+    The layout is pushed twice, slowly and fast. The output has the collapse load, its ratio to λ, and the load at the
+    first crack. The exit code is 4 if the two pushes do not agree.
     """
     from jld_experiment import Joints, Settings, run_experiment
     from jld_experiment.report import status_of, summary
@@ -99,10 +99,7 @@ def _tangent(text: str) -> float:
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
-    """Return the lowest and highest λ without dilation, and the proven bound on the lowest.
-
-    labels: (m,) True = dry. In space only one λ is computed, since the search for the range takes long.
-    """
+    """Return the lowest and highest λ without dilation, and the proven bound on the lowest."""
     planar = assembly.dimension == 2
     model = Model(friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
     found = solve_rigid(assembly, labels, model)

@@ -1,4 +1,4 @@
-"""Load a settled assembly: estimate the scale of λ, push, and check by a load ramp."""
+"""Load a settled assembly: estimate the scale of λ, push, check by a load ramp, keep on disk."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ from jld_experiment.specimen import Specimen, Standing, State, copied
 GROWTH = 1.03  # Growth factor of the scout's displacement per slowest period.
 PLATEAU = 5e-4  # Relative rise of the highest λ over the second half of a push below which it is a plateau.
 GONE = 0.5  # Share of the highest λ below which the structure counts as collapsed.
+# Multiple of the scout's initial load, 1e-3 of the dead load, at which a λ that still rises means no collapse; 1e6 took
+# layouts for locked that collapse at 50 times their weight.
 ENDLESS = 1e9
-"""Multiple of the scout's initial load at which a λ that still rises means no collapse.
-
-The initial load is 1e-3 of the dead load: 1e6 of it was 38 elastic displacements of layouts that carry 25 times their
-weight and collapse at 50 of them; they were called locked.
-"""
 
 
 @dataclass(frozen=True)
@@ -35,19 +32,19 @@ class Push:
     load_factor : (k,) float array
         Mean λ of each record.
     unbalanced : (k,) float array
-        Largest unbalanced force of each record, relative to `Specimen.largest`.
+        Largest unbalanced force over `Specimen.largest`.
     broken : (k,) int array
-        Number of broken sub-contacts.
+        Broken sub-contacts.
     energy_error : (k,) float array
         `EnergyBalance.error` at the end of each record.
     at_collapse, at_end : State
-        States at the highest λ before the first fall of λ, and at the end.
+        States at the highest λ before its first fall, and at the end.
     periods : float
         Duration, slowest periods.
     rising : bool
-        True if λ had neither fallen nor reached a plateau at the end.
+        True if λ had neither fallen nor reached a plateau.
     stopped : bool
-        True if the push ended only because it had made the records that were asked for.
+        True if the push had made the records asked for.
     """
 
     distance: Floats
@@ -63,17 +60,13 @@ class Push:
 
     @property
     def collapse(self) -> int:
-        """Index of the record of the collapse load, see `collapse_record`."""
+        """Index of the record of the collapse load."""
         return collapse_record(self.load_factor)
 
 
 def collapse_record(load_factor: Floats) -> int:
-    """Return the index of the collapse load: the largest λ before λ first falls.
-
-    λ falls where it lies more than `FALL` × (highest λ of the whole curve) below its running maximum. If it never
-    falls, the whole curve counts. A fall relative to the running maximum alone would take a small drop at half the load
-    for collapse. load_factor: (k,) λ of each record, k ≥ 1.
-    """
+    """Return the index of the largest λ (k,) before λ first falls by `FALL` of the highest λ."""
+    # a fall relative to the running maximum alone would take a small drop at half the load for collapse
     so_far = np.maximum.accumulate(load_factor)
     fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
     end = int(fallen[0]) if fallen.size else len(load_factor)
@@ -120,7 +113,7 @@ class _Progress:
     fell: bool = False
 
     def add(self, distance: float, factor: float) -> bool:
-        """Take a record; return True if λ is the highest so far and has not fallen yet."""
+        """Take a record; return whether λ is the highest so far and has not fallen yet."""
         best = factor > self.highest and not self.fell
         self.distance = distance
         if factor > self.highest:
@@ -132,10 +125,7 @@ class _Progress:
         return best
 
     def ends(self) -> bool:
-        """Return True if λ stays below half of its highest value or has reached a plateau.
-
-        Call it once per record.
-        """
+        """Return, once per record, whether λ stays below half of its highest value or is on a plateau."""
         if self.highest_at > 0.0 and self.distance - self.carried > max(0.3 * self.unit, 0.2 * self.highest_at):
             return True
         if self.distance > 2.0 * self.half_at:
@@ -157,14 +147,12 @@ def push(
 ) -> Push:
     """Push a settled assembly so that live·u grows at a constant rate, later faster.
 
-    λ is the multiplier of the prescribed rate.
-    The push ends when λ stays below half of its highest value, reaches a plateau, or reaches the set length.
+    λ is the multiplier of the rate. The push ends when λ stays below half of its highest value or reaches a plateau.
     A push that was stopped and continued gives the same digits as one without a stop.
 
     Parameters
     ----------
     specimen : Specimen
-        Assembly under one labelling.
     settled : State
         State under the dead loads; not changed.
     scale : float
@@ -174,14 +162,13 @@ def push(
     endless : bool
         Continue to the set length in any case.
     records : int, optional
-        Number of records after which the push stops; default: no such limit.
+        Number of records after which the push stops.
     continued : Push, optional
-        Push that was stopped, with the same specimen, state, scale and periods; not changed.
+        Push that was stopped, with the same arguments; not changed.
 
     Returns
     -------
     Push
-        Curve and states.
     """
     settings, system = specimen.settings, specimen.system
     unit = scale * system.reach
@@ -221,8 +208,8 @@ def push(
     return Push(table[:, 0], table[:, 1], table[:, 2], broken, table[:, 4], best, state, spent, rising, stopped)
 
 
+# one record: displacement, λ, unbalanced force, broken sub-contacts, error of energy
 Row = tuple[float, float, float, float, float]
-"""One record: displacement, λ, unbalanced force, broken sub-contacts, error of energy."""
 
 
 def _rows(found: Push) -> list[Row]:
@@ -232,7 +219,7 @@ def _rows(found: Push) -> list[Row]:
 
 
 def _still_rising(table: Floats) -> bool:
-    """Return True if λ rose by more than 1 % over the second half of the push."""
+    """Return whether λ rose by more than 1 % over the second half of the push."""
     before = table[:, 0] <= 0.5 * table[-1, 0]
     return bool(table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf))
 
@@ -265,7 +252,6 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
     Parameters
     ----------
     specimen : Specimen
-        Assembly under one labelling.
     settled : State
         State under the dead loads; not changed.
     scale : float
@@ -278,7 +264,6 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
     Returns
     -------
     Ramp
-        Bracket of λ and state.
     """
     state, low, step = copied(settled), 0.0, first
     fails, how = np.inf, Standing.RESTS
@@ -312,10 +297,7 @@ def write_push(path: Path, found: Push) -> None:
 
 
 def read_push(path: Path, specimen: Specimen) -> Push:
-    """Read a push of a specimen from a file of `write_push`.
-
-    Raises InputError if the file is of another structure or other settings.
-    """
+    """Read a push from a file of `write_push`; InputError for another structure or settings."""
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     states = dict[str, Any]()

@@ -156,9 +156,9 @@ def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "joint": {"kind": type(done.shape).__name__.lower(), **vars(done.shape)},
-        "start": _number(done.before.load_factor),
-        "load_factor": _number(done.after.load_factor),
-        "bracket": [_number(end) for end in done.after.bracket],
+        "start": json_number(done.before.load_factor),
+        "load_factor": json_number(done.after.load_factor),
+        "bracket": [json_number(end) for end in done.after.bracket],
         "status": str(done.after.status),
         "shapes": len(done.trials),
         "end": done.end,
@@ -173,7 +173,7 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
     try:
         for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
             low = solve_by_fields(one, own, gap=_SHAPE_GAP, seconds=_SECONDS).decided.low
-            found[name] = _number(low)
+            found[name] = json_number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
@@ -200,11 +200,6 @@ def _named(shape: Shape) -> str:
 def _said(result: LimitAnalysisResult) -> str:
     """Return λ of a result as text, or its status."""
     return f"{result.load_factor:.6g}" if result.status is Status.COLLAPSE else str(result.status)
-
-
-def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
 
 
 def prove_positions(

@@ -280,9 +280,7 @@ class MoveOptions(TypedDict, total=False):
     """Options that every optimisation of joints takes by keyword."""
 
     seconds: float  # time limit, s. The point in work is finished. Default: none.
-    starts: (
-        int | None
-    )  # number of starts: the scene itself, and shaken ones; None: as many as the time allows. Default: 1.
+    starts: int | None  # the scene itself, and shaken ones; None: as many as the time allows. Default: 1.
     trust: TrustRegion | None  # parameters of the search. Default: those of `TrustRegion`.
     progress: Callable[[Point], None] | None  # called with every accepted point. Default: none.
 

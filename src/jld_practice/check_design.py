@@ -1,4 +1,4 @@
-"""Define `jld check-design`: utilisation of a layout with partial factors, and its page."""
+"""Provide `jld check-design`: utilisation of a layout with partial factors, and its page."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def check_design(
 ) -> None:
     """Check a layout with partial factors: utilisation, reactions, joints near their limit.
 
-    Design values: loads times γG and γQ, strengths and tan φ over γM. Permanent loads are tried as favourable and as
-    unfavourable. Utilisation is required factor over λ, the factor of the design live load; at most 1 is verified.
-    Forces and lengths have the units of the scene. The exit code is 4 if neither result is proven.
+    Utilisation is required factor over λ at design values; at most 1 is verified. Permanent loads are tried as
+    favourable
+    and as unfavourable. The exit code is 4 if neither result is proven.
     """
     from jld_practice.design_check.check import design_check
     from jld_practice.design_check.tables import in_words, to_json

@@ -1,4 +1,4 @@
-"""Printed report of one layout: picture, loads, stones, moulds, laying, assumptions and what is proven."""
+"""Printed report of one layout: picture, loads, stones, moulds, laying and what is proven."""
 
 from __future__ import annotations
 
@@ -40,45 +40,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stone:
-    """One block as a workshop sees it; lengths and masses in the units of the scene.
+    """One block as a workshop sees it; lengths and masses in the units of the scene."""
 
-    Attributes
-    ----------
-    number : int
-        Number that stands on the stone, from 1.
-    name : str
-        Name of the block.
-    shape : int
-        Number of its mould.
-    mass, volume : float
-        Mass and volume.
-    size : tuple of float
-        Sides of the smallest cuboid around it, the longest first; planar: of those with the thickness as one side.
-        In space along the axes of the scene.
-    cuts : int
-        Number of sawn faces, without the two sides of a planar stone.
-    set_ups : int
-        Number of directions of these faces.
-    sawn : float
-        Area of these faces.
-    outline : (k, 2) array or None
-        Outline of a planar stone about its centroid, None in space.
-    """
-
-    number: int
-    name: str
-    shape: int
+    number: int  # number that stands on the stone, from 1
+    name: str  # name of the block
+    shape: int  # number of its mould
     mass: float
     volume: float
+    # sides of the smallest cuboid around it, the longest first; planar: of those with the thickness as one side, in
+    # space along the axes of the scene
     size: tuple[float, ...]
-    cuts: int
-    set_ups: int
-    sawn: float
-    outline: Floats | None
+    cuts: int  # sawn faces, without the two sides of a planar stone
+    set_ups: int  # directions of these faces
+    sawn: float  # area of these faces
+    outline: Floats | None  # (k, 2) outline of a planar stone about its centroid
 
     @property
     def stock(self) -> float:
-        """Return the volume of the smallest cuboid around the stone."""
+        """Volume of the smallest cuboid around the stone."""
         return float(np.prod(self.size))
 
 
@@ -112,11 +91,8 @@ def stones_of(layout: Layout) -> list[Stone]:
 
 
 def smallest_rectangle(points: Floats) -> tuple[float, float]:
-    """Return the sides of the rectangle of least area around points (k, 2).
-
-    One of its sides lies along an edge of the convex hull, so that no other rectangle is smaller (Freeman and Shapira
-    1975, Communications of the ACM 18, 409–413).
-    """
+    """Return the sides of the rectangle of least area around points (k, 2)."""
+    # one side lies along an edge of the hull (Freeman and Shapira 1975, Communications of the ACM 18, 409–413)
     hull = polygons.hull(points)
     edges = np.roll(hull, -1, axis=0) - hull
     along = edges / np.hypot(*edges.T)[:, None]
@@ -146,15 +122,11 @@ class Making:
 
     @property
     def waste(self) -> float:
-        """Return the share of the stock that is lost.
-
-        For planar stones, no other choice of one cuboid for each stone loses less.
-        """
+        """Share of the stock that is lost; for planar stones the least of any choice of cuboids."""
         return 1.0 - self.volume / self.stock
 
 
 def making_of(stones: list[Stone]) -> Making:
-    """Return the sums over stones."""
     first = {stone.shape: stone for stone in reversed(stones)}
     return Making(
         len(stones),
@@ -241,7 +213,7 @@ def _groups(layout: Layout, entries: list[dict[str, Any]]) -> list[list[dict[str
 
 
 def _parallel(layout: Layout, one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return True if two loads are forces on elements in one direction, without a moment."""
+    """Return whether two loads are forces on elements in one direction, without a moment."""
     if not all("force" in entry and "moment" not in entry and _element(layout, entry) >= 0 for entry in (one, other)):
         return False
     a, b = (np.array(entry["force"], dtype=float) for entry in (one, other))
@@ -390,7 +362,7 @@ class Printed:
 
     @property
     def load_factor(self) -> float:
-        """Return the load factor that is proven from below: by fields if known, 0 for a fall, else by faces."""
+        """λ proven from below: by fields if known, 0 for a fall, else by faces."""
         if self.fields[1] < 0.0:
             return 0.0
         return self.fields[0] if math.isfinite(self.fields[0]) else min(self.faces[0], self.fields[1])
@@ -410,16 +382,14 @@ class _Book:
 
     @property
     def scene(self) -> Scene:
-        """Return the scene of the layout."""
         return self.content.layout.scene
 
     @property
     def length(self) -> float:
-        """Return the factor from the scene's lengths to the unit of the report."""
+        """Factor from the scene's lengths to the unit of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:
-        """Begin a page with a title."""
         figure = Figure(figsize=_PAPER)
         figure.text(_MARGIN, 0.955, title, fontsize=15, color=INK, va="top")
         self.pages.append(figure)
@@ -446,10 +416,7 @@ class _Book:
 
 
 def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
-    """Write the printed report of a layout as PDF; return its number of pages.
-
-    The file is written completely or not at all.
-    """
+    """Write the report as PDF, completely or not at all; return its number of pages."""
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
     with mpl.rc_context({"pdf.fonttype": 42}), whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
@@ -622,10 +589,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
 
 
 def _way(book: _Book, motion: Floats) -> str:
-    """Say from where a stone comes, or along which vector where that is no axis of the picture.
-
-    motion: (d,) unit vector of its movement.
-    """
+    """Say from where a stone comes, or along which vector; motion: (d,) of its movement."""
     words, axes = book.words, np.eye(len(motion))
     ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
     if len(motion) == 2:

@@ -35,7 +35,7 @@ def reliability(
     """Compute the reliability index of a layout, by the first-order method and by simulation.
 
     Values of the scene with a distribution ({"mean", "cov", "kind"}) are random. The structure fails where its load
-    factor is below --required; each sample is decided by proven bounds. The exit code is 4 if samples stay undecided.
+    factor is below --required. The exit code is 4 if samples stay undecided.
     """
     options = ReliabilityOptions(required, samples, seed, jobs or os.cpu_count() or 1)
     scene, assembly, labels, model = layout_of(source, rank, uncertain=True)

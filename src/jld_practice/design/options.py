@@ -1,4 +1,4 @@
-"""Options of a design, and the keys that they set in the scene of an outline."""
+"""Options of a design, the edges on which its loads act, and the keys that they set in a scene."""
 
 from __future__ import annotations
 
@@ -21,10 +21,8 @@ from jld_core.geometry.unions import union_outlines
 from jld_core.refinement.voussoirs import find_arcs
 
 SIDES: Final = ("top", "bottom", "left", "right")
-"""Sides by name."""
 
-EXTRADOS: Final = "extrados"
-"""Name of the largest arc of an outline that is round outwards."""
+EXTRADOS: Final = "extrados"  # the largest arc of an outline that is round outwards
 
 _FACING: Final = 0.3  # least component of the normal of an edge towards the side on which it lies
 
@@ -56,7 +54,7 @@ class LoadedLine:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Return the first and the last place."""
+        """First and last place."""
         return min(edge.low for edge in self.edges), max(edge.high for edge in self.edges)
 
     def spread(self, low: float, high: float) -> list[tuple[Edge, float, float]]:
@@ -79,7 +77,6 @@ class LoadedLine:
         return parts
 
     def _level(self, edge: Edge, place: float) -> float:
-        """Return how far out an edge lies at a place."""
         point = edge.p + (place - edge.low) / (edge.high - edge.low) * (edge.q - edge.p)
         return float(point @ self.facing)
 
@@ -96,10 +93,7 @@ def points_of(along: str) -> tuple[Floats, Floats] | None:
 
 
 def loaded_line(assembly: Assembly, along: str, down: Floats) -> LoadedLine:
-    """Return the edges of a planar structure along which a load acts.
-
-    down: (2,) unit vector of weight. Raises ParameterError if there is no such edge.
-    """
+    """Return the edges of a planar structure along which a load acts; down: (2,) of weight."""
     # Edges on supports carry no load.
     points = points_of(along)
     if points is not None:
@@ -134,10 +128,7 @@ def _free_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
 
 
 def _facing_edges(assembly: Assembly, facing: Floats, axis: Floats) -> list[Edge]:
-    """Return the edges of free elements that face a direction (2,), element by element.
-
-    axis: (2,) unit vector at right angles to it, along which places are counted.
-    """
+    """Return the edges of free elements that face a direction (2,), by places along `axis` (2,)."""
     found = []
     for element, p, q in _outer_edges(assembly):
         outward = np.array([q[1] - p[1], p[0] - q[0]])
@@ -148,7 +139,7 @@ def _facing_edges(assembly: Assembly, facing: Floats, axis: Floats) -> list[Edge
 
 
 def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
-    """Return the edges on the straight line between two points (2,); places are distances from the first one."""
+    """Return the edges on the line between two points (2,); places are distances from the first."""
     elements = assembly.elements
     size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
     length = float(np.hypot(*(last - first)))
@@ -173,10 +164,7 @@ def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
 
 
 def _extrados(assembly: Assembly, down: Floats) -> LoadedLine:
-    """Return the edges on the largest arc that is round outwards and upwards; places are lengths along it.
-
-    down: (2,) unit vector of weight. Raises ParameterError without such an arc.
-    """
+    """Return the edges on the largest arc that is round outwards and upwards; places are lengths along it."""
     elements = assembly.elements
     parts = union_outlines([elements.shape[k] for k in elements.free])
     arcs = [arc for part in parts for arc in find_arcs(part.shell) if not arc.hollow]
@@ -212,27 +200,22 @@ def _outer_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
     return [edge for edge, outer in zip(edges, near.tolist(), strict=True) if outer]
 
 
-LEAST_SECONDS: Final = 10.0
-"""Shortest time limit, s: program start, reading, one solve and the page take some seconds."""
+LEAST_SECONDS: Final = 10.0  # s; program start, reading, one solve and the page take some seconds
 
-LOW_FRICTION: Final = 0.8
-"""Share of the friction that the winner is checked at, where no low value is given."""
+LOW_FRICTION: Final = 0.8  # share of the friction that the winner is checked at, where no low value is given
 
+# options of reading a file that is no scene
 READING: Final = (
     *("thickness", "tolerance", "unit", "up"),
     *("layer", "skip", "hole", "support", "load_layer", "dry", "inner"),
 )
-"""Options of reading a file that is no scene."""
 
 _PLACES: Final = 50  # largest number of places of a load; each is a load case
 
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """Limits, loads, materials and resources that a user states for a design.
-
-    None keeps the value of the outline's file.
-    """
+    """Limits, loads, materials and resources of a design; None keeps the value of the outline's file."""
 
     block_mass: float | None = None  # largest mass of a block, kg with m and N
     shapes: int | None = None  # largest number of different blocks, that is, of moulds
@@ -295,7 +278,7 @@ class DesignOptions:
         _ = self.reading
 
     def _check_friction(self) -> None:
-        """Raise ParameterError if the low friction exceeds the nominal one, or stands without it."""
+        """Raise ParameterError if the low friction exceeds the nominal one, or stands alone."""
         if self.friction_low is not None and self.friction is None:
             raise ParameterError("friction_low", "it is given without `friction`", "both values")
         if self.friction_low is not None and self.friction is not None and self.friction_low > self.friction:
@@ -303,10 +286,7 @@ class DesignOptions:
             raise ParameterError("friction_low", problem, "a value at most that of `friction`")
 
     def shares(self) -> list[float]:
-        """Return where the load acts, as ascending shares (0 to 1) of the loaded length.
-
-        Raises ParameterError for an invalid text, too many places, or a share outside (0, 1).
-        """
+        """Return where the load acts, as ascending shares (0 to 1) of the loaded length."""
         # A number of places gives the middles of as many equal parts.
         text = self.places.strip()
         try:
@@ -323,10 +303,7 @@ class DesignOptions:
         return found
 
     def force(self, unit: str) -> float | None:
-        """Return the magnitude of the downward load in a unit of force; None if no load is stated.
-
-        Raises ParameterError for a text that is not one positive force.
-        """
+        """Return the downward load in a unit of force; None if no load is stated."""
         if self.load is None:
             return None
         try:
@@ -339,7 +316,7 @@ class DesignOptions:
 
     @property
     def reading(self) -> ImportOptions:
-        """Return the options of reading a file that is no scene."""
+        """Options of reading a file that is no scene."""
         shared = {name: getattr(self, name) for name in READING if name != "load_layer"}
         return ImportOptions(load=self.load_layer, **shared)
 

@@ -15,9 +15,10 @@ from jld_core.files import write_text
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
 
+# page, summary, scene of the best layout, its picture and its blocks
 FILES: Final = ("report.html", "summary.json", "best.json", "best.png", "blocks.csv")
-"""Files of a design: page, summary, scene of the best layout, its picture and its blocks."""
 
+# explanation of what surprises most
 WHY_CUT: Final = (
     "A cut layout may carry more than the uncut structure where blocks crack along the faces of their cells only. "
     "Such a crack carries its shear strength whatever presses on it, unless the scene gives inner faces friction. A "
@@ -25,7 +26,6 @@ WHY_CUT: Final = (
     "blocks crack anywhere, and a gain that rests on the cells alone does not show. A hinge between blocks also needs "
     "a width there, since stone fails in shear beside a point that carries a large force."
 )
-"""Explanation of what surprises most."""
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
@@ -57,10 +57,7 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
 
 
 def facts_of(work: Design) -> dict[str, Any]:
-    """Return the results of a design as the JSON object of summary.json.
-
-    None stands for values that are unknown or not finite.
-    """
+    """Return the results of a design as in summary.json; None for unknown or infinite values."""
     # `jld design --json` prints the same object.
     winner, usual = work.winner, work.usual
     return {
@@ -104,7 +101,7 @@ def facts_of(work: Design) -> dict[str, Any]:
 
 
 def uncut_at_most(work: Design) -> float | None:
-    """Return the upper bound on λ by faces without cuts if the best is proven stronger; else None."""
+    """Return the upper bound on λ by faces without cuts if the best is proven stronger."""
     return next((one.values["uncut_at_most"] for one in work.checks if "uncut_at_most" in one.values), None)
 
 
@@ -123,7 +120,7 @@ def gain_of(work: Design) -> float | None:
 
 
 def rivals_of(work: Design) -> list[Trial]:
-    """Return the other allowed layouts that are not proven weaker than the best, those that may carry most first."""
+    """Return the other allowed layouts that are not proven weaker, those that may carry most first."""
     winner = work.winner
     if winner is None:
         return []
@@ -132,7 +129,7 @@ def rivals_of(work: Design) -> list[Trial]:
 
 
 def verdict(work: Design) -> str:
-    """Say in one or two sentences what the best layout carries, by the weakest model known, and what is not decided."""
+    """Say what the best layout carries, by the weakest model known, and what is not decided."""
     winner = work.winner
     if winner is None:
         return "No layout was found yet that keeps the limits and stands."
@@ -221,7 +218,7 @@ def _claim(trial: Trial) -> str:
 
 
 def _page(work: Design, pictured: bool) -> str:
-    """Return the HTML page of a design; pictured: True if the page shows the picture."""
+    """Return the HTML page of a design; pictured: whether it shows the picture."""
     winner = work.winner
     name = work.outline.scene.name
     parts = [f"<p class=big><strong>{html.escape(verdict(work))}</strong></p>"]

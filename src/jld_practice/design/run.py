@@ -48,8 +48,7 @@ from jld_practice.design.trials import (
     searched_scene,
 )
 
-LAYOUTS: Final = 2
-"""Number of layouts of one search whose joints are moved."""
+LAYOUTS: Final = 2  # number of layouts of one search whose joints are moved
 
 _LEAST_MOVE: Final = 8.0  # shortest time in which the joints of one layout are moved and its λ is bounded, s
 
@@ -107,7 +106,7 @@ def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) ->
 
 
 def _first_tasks(work: Design) -> list[Task]:
-    """Return the layouts of the first round: the best of each tessellation, then the second best, then stated ones."""
+    """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
     scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
     found: list[Task] = []
     ranked = sorted((one for one in work.allowed if one.kind == "searched"), key=lambda one: -one.most)
@@ -195,16 +194,16 @@ _PICTURE: Final = 1.5  # processor time of the picture, s; it is left out where 
 # Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds
 _CUTTING: Final = 0.3
 
+# time in which layouts of one tessellation are solved once it is cut: share of the limit, at most seconds
 _SCREENING, _LONGEST_SCREENING = 0.01, 1.0
-"""Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
 
 # Message of a design that is stopped before it knows a layout
 _NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
 
 _SEARCHES: Final = 0.15  # share of the time for the coarse searches of all tessellations
 
+# least time of the search of one tessellation, s, in at most this share of a short time limit
 _LEAST, _SHORT = 5.0, 0.6
-"""Least time of the search of one tessellation, s, in at most this share of a short time limit."""
 
 _USUAL: Final = 0.05  # share of the time that is left after the searches for bounds by fields of the usual layout
 
@@ -227,19 +226,14 @@ _WAVES: Final = 2  # number of times that bounds of the most promising layouts a
 
 _REFINED: Final = 0.9  # share of the time of a wave that is planned: workers begin and the last mesh is finished
 
-Say = Callable[[str], None]
-"""Function that is called with messages."""
+Say = Callable[[str], None]  # called with messages
 
 
 @one_thread()
 def design_outline(
     file: Path, folder: Path, options: DesignOptions, announce: Say | None = None, *, started: float | None = None
 ) -> Design:
-    """Design the blocks of an outline, and write page, picture, table and scene of the best layout.
-
-    Raises InputError for an outline or options that cannot be met, and Interrupted after a signal, when the folder
-    holds what was found until then.
-    """
+    """Design the blocks of an outline, and write its files; Interrupted after a signal."""
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
     require_folder(folder)
@@ -289,7 +283,7 @@ def design_outline(
 
 
 def _cut(work: Design, deadline: Deadline, say: Say) -> None:
-    """Cut the outline in every way; solve the usual and a few other layouts of each tessellation once it is cut."""
+    """Cut the outline in every way; solve a few layouts of each tessellation once it is cut."""
     # So a layout is known early, and a search knows which tessellations promise most.
     untold: list[str] = []
     seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
@@ -326,7 +320,7 @@ def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: flo
 
 
 def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
-    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one."""
+    """Add the layout that a scene states to the trials in the place of a weaker one."""
     assembly = build_assembly(scene)
     found = solve_rigid(assembly)
     if fields is None:
@@ -355,10 +349,7 @@ def _solve_usual(work: Design) -> None:
 
 
 def _bound_usual(work: Design, until: Deadline) -> None:
-    """Bound λ of the usual layout by fields, in a small share of the time until a deadline.
-
-    Nothing changes without a usual layout or enough time.
-    """
+    """Bound λ of the usual layout, if any, by fields in a small share of the time."""
     usual = work.usual
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
@@ -446,7 +437,7 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _moves(work: Design) -> bool:
-    """Return True if joints may move: in the plane, without a limit on shapes or laying."""
+    """Return whether joints may move: in the plane, without a limit on shapes or laying."""
     return work.outline.scene.dimension == 2 and work.options.shapes is None and work.options.laid is None
 
 

@@ -56,10 +56,7 @@ def tessellations(
     until: Deadline | None = None,
     made: Callable[[Tessellation], None] = lambda _: None,
 ) -> list[Tessellation]:
-    """Cut an outline in every known way, and return the tessellations.
-
-    Raises InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
-    """
+    """Cut an outline in every known way; InputError if none fits or a load cannot act."""
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     planar = assembly.dimension == 2
@@ -84,11 +81,7 @@ _Make = Callable[[float], Scene]  # function that cuts an outline with cells of 
 
 
 def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
-    """Cut an outline with ever smaller cells until none exceeds the largest block mass.
-
-    side: (d,) horizontal unit vector for the loads. The tessellation has no scene, but a problem, if cutting fails or
-    the cells stay too heavy.
-    """
+    """Cut an outline with ever smaller cells until none exceeds the largest block mass, or say why not."""
     size, problem = 1.0, ""
     for _ in range(_TRIES):
         try:
@@ -203,10 +196,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 
 
 def _cell_size(assembly: Assembly, measure: float, dimension: int, options: DesignOptions) -> float:
-    """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block.
-
-    Raises ParameterError if the mass limit requires more than `_MOST` cells, or the structure has no weight.
-    """
+    """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block."""
     each = measure / _CELLS
     mass = float(assembly.elements.mass[assembly.elements.free].sum())
     if options.block_mass is not None:
@@ -235,10 +225,7 @@ def _even(length: float, size: float) -> float:
 
 
 def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
-    """Return the numbers of voussoirs and of rings for cells of about one size.
-
-    lower, upper: (2,) corners of the outline.
-    """
+    """Return the numbers of voussoirs and of rings for cells of about one size."""
     hollow = [arc for arc in arcs if arc.hollow] or arcs
     if not hollow:
         return max(3, 2 * round(0.5 * (upper[0] - lower[0]) / cell) + 1), 1
@@ -259,10 +246,7 @@ def _bare(scene: Scene) -> Scene:
 
 
 def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
-    """Complete the scene of a tessellation by the key "move"; remove labels and block names.
-
-    blocks: True keeps labels and block names. Spatial scenes, and scenes that state the key, get no key "move".
-    """
+    """Complete a planar scene by the key "move"; without `blocks` remove labels and block names."""
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
     limit = document.get("search", {}).get("block_mass")

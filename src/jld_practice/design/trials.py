@@ -1,4 +1,4 @@
-"""Layouts that a design has found, with the bounds that are proven for each."""
+"""Layouts that a design has found, the bounds proven for each, and checks of the winner."""
 
 from __future__ import annotations
 
@@ -61,16 +61,13 @@ class Screening:
 
 
 def searched_scene(scene: Scene) -> Scene:
-    """Return the scene in which the labels of a tessellation are searched: faces crush where bounds by fields apply."""
+    """Return the scene of a search of labels: faces crush where bounds by fields apply."""
     crushes = scene.dimension == 2 and not why_no_fields(build_assembly(scene))
     return with_crushing(scene) if crushes else scene
 
 
 def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Screening:
-    """Solve at least one generation of the genetic driver, and more for some time.
-
-    Raises InputError if the limits of the scene cannot be met.
-    """
+    """Solve at least one generation of the genetic driver, and more for some time."""
     # A search by this driver with the same seed begins with the same layouts.
     assembly = build_assembly(searched_scene(scene))
     driver = Genetic(search_space(scene, assembly), seed)
@@ -95,15 +92,14 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
 
 
 def _search_seconds(assembly: Assembly) -> float:
-    """Return the least time of a search of an assembly, s: its tables, and bounds by fields on two meshes."""
+    """Return the least time of a search, s: its tables, and bounds by fields on two meshes."""
     if assembly.dimension == 3 or why_no_fields(assembly):
         return _TABLES
     corners = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
     return _TABLES + _MESHES * len(assembly.by_case) * mesh_seconds(COARSE_RATE, _TRIANGLES * corners)
 
 
-Bounds = tuple[float, float]
-"""Proven bounds on λ, infinite where nothing is proven."""
+Bounds = tuple[float, float]  # proven bounds on λ, infinite where nothing is proven
 
 NONE: Bounds = (-math.inf, math.inf)
 
@@ -127,10 +123,7 @@ class Trial:
 
     @property
     def proven(self) -> float:
-        """Lower bound on λ: that by fields if any bound by fields is known, else that by faces.
-
-        It is −inf where nothing is proven.
-        """
+        """Lower bound on λ: by fields if any is known, else by faces; −inf where nothing is proven."""
         return self.faces[0] if self.fields == NONE else self.fields[0]
 
     @property
@@ -149,17 +142,11 @@ class Trial:
 
     @property
     def most(self) -> float:
-        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if it is lower.
-
-        If λ by faces is unknown, the upper bound by faces takes its place. The result is inf where nothing is known.
-        """
+        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if lower; inf if unknown."""
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 
     def order(self) -> tuple[bool, float]:
-        """Return a sort key that ranks trials by λ, those with a lower bound by fields first.
-
-        They are ranked by this bound, the others by `most`, the highest first.
-        """
+        """Return a sort key: by lower bound by fields, then those without one by `most`."""
         known = math.isfinite(self.fields[0])
         return not known, -(self.fields[0] if known else self.most)
 
@@ -194,13 +181,13 @@ class Design:
 
     @property
     def allowed(self) -> list[Trial]:
-        """Layouts that keep the limits and are proven to stand, in the order of `Trial.order`."""
+        """Layouts that keep the limits and are proven to stand, ordered."""
         standing = (one for one in self.trials if one.allowed and one.stands)
         return sorted(standing, key=Trial.order)
 
     @property
     def winner(self) -> Trial | None:
-        """First layout of `allowed`, the strongest; None if there is none."""
+        """Strongest layout of `allowed`, or None."""
         return next(iter(self.allowed), None)
 
     @property
@@ -210,11 +197,7 @@ class Design:
 
 
 def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
-    """Return a scene whose own labels are the given ones.
-
-    labels: (m,) True = dry. In space, labels are stated for pairs of elements. Raises InputError where two faces of one
-    pair have different labels.
-    """
+    """Return a scene that states the labels (m,), in space by pairs of elements."""
     if assembly.dimension == 2:
         mesh = vertex_mesh(assembly)
         return MovedScene(scene, assembly, labels, mesh).at(mesh.places)
@@ -243,10 +226,7 @@ def faces_of(bracket: tuple[float, float]) -> Bounds:
 def field_bounds(
     assembly: Assembly, labels: Bits, seconds: float, gap: float = 0.05, *, lower_first: bool = True
 ) -> Bounds:
-    """Compute bounds by fields on the governing factor, the least λ / required of all cases.
-
-    labels: (m,) True = dry. Returns (lower, upper) bound, infinite where fields do not apply.
-    """
+    """Compute bounds by fields on the governing factor, infinite where fields do not apply."""
     if why_no_fields(assembly):
         return NONE
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=lower_first)
@@ -272,7 +252,6 @@ def one_case(scene: Scene, number: int) -> Scene:
 
 
 def built(trial: Trial) -> Assembly:
-    """Build the assembly of a trial's scene."""
     return build_assembly(trial.scene)
 
 
@@ -365,7 +344,7 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
 
 
 def _without_cuts(work: Design, until: Deadline) -> Check:
-    """Compare the winner by faces with the structure without cuts; `uncut_at_most` where the winner is stronger."""
+    """Compare the winner by faces with the structure without cuts."""
     winner = _winner(work)
     assembly = built(winner)
     high = most_without_cuts(winner.scene, assembly, search_space(winner.scene, assembly))
@@ -377,11 +356,8 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
 
 
 def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
-    """Begin to load the winner in a virtual experiment under its governing load case, in a process of its own.
-
-    Returns the process, a description, and the command with which a user repeats it; or a check that says that no time
-    is left.
-    """
+    """Load the winner in a virtual experiment, in a process; return it, a description and a command."""
+    # a check is returned where no time is left
     winner = _winner(work)
     assembly = built(winner)
     result, names = solve_rigid(assembly), [case.name for case in assembly.cases]

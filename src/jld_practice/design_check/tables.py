@@ -26,6 +26,7 @@ from jld_core.tolerances import GAP
 from jld_explore.report.languages import words_in
 from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
 
+# texts by key, in the order of `report.languages.LANGUAGES`
 WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Design check", "Nachweis", "Verifica di progetto"),
     "verified": (
@@ -252,7 +253,6 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
     "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
 }
-"""Texts by key, in the order of `report.languages.LANGUAGES`."""
 
 
 @dataclass(frozen=True)
@@ -291,7 +291,6 @@ def content_of(check: DesignCheck, language: str = "en") -> Content:
 
 
 def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
-    """Return the sentences on the outcome."""
     worst = check.governing
     low, high = worst.range
     if worst.verified is None:
@@ -622,5 +621,4 @@ def _end(value: float | None, largest: float) -> str:
 
 
 def _percent(share: float) -> str:
-    """Return a share in per cent."""
     return f"{100.0 * share:.1f} %"

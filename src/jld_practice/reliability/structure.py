@@ -1,8 +1,4 @@
-"""Structure whose strengths and loads depend on random variables.
-
-The dependence is measured once, on scenes rebuilt with one value changed: which strengths of which faces follow the
-value, and by how much loads grow with it. Samples then need no scene.
-"""
+"""Structure whose strengths and loads depend on random variables, and proven bounds of its samples."""
 
 from __future__ import annotations
 
@@ -40,11 +36,7 @@ _FACTOR: Final = 12.0  # natural logarithm of the largest factor on the median o
 
 @dataclass(frozen=True)
 class Variables:
-    """Independent normal and lognormal random variables.
-
-    docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with ζ² = ln(1 +
-    s²/m²) and ν = ln |m| − ζ²/2.
-    """
+    """Independent normal and lognormal random variables, docs/method.md (12.1), (12.2)."""
 
     names: tuple[str, ...]  # key of each in the scene, with the face or element where each has its own
     # mean, deviation: (v,) means and standard deviations, in the units of the scene
@@ -61,7 +53,7 @@ class Variables:
 
     @property
     def reach(self) -> Floats:
-        """Return the largest sizes (v,) of standard normal variables at which values are computed."""
+        """Largest sizes (v,) of standard normal variables at which values are computed."""
         return np.where(self.lognormal, np.minimum(_FARTHEST, _FACTOR / self._spread()), _FARTHEST)
 
     def values(self, normal: Floats) -> Floats:
@@ -100,10 +92,7 @@ class _Follower:
 
 @dataclass(frozen=True)
 class Growth:
-    """Loads of one case that grow with random variables: Π (x − mean) times loads.
-
-    The product is over `variables`.
-    """
+    """Loads of one case that grow with random variables: Π (x − mean) times loads."""
 
     variables: tuple[int, ...]  # one or two
     # dead, live: (n, q) loads
@@ -122,20 +111,14 @@ class RandomStructure:
 
     @cached_property
     def cases(self) -> tuple[Assembly, ...]:
-        """Return the assembly of each load case, at the means."""
         return self.assembly.by_case
 
     @property
     def varies_in_strength(self) -> bool:
-        """Return True if a strength is random."""
         return bool(self.followers)
 
     def strengths(self, values: Floats) -> Strengths:
-        """Return the strengths of all faces of samples, sample by sample, in scene units.
-
-        values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts as
-        at most that at the apex of its friction.
-        """
+        """Return the strengths of all faces, scene units, of samples (k, v); 0 for negative ones."""
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
         for one in self.followers:
@@ -154,10 +137,7 @@ class RandomStructure:
         return Strengths(**{name: np.ascontiguousarray(table.ravel()) for name, table in tables.items()})
 
     def loads(self, values: Floats, case: int) -> tuple[Floats, Floats]:
-        """Return the dead and live loads (k, n, q) of samples under a load case, in scene units.
-
-        values: (k, v) of the variables.
-        """
+        """Return the dead and live loads (k, n, q), scene units, of samples (k, v) under a load case."""
         assembly, away = self.cases[case], values - self.variables.mean
         dead, live = (np.repeat(load[None], len(values), axis=0) for load in (assembly.dead, assembly.live))
         linear = self._linear[case]
@@ -174,7 +154,7 @@ class RandomStructure:
 
     @cached_property
     def _linear(self) -> list[tuple[Ints, Floats, Floats] | None]:
-        """Return for each case the variables (r,) of linear loads, and their rates (r, n·q)."""
+        """For each case the variables (r,) of linear loads, and their rates (r, n·q)."""
         found: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [one for one in growths if len(one.variables) == 1]
@@ -196,11 +176,7 @@ class RandomStructure:
     def rates(
         self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
     ) -> Floats:
-        """Return derivatives (v,) by the variables, from derivatives by strengths and loads.
-
-        values: (v,) of the variables. by_strength: (m,) derivatives by fields of `Strengths`. by_load: (n, q)
-        derivatives by dead and by live loads.
-        """
+        """Return derivatives (v,) by the variables, from those by strengths (m,) and loads (n, q)."""
         found, away = np.zeros(len(values)), values - self.variables.mean
         for one in self.followers:
             slope: Any = 1.0
@@ -222,11 +198,7 @@ def _tangent(degrees: Floats) -> Floats:
 
 
 def random_structure(scene: Scene) -> RandomStructure:
-    """Return the structure of a scene as it depends on the values with uncertainty.
-
-    Raises InputError for a scene without such values, or where a value acts in another way than this package knows, as
-    on the bond of joints.
-    """
+    """Return a structure as it depends on uncertain values; InputError for one that acts otherwise."""
     found = list(uncertain_values(scene))
     if not found:
         given = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
@@ -251,7 +223,6 @@ class _Measurement:
         self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
     def structure(self) -> RandomStructure:
-        """Return the structure with all variables."""
         variables_of = [self._add(path, value) for path, value in self.found]
         self._add_products(variables_of)
         mean = np.array([float(one) for one in self.sizes])
@@ -303,10 +274,7 @@ class _Measurement:
         return list(range(first, first + many))
 
     def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
-        """Return the strengths that follow a value: name, faces (m,), True if by its tangent.
-
-        Raises InputError where strengths change in another way.
-        """
+        """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
         found = []
         key = str(next(one for one in reversed(path) if isinstance(one, str)))
         mean = float(_value(self.document, path)) if "angle" in key else 0.0
@@ -353,10 +321,7 @@ class _Measurement:
         ]
 
     def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
-        """Add loads that grow with the variables from `first` on, one per element of `split`.
-
-        rates: dead and live loads (n, q) of each load case. None for `split`: all grow with one variable.
-        """
+        """Add loads that grow with the variables from `first` on, one per element of `split`, or one."""
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():
@@ -466,13 +431,7 @@ class GoverningBounds:
 
 
 class SampleBounds:
-    """Bounds on the governing load factor of samples of one layout.
-
-    It may be used by several threads at once.
-
-    structure: structure as it depends on its random variables. labels: (m,) layout, True = dry. Raises InputError: a
-    material that the layout needs is missing.
-    """
+    """Bounds on the governing load factor of samples of one layout; thread-safe."""
 
     def __init__(self, structure: RandomStructure, labels: Bits) -> None:
         require_materials(structure.assembly, labels, ~labels)
@@ -482,12 +441,12 @@ class SampleBounds:
 
     @property
     def batched(self) -> bool:
-        """Return True if the batch solver takes the samples of all load cases."""
+        """True if the batch solver takes the samples of all load cases."""
         return all(one.batch is not None for one in self.analyses) and None not in self._plain
 
     @cached_property
     def _stacked(self) -> FrictionSet:
-        """Return yield sets of the faces of all samples of a call, to receive their strengths."""
+        """Yield sets of the faces of all samples of a call, to receive their strengths."""
         assembly, template = self.structure.assembly, self.analyses[0].template
         faces = np.tile(np.arange(len(self.labels)), SAMPLES_OF_A_CALL)
         many = replace(
@@ -496,10 +455,7 @@ class SampleBounds:
         return yield_set(many, template.scaling).associative
 
     def _rows(self, case: int, values: Floats) -> BatchRows | None:
-        """Return the yield rows of samples under a load case.
-
-        The rows of one sample are kept for all in `_plain`. values: (k, v), one sample or as many as a call takes.
-        """
+        """Return the yield rows of samples (k, v), one or a whole call, under a load case."""
         assembly, template = self.structure.assembly, self.analyses[case].template
         count, unit = len(values), assembly.interfaces.area / template.scaling.force
         scaled = scaled_strengths(self.structure.strengths(values), np.tile(unit, count))
@@ -508,10 +464,7 @@ class SampleBounds:
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
-        """Compute bounds for samples.
-
-        values: (k, v) of the variables.
-        """
+        """Compute bounds for samples (k, v)."""
         if not self.batched:
             return self.proven(values)
         parts = [
