@@ -23,7 +23,7 @@ DEAD, LIVE, DAMPING, FRICTION, FLOW, FRACTURE, CORNERS, HALF = range(8)
 
 
 class Bench(NamedTuple):
-    """Constant arrays of the time stepping, scene units: n elements, m faces, s sub-contacts, q freedoms."""
+    """Constant arrays of the time stepping: n elements, m faces, s sub-contacts, q freedoms."""
 
     # dead, live: (n, q) forces, then moments about the centroid, of the dead loads and of the live loads at λ = 1
     dead: Floats
@@ -61,7 +61,7 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies from the unloaded structure to a state, scene units of work, each computed on its own."""
+    """Energies from the unloaded structure to a state, scene units, each computed on its own."""
 
     # dead, live: work of the dead loads, and of the live loads at the reported λ
     dead: float

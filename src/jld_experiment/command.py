@@ -112,7 +112,7 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
-    """Write table, summary and picture into a folder."""
+    """Write table, summary and picture."""
     from jld_core.views.figures import save_figure
     from jld_experiment.report import figure_of, table
 
@@ -125,8 +125,6 @@ def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out:
 
 
 def _words(facts: dict[str, Any]) -> str:
-    """Describe the experiment for the terminal."""
-
     def plain(value: float | None, digits: int = 6) -> str:
         return "none" if value is None else f"{value:.{digits}g}"
 

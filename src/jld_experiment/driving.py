@@ -203,7 +203,9 @@ def push(
         ended = not endless and progress.ends()
     table = np.array(rows).reshape(-1, 5)
     spent = len(rows) * steps / system.period
-    rising = not ended and not stopped and _still_rising(table)
+    before = table[:, 0] <= 0.5 * table[-1, 0]
+    rose = table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf)  # by over 1 % in the second half
+    rising = not ended and not stopped and bool(rose)
     broken = table[:, 3].astype(np.int64)
     return Push(table[:, 0], table[:, 1], table[:, 2], broken, table[:, 4], best, state, spent, rising, stopped)
 
@@ -216,12 +218,6 @@ def _rows(found: Push) -> list[Row]:
     """Return the records of a push, as `push` keeps them."""
     columns = (found.distance, found.load_factor, found.unbalanced, found.broken.astype(float), found.energy_error)
     return [(a, b, c, d, e) for a, b, c, d, e in np.column_stack(columns).tolist()]
-
-
-def _still_rising(table: Floats) -> bool:
-    """Return whether λ rose by more than 1 % over the second half of the push."""
-    before = table[:, 0] <= 0.5 * table[-1, 0]
-    return bool(table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf))
 
 
 @dataclass(frozen=True)

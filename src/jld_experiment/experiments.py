@@ -80,7 +80,7 @@ class Experiments:
             write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
-        """Return the table of all experiments, strongest first."""
+        """Return all experiments, strongest first."""
         import pandas as pd
 
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
@@ -208,12 +208,6 @@ class ExperimentStep(Step):
         return with_experiments(done, experiments, settings.by_experiment)
 
 
-def _most_over_load_factor(ranked: pd.DataFrame) -> float | None:
-    """Return the largest ratio of carried load to λ of experiments, None without any."""
-    bounded = ranked[ranked["load_factor"] > 0.0]
-    return float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
-
-
 def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
     """Return the study with a column `experiment`, NaN where none was made, and facts in its summary."""
     # `none_better`: no layout without a certified experiment has a larger λ than the most carried, and none with one
@@ -228,7 +222,9 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
     complete = done.summary.stop_reason == "exhausted" and len(ranked) > 0 and not unknown
     settled = table[~table["status"].isin(["uncertified", "locked"])]["labelling"]
     left = done.results[~done.results["labelling"].isin(settled)]["load_factor_associative"]
-    most, contradicted = _most_over_load_factor(ranked), False
+    bounded = ranked[ranked["load_factor"] > 0.0]
+    most = float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
+    contradicted = False
     if most is not None and len(left):  # Without untested layouts nothing is assumed that could be contradicted.
         from jld_experiment.settings import ACCURACY
 

@@ -58,7 +58,6 @@ def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
 
 @compiled
 def dot(one: Floats, two: Floats) -> float:
-    """Return the scalar product of two vectors (3,)."""
     return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
 
 
@@ -73,7 +72,7 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 @compiled
 def is_among(table: Ints, row: int, value: int) -> bool:
-    """Return whether a value occurs in a row of a table."""
+    """Return whether a row of a table has a value."""
     found = False
     for k in range(table.shape[1]):
         found = found or table[row, k] == value
@@ -523,7 +522,7 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
 
 
 def _table(rows: list[list[int]]) -> Ints:
-    """Return lists of numbers as one table, filled with −1."""
+    """Return lists as one table, filled with −1."""
     table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
     for line, row in zip(table, rows, strict=True):
         line[: len(row)] = row

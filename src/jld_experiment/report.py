@@ -59,7 +59,7 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 
 
 def table(curve: Curve) -> pd.DataFrame:
-    """Return both pushes of an experiment as a table with one row per record."""
+    """Return both pushes as a table with one row per record."""
     # Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
     # `elastic` is the distance over that of the elastic structure at the collapse load. The columns unbalanced, broken
     # and energy_error are NaN for the fast push. The table is empty if the structure does not stand.
@@ -137,7 +137,7 @@ def figure_of(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> Figure:
-    """Draw the curve, the end of the experiment, and the mechanism of limit analysis."""
+    """Draw curve, end of the experiment and mechanism of limit analysis."""
     # The figure is not saved.
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)

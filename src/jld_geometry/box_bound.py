@@ -67,11 +67,13 @@ class BoxBound:
 
 
 class BoxProblem:
-    """Bounds on λ of one planar load case of dry faces, over boxes of up to four parameters."""
+    """Bounds on λ of one planar case of dry faces, over boxes of up to four parameters."""
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, directions: Floats) -> None:
         # positions are X0 + Σ y_j D_j, with the places of the mesh and the directions D (p, v, 2)
-        _require_dry(assembly, labels)
+        if not labels.all():
+            raise ParameterError("prove", "a bound over a box of positions knows dry joints alone", "no proof")
+        assembly.strengths(_ROUTE, labels)  # refuses what it does not know
         self._assembly, self._mesh, self._directions = assembly, mesh, directions
         scaling = scaling_of(assembly)
         self.unit = scaling.load
@@ -160,8 +162,9 @@ class BoxProblem:
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
         """Return forces (g, 3·free) that generate all contact forces in a box, and their magnitudes.
 
-        Magnitudes bound rounding errors. None where the force directions at one face span half a turn.
+        None where the force directions at one face span half a turn.
         """
+        # magnitudes bound the rounding errors
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
         friction = self._assembly.strengths(_ROUTE, np.ones_like(self._assembly.labels)).friction
@@ -241,13 +244,6 @@ class BoxProblem:
                 return math.inf, None
             velocity = velocity + 1.1 * float((np.maximum(missing, 0.0) / least).max()) * opening
         return math.inf, None
-
-
-def _require_dry(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for faces that are inner, or have more than friction."""
-    if not labels.all():
-        raise ParameterError("prove", "a bound over a box of positions knows dry joints alone", "no proof")
-    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
 
 
 def _extremes(force: Floats) -> Floats | None:
@@ -411,7 +407,7 @@ class _Search:
     def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
         """Halve a box where the larger bound of both halves is least; return parameter and halves.
 
-        Each half has its bound, low (p,) and high (p,). whole: (p,) size of the first box.
+        Each half has bound, low and high (p,). whole: (p,) size of the first box.
         """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())

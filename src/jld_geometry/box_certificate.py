@@ -66,7 +66,6 @@ def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
 
 
 def _line(node: Node) -> dict[str, Any]:
-    """Return a node as a JSON object."""
     if isinstance(node, Split):
         return {"split": node.axis, "at": node.at}
     moves = {str(element): velocity for element, velocity in node.moves.items()}
@@ -102,7 +101,7 @@ def read(path: Path) -> tuple[BoxClaim, list[Node]]:
 
 
 def _claim(head: dict[str, Any]) -> BoxClaim:
-    """Return the claim of a first line without its version; raise ValueError if it is invalid."""
+    """Read the claim of a first line without its version; raise ValueError if it is invalid."""
     if not isinstance(head["scene"], dict) or not isinstance(head["made_by"], str):
         raise ValueError
     box = tuple(_pair(ends) for ends in head["box"])
@@ -118,7 +117,7 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Return the node of a line; raise ValueError for an invalid line."""
+    """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
         (axis,) = numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -134,7 +133,7 @@ def _node(line: dict[str, Any]) -> Node:
 
 
 def _number(value: object) -> float:
-    """Return a finite JSON number; raise ValueError for anything else."""
+    """Return a finite number; raise ValueError for anything else."""
     found = finite(value)
     if found is None:
         raise ValueError
@@ -142,7 +141,7 @@ def _number(value: object) -> float:
 
 
 def _pair(values: object) -> Pair:
-    """Return a list of two finite numbers; raise ValueError for anything else."""
+    """Return two finite numbers; raise ValueError for anything else."""
     if not isinstance(values, list) or len(values) != 2:
         raise ValueError
     return _number(values[0]), _number(values[1])

@@ -20,7 +20,6 @@ Polynomial = dict[tuple[int, ...], Fraction | int]
 
 
 def product(one: Polynomial, other: Polynomial) -> Polynomial:
-    """Multiply two polynomials of the same parameters."""
     found: Polynomial = {}
     for left, factor in one.items():
         for right, value in other.items():
@@ -248,14 +247,12 @@ def _require_known(scene: Scene) -> None:
 
 
 def _twice_area(outline: list[Pair]) -> Fraction:
-    """Return twice the signed area of an outline."""
     corners = [(Fraction(x), Fraction(y)) for x, y in outline]
     pairs = zip(corners, corners[1:] + corners[:1], strict=True)
     return sum((a[0] * b[1] - a[1] * b[0] for a, b in pairs), Fraction(0))
 
 
 def _centroid(outline: list[Pair]) -> Vector:
-    """Return the centroid of an outline."""
     corners = [(Fraction(x), Fraction(y)) for x, y in outline]
     pairs = list(zip(corners, corners[1:] + corners[:1], strict=True))
     turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairs]

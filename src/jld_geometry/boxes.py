@@ -191,7 +191,7 @@ class _Checker:
 
 
 def box_facts(done: VerifiedBox) -> dict[str, object]:
-    """Return the outcome of a successful check of a proof over a box as JSON data."""
+    """Return the outcome of a successful check as JSON data."""
     claim = done.claim
     return {
         "scene": done.scene.name,
@@ -206,7 +206,7 @@ def box_facts(done: VerifiedBox) -> dict[str, object]:
 
 
 def box_words(done: VerifiedBox) -> str:
-    """Describe the outcome of a successful check of a proof over a box for the terminal."""
+    """Describe the outcome of a successful check for the terminal."""
     claim = done.claim
     box = " × ".join(f"[{low:.6g}, {high:.6g}]" for low, high in claim.box)
     lines = [

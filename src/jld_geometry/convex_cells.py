@@ -235,7 +235,10 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     # element becomes a vertex of its outline; a straight corner inside an interface is left out.
     assembly.members.refuse("a move of joints")
     shapes, faces = assembly.elements.shape, assembly.interfaces
-    lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
+    lines = [  # ends of each interface in the direction of e1
+        line if (line[1] - line[0]) @ along > 0.0 else line[::-1]
+        for line, along in zip(faces.polygon, faces.e1, strict=True)
+    ]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
     reach = min(_REACH * float(lengths.max()), _SHARE * float(lengths.min()))
     number, places = merged_points([*shapes, *lines], reach)
@@ -248,11 +251,6 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
         own = np.flatnonzero((faces.a == k) | (faces.b == k))
         loops.append(_refined(loop, ends[own], places, reach))
     return VertexMesh(places, tuple(loops), ends)
-
-
-def _directed(polygon: Floats, along: Floats) -> Floats:
-    """Return the two ends (2, 2) of an interface in the direction of e1, `along`."""
-    return polygon if (polygon[1] - polygon[0]) @ along > 0.0 else polygon[::-1]
 
 
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:

@@ -96,7 +96,6 @@ class FieldMesh:
 
 
 def _ends(segments: Sequence[Segment]) -> Floats:
-    """Return the ends (k, 2) of loaded segments."""
     return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
 
 
@@ -350,7 +349,6 @@ def move_by_fields(
     last: FieldPoint | None = None
 
     def report(number: int, point: FieldPoint, predicted: float, radius: float) -> None:
-        """Record an accepted point of a start, with predicted objective and trust radius."""
         nonlocal last
         last = point
         bracket = fields.bracket(point) if run.watched else (math.nan, math.nan)

@@ -42,7 +42,6 @@ class Key:
         return [(np.array(outline), 1)]
 
     def check(self) -> None:
-        """Raise ParameterError for lengths that make no key."""
         if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
             problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
             raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
@@ -68,7 +67,6 @@ class Sine:
         return found
 
     def check(self) -> None:
-        """Raise ParameterError for an amplitude or number that makes no wave."""
         if not (self.amplitude > 0.0 and self.waves >= 1):
             problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
             raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
@@ -88,7 +86,6 @@ class Incline:
         return [(first, -side), (second, side)]
 
     def check(self) -> None:
-        """Raise ParameterError for a slope that leaves the joint straight."""
         if not 0.0 < abs(self.slope) < np.inf:
             raise ParameterError("joint", f"slope {self.slope:g} leaves the joint straight", "a slope above or below 0")
 
@@ -252,7 +249,6 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
 
 
 def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    """Return the entries of the cells of an element."""
     if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
         return [own]
     whole, found = sum(cell.volume for cell in cells), []

@@ -378,7 +378,6 @@ class SpatialLimits:
         self.least = np.where(self.equal, 0.0, np.minimum(0.0, relaxed(start.values)))
 
     def at(self, places: Floats) -> LimitValues:
-        """Return the values of all limits and their derivatives at positions (v, 3)."""
         parts = [self._of_planes(places), self._of_edges(places), *self._of_volumes(places)]
         values = np.concatenate([value for value, _ in parts])
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
@@ -402,7 +401,6 @@ class SpatialLimits:
         return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), places_of, places.size)
 
     def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return edge lengths over the least length, less 1, and their derivatives."""
         edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
         length = np.linalg.norm(edge, axis=1)
         along = edge / length[:, None] / self._edge

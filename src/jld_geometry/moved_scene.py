@@ -60,7 +60,6 @@ def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: 
     """Return the key "move" with points at vertices, at `start` (v, d), moved to `places` (v, d)."""
 
     def moved(point: list[float]) -> list[float]:
-        """Return the present position of the vertex at a point, or the point if none is there."""
         distance = np.linalg.norm(start - np.array(point, dtype=float), axis=1)
         vertex = int(np.argmin(distance))
         if distance[vertex] > SAME * size:
@@ -184,7 +183,6 @@ class SpatialMovedScene:
         self._document = document
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the validated scene with the vertices at the positions (v, 3)."""
         found = dict(self._document)
         found["elements"] = [
             {**entry, "vertices": places[corner].tolist()}

@@ -23,7 +23,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields.governing import governing_bounds
 from jld_core.fields.problem import require_fields
 from jld_core.files import write_text
-from jld_core.limit import SolveOptions, Status
+from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
@@ -121,7 +121,7 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Return the bounds by fields on the governing factor of one layout."""
+    """Bound the governing factor of one layout by fields."""
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
@@ -276,7 +276,6 @@ def _movable(scene: Scene) -> Scene:
 
 
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
-    """Raise InputError for scenes and settings that exclude the movement of joints."""
     if layouts < 1:
         raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
@@ -369,27 +368,27 @@ def moved_table(done: MovedSearch) -> pd.DataFrame:
 
 
 def moved_facts(done: MovedSearch) -> dict[str, Any]:
-    """Return the entry "moved" of summary.json and of `jld explore --move --json`."""
+    """Return the entry "moved" of summary.json and of the terminal's JSON."""
     best = done.best
     stated = next((one for one in done.layouts if one.row == 0), None)
     bounds = best.fields if best.moved.any() else best.fields_start
     return {
         "rounds": len(done.rounds),
         "layouts": len(done.layouts),
-        "stated": None if stated is None else [_number(end) for end in stated.fields_start],
-        "fields_lo": _number(bounds[0]),
-        "fields_hi": _number(bounds[1]),
+        "stated": None if stated is None else [number(end) for end in stated.fields_start],
+        "fields_lo": number(bounds[0]),
+        "fields_hi": number(bounds[1]),
         "round": best.number,
         "row": best.row,
         "labelling": to_string(best.labels),
-        "load_factor": _number(best.load_factor),
+        "load_factor": number(best.load_factor),
         "stop": done.stop,
         "scene": FILES[1],
     }
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    """Describe the best moved layout in one sentence."""
+    """Describe the best moved layout."""
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
     found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:
@@ -427,11 +426,5 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     return facts
 
 
-def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
 def _said(value: float | None) -> str:
-    """Return a number as text for the page and the picture."""
     return "none" if value is None else f"{value:.5g}"

@@ -18,7 +18,7 @@ from jld_core.build import build_robust
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.limit import LimitAnalysisResult, Status, number
 from jld_core.models import solve_by_fields, solve_rigid
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
@@ -64,11 +64,6 @@ def write_move(
 def value_text(value: float | None) -> str:
     """Return a number as text for the terminal."""
     return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
-
-
-def json_number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
 
 
 # What `--joint` takes
@@ -156,9 +151,9 @@ def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "joint": {"kind": type(done.shape).__name__.lower(), **vars(done.shape)},
-        "start": json_number(done.before.load_factor),
-        "load_factor": json_number(done.after.load_factor),
-        "bracket": [json_number(end) for end in done.after.bracket],
+        "start": number(done.before.load_factor),
+        "load_factor": number(done.after.load_factor),
+        "bracket": [number(end) for end in done.after.bracket],
         "status": str(done.after.status),
         "shapes": len(done.trials),
         "end": done.end,
@@ -173,14 +168,14 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
     try:
         for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
             low = solve_by_fields(one, own, gap=_SHAPE_GAP, seconds=_SECONDS).decided.low
-            found[name] = json_number(low)
+            found[name] = number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
 
 
 def _write(done: ShapedJoints, out: Path) -> None:
-    """Write scene, table of shapes and picture beside one another."""
+    """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
     from jld_core.views.figures import figure_of_layouts, save_figure
@@ -193,12 +188,10 @@ def _write(done: ShapedJoints, out: Path) -> None:
 
 
 def _named(shape: Shape) -> str:
-    """Return a shape as text for the terminal."""
     return ", ".join(f"{name} {value:.4g}" for name, value in vars(shape).items())
 
 
 def _said(result: LimitAnalysisResult) -> str:
-    """Return λ of a result as text, or its status."""
     return f"{result.load_factor:.6g}" if result.status is Status.COLLAPSE else str(result.status)
 
 
@@ -216,7 +209,6 @@ def prove_positions(
     """Prove a bound over a box, check the proof, write the best scene and print both bounds."""
 
     def progress(best: float, bound: float, boxes: int) -> None:
-        """Print the bounds at intervals, once a position that stands is found."""
         if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
             say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
 
@@ -265,14 +257,14 @@ def _proof_facts(done: ProvenBox) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "objective": "load_factor",
-        "load_factor": json_number(done.load_factor),
-        "bracket": [json_number(end) for end in done.after.bracket],
+        "load_factor": number(done.load_factor),
+        "bracket": [number(end) for end in done.after.bracket],
         "status": str(done.after.status),
-        "start": json_number(start),
+        "start": number(start),
         "steps": done.boxes,
-        "bound": json_number(done.bound),
+        "bound": number(done.bound),
         "proven": done.proven,
-        "gap": json_number(done.gap),
+        "gap": number(done.gap),
         "boxes": done.boxes,
         "box": [[float(low), float(high)] for low, high in zip(done.low, done.high, strict=True)],
         "parameters": [float(value) for value in done.parameters],
@@ -377,7 +369,6 @@ def move(
             assembly = build_robust(scene)
 
     def progress(point: Point) -> None:
-        """Print an accepted point."""
         if not as_json:
             say(f"start {point.start} step {point.step:<3} {point.value:<14.8g} {point.seconds:.1f} s")
 
@@ -421,7 +412,7 @@ def _finish(
     facts = _facts(done)
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
-        facts["load_factor_nominal"] = json_number(nominal)
+        facts["load_factor_nominal"] = number(nominal)
     check = _bounded if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
@@ -437,7 +428,7 @@ def _finish(
 
 
 def _check_out(source: Path, out: Path) -> None:
-    """Raise InputError for a file that cannot be written, before any work."""
+    """Raise InputError for a file that cannot be written."""
     if out.suffix in (".csv", ".png"):
         raise ParameterError("out", f"{out.name!r} is the name of a table or picture", "the name of a scene file")
     if out.is_dir() or not out.absolute().parent.is_dir():
@@ -473,7 +464,7 @@ def _check_by_fields(
         for left, name, one in ((2, "before", assembly), (1, "after", done.after.assembly)):
             seconds = min(_FIELD_SECONDS, until.remaining() / left)
             low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).decided.low
-            found[name] = json_number(low)
+            found[name] = number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
@@ -487,14 +478,14 @@ def _bounded(
     before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).decided
     moved = assembly if done.after is None else done.after.assembly
     after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=seconds)
-    low, high = json_number(after.decided.low), json_number(after.decided.high)
-    facts |= {"start": json_number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
-    facts |= {"status": str(after.status), "start_bracket": [json_number(before.low), json_number(before.high)]}
+    low, high = number(after.decided.low), number(after.decided.high)
+    facts |= {"start": number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
+    facts |= {"status": str(after.status), "start_bracket": [number(before.low), number(before.high)]}
     return {"before": facts["start"], "after": low, "skipped": None}
 
 
 def _doubts(checked: dict[str, Any] | None) -> list[str]:
-    """Return the warnings of a check by fields."""
+    """List the warnings of a check by fields."""
     if checked is None:
         return []
     if checked["skipped"] is not None:
@@ -514,11 +505,11 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "objective": done.objective,
-        "load_factor": json_number(load_factor),
-        "bracket": [json_number(end) for end in bracket],
+        "load_factor": number(load_factor),
+        "bracket": [number(end) for end in bracket],
         "status": None if after is None else str(after.status),
-        "start": json_number(done.start),
-        "value": json_number(done.value),
+        "start": number(done.start),
+        "value": number(done.value),
         "steps": len(done.points) - len({point.start for point in done.points}),
         "solves": done.points[-1].solves if done.points else 0,
         "end": done.end,
@@ -537,7 +528,7 @@ def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
-    """Describe the result of a move for the terminal."""
+    """Describe a move for the terminal."""
     ends = {
         "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',

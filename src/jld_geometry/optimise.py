@@ -84,7 +84,6 @@ def _best_of_starts(
     best: tuple[Evaluated, str] | None = None
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
-        """Record an accepted point of a start, with predicted objective and trust radius."""
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
         if search.goal != "load_factor":
             bracket = (math.nan, math.nan)

@@ -159,7 +159,7 @@ def shape_loads(loads: Loads, elements: Elements) -> tuple[Floats, Floats]:
 
 
 def _columns(ends: Ints) -> Ints:
-    """Return the columns (m, 4) of the coordinates of both end vertices; ends: (m, 2)."""
+    """Return the columns (m, 4) of the coordinates of both ends (m, 2)."""
     return np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)
 
 
@@ -297,7 +297,7 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
 
 
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return normal forces (k,) at corners (k, 2) with given N, M1, M2, of least power on gaps (k,)."""
+    """Return normal forces (k,) at corners (k, 2) of given N, M1, M2, of least power on gaps (k,)."""
     # Of all such forces they have the least power on the gaps.
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])

@@ -207,11 +207,10 @@ def _friction_column(template: Template, labels: Bits, forces: Floats, count: in
 
 
 def _add_shape(rows: _Rows, region: Region) -> None:
-    """Add limits on shapes, ties and bounds of the step to the program of a step."""
+    """Add limits on shapes, ties and bounds of the step to its program."""
     count = rows.count
 
     def wide(steps: sp.csr_array) -> sp.csr_array:
-        """Pad coefficients (r, k) of the steps to all columns of the program."""
         before = sp.csr_array((steps.shape[0], rows.start[-1]))
         return sp.csr_array(sp.hstack([before, steps, sp.csr_array((steps.shape[0], 1))]))
 

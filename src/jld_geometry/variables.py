@@ -156,7 +156,7 @@ def vertex_at(places: Floats, point: list[float], size: float, where: str) -> in
 
 
 def _words(point: Floats) -> str:
-    """Format a point for messages, as in "[1, 2.5]"."""
+    """Format a point as in "[1, 2.5]"."""
     return "[" + ", ".join(f"{value:.6g}" for value in point) + "]"
 
 

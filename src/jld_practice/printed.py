@@ -62,7 +62,7 @@ class Stone:
 
 
 def stones_of(layout: Layout) -> list[Stone]:
-    """Return the stones of a layout, numbered in the order of `blocks.csv`."""
+    """Return the stones, numbered in the order of `blocks.csv`."""
     found = []
     members = {block.name: k for k, block in enumerate(layout.blocks)}
     for number, block in enumerate((one for one in layout.blocks if one.cells), 1):
@@ -142,7 +142,7 @@ def making_of(stones: list[Stone]) -> Making:
 
 
 def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
-    """Return the cutting list: one row per stone, as it is numbered in the printed report."""
+    """Return the cutting list: one row per stone, as numbered in the report."""
     import pandas as pd  # slow to import and needed for tables only
 
     factor, metres = (factor_to(one, layout.scene.units.length) for one in (unit, "m"))
@@ -386,7 +386,7 @@ class _Book:
 
     @property
     def length(self) -> float:
-        """Factor from the scene's lengths to the unit of the report."""
+        """Factor from the scene's lengths to those of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:
@@ -529,7 +529,7 @@ def _making_words(book: _Book) -> str:
 
 
 def _moulds(book: _Book) -> None:
-    """Make the page with a drawing of every mould, with the lengths of its edges."""
+    """Make the page of moulds with the lengths of their edges."""
     figure = book.new(book.words["moulds"].format(unit=book.unit))
     shapes = sorted({stone.shape for stone in book.stones})
     across = 4
@@ -604,7 +604,7 @@ def _way(book: _Book, motion: Floats) -> str:
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
-    """Return the numbers of the stones that are the given blocks of an order of laying."""
+    """Return the numbers of the stones that are given blocks of an order of laying."""
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
     own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]

@@ -62,7 +62,6 @@ class Stock:
 
     @property
     def waste(self) -> float:
-        """Share of the stock that is lost."""
         return 1.0 - self.volume / (self.cuboids * math.prod(self.size))
 
     @property
@@ -274,7 +273,6 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    """Return the content of the report of a scene or a results folder."""
     design = best_of_design(source)
     if design != source:
         if rank is not None:
@@ -361,7 +359,7 @@ def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:
 
 
 def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
-    """Write all files of a project into an archive, and return their number."""
+    """Write all files of a project into an archive; return their number."""
     if source.is_dir():
         files = sorted(path for path in source.rglob("*") if path.is_file() and path != archive)
         named = {path.relative_to(source).as_posix(): path for path in files}

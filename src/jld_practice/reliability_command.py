@@ -67,7 +67,6 @@ def reliability(
 
 
 def _lines(name: str, found: Reliability, compared: Comparison | None, against: int | None) -> list[str]:
-    """Describe the results in lines."""
     form, simulation = found.form, found.simulation
     first = f"β = {form.beta:.4f}, probability {form.probability:.3g}" if form.found else f"none: {form.problem}"
     first += ", at a kink of λ" if form.found and form.kink else ""

@@ -209,7 +209,9 @@ def explore_command(
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
-    _check_jobs(jobs)
+    most = _JOBS * (os.cpu_count() or 1)
+    if jobs is not None and jobs > most:
+        raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
     raise_on_signals()
     model = SolveOptions(
         effective_area=effective_area,
@@ -263,13 +265,6 @@ def _move(
         return
     _say_found(done.first, as_json)
     say(search.words_of_move(facts))
-
-
-def _check_jobs(jobs: int | None) -> None:
-    """Raise InputError for more worker processes than the machine can serve."""
-    most = _JOBS * (os.cpu_count() or 1)
-    if jobs is not None and jobs > most:
-        raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
 
 
 def _say_found(done: Exploration, as_json: bool) -> None:

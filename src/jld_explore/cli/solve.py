@@ -155,7 +155,7 @@ def solve(
     }
     Model(**values)  # before any file is read
     own = not (scene.is_dir() or rank is not None)
-    laid = _own_layout(scene, strict) if own else _layout_of(scene, rank)
+    laid = _laid_out(scene, rank, strict, own)
     model = _model(laid.model, asked(context, values))
     assembly = build_robust(laid.scene) if robust and not laid.assembly.has_low_values else laid.assembly
     assembly = under(assembly, model)
@@ -193,18 +193,14 @@ def solve(
         raise typer.Exit(UNCERTIFIED)
 
 
-def _own_layout(path: Path, strict: bool) -> LaidOut:
-    """Return the layout that a scene file states."""
-    from jld_explore.cli.layout import LaidOut
+def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:
+    """Return the layout that a scene states (own), or one of a folder of results."""
+    from jld_explore.cli.layout import LaidOut, layout_of
 
+    if not own:
+        return layout_of(path, rank)
     scene, assembly = load(path, strict)
     return LaidOut(scene, assembly, assembly.labels, Model())
-
-
-def _layout_of(folder: Path, rank: int | None) -> LaidOut:
-    from jld_explore.cli.layout import layout_of  # reading a folder needs pandas, a scene does not
-
-    return layout_of(folder, rank)
 
 
 def _model(model: Model, options: dict[str, Any]) -> Model:

@@ -47,14 +47,6 @@ _JOURNAL_ERRORS: Final = (ValueError, KeyError, TypeError, AttributeError)
 _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
 
 
-def sampler_names() -> list[str]:
-    """Return the sorted names of Optuna's samplers that the driver accepts."""
-    import optuna  # imported in functions because the import is slow and few users need it
-
-    names = [name.removesuffix("Sampler") for name in dir(optuna.samplers) if name.endswith("Sampler")]
-    return sorted(name for name in names if name not in _NOT_FOR_KEYS)
-
-
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
     """Return the proper name and an Optuna sampler; InputError if it is unknown or lacks a package."""
 
@@ -62,9 +54,10 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
         """Return a name in lower case, without hyphens and the ending "sampler"."""
         return re.sub(r"[^a-z0-9]", "", text.lower()).removesuffix("sampler")
 
-    import optuna
+    import optuna  # imported in functions because the import is slow and few users need it
 
-    known = {plain(other): other for other in sampler_names()}
+    names = [other.removesuffix("Sampler") for other in dir(optuna.samplers) if other.endswith("Sampler")]
+    known = {plain(other): other for other in sorted(names) if other not in _NOT_FOR_KEYS}
     if plain(name) not in known:
         raise ParameterError("sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
     needed = _PACKAGES.get(plain(name))

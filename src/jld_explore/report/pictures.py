@@ -257,7 +257,10 @@ class Gallery:
         """Return a gallery of `count` layouts for a figure of given width, inches."""
         columns = count if count <= 5 else math.ceil(count / 2)
         wide = width / max(columns, 4)
-        return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)
+        lower, upper = extent(assembly, projection_of(assembly))
+        span = upper - lower
+        height = float(np.clip((wide - 0.16) * span[1] / span[0], 0.3, 2.2))
+        return cls(count, columns, (wide, height + 0.42), width)
 
     @property
     def rows(self) -> int:
@@ -291,13 +294,6 @@ class Gallery:
             if text.get_window_extent().width <= room:
                 break
             text.set_fontsize(size)
-
-
-def _thumbnail_height(assembly: Assembly, width: float) -> float:
-    """Return the height of a layout's drawing for a given width, inches."""
-    lower, upper = extent(assembly, projection_of(assembly))
-    span = upper - lower
-    return float(np.clip((width - 0.16) * span[1] / span[0], 0.3, 2.2))
 
 
 def caption(results: pd.DataFrame) -> str:

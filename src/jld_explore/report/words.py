@@ -215,13 +215,9 @@ def _table(rows: pd.DataFrame) -> str:
     """Return rows as text for a terminal, with long labellings shortened."""
     if rows.empty:
         return "none: no layout has a load factor to be ranked by"
-    short = rows.assign(labelling=[_shortened(str(text)) for text in rows["labelling"]])
-    return short.to_string(index=False)
-
-
-def _shortened(labelling: str) -> str:
-    """Shorten a labelling to `LETTERS` letters."""
-    return labelling if len(labelling) <= LETTERS else f"{labelling[: LETTERS - 5]}…{labelling[-4:]}"
+    names = [str(name) for name in rows["labelling"]]
+    short = [name if len(name) <= LETTERS else f"{name[: LETTERS - 5]}…{name[-4:]}" for name in names]
+    return rows.assign(labelling=short).to_string(index=False)
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:

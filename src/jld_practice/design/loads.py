@@ -1,4 +1,4 @@
-"""Loads of a design: forces at places along the outline of a structure, and a push to either side."""
+"""Loads of a design: forces along the outline of a structure, and a push to either side."""
 
 from __future__ import annotations
 
@@ -21,17 +21,12 @@ _SPREAD: Final = 0.1  # default length over which a load is spread, relative to 
 _BESIDE: Final = 1e-3
 
 
-def has_own_loads(options: DesignOptions) -> bool:
-    """Return whether the options state loads, which replace those of the outline."""
-    return options.load is not None or options.push is not None
-
-
 def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
     """Replace the live loads of a scene by those of the options, along `side` (d,)."""
     # The scene is returned as it is if the options state no load. The force at each place is a load case, as is the
     # push to either side. A force is spread on the pieces below it by their lengths, so that every tessellation carries
     # the same load.
-    if not has_own_loads(options):
+    if options.load is None and options.push is None:
         return scene
     assembly = build_assembly(scene)
     side = side_of(assembly) if side is None else side

@@ -1,4 +1,4 @@
-"""Options of a design, the edges on which its loads act, and the keys that they set in a scene."""
+"""Options of a design, the edges that carry its loads, and the keys that they set in a scene."""
 
 from __future__ import annotations
 
@@ -54,7 +54,6 @@ class LoadedLine:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """First and last place."""
         return min(edge.low for edge in self.edges), max(edge.high for edge in self.edges)
 
     def spread(self, low: float, high: float) -> list[tuple[Edge, float, float]]:
@@ -69,16 +68,13 @@ class LoadedLine:
             over = [edge for edge in self.edges if edge.low <= middle <= edge.high]
             if not over:
                 continue
-            edge = max(over, key=lambda one: self._level(one, middle))
+            points = [edge.p + (middle - edge.low) / (edge.high - edge.low) * (edge.q - edge.p) for edge in over]
+            edge = over[int(np.argmax(np.array(points) @ self.facing))]
             if parts and parts[-1][0] is edge and parts[-1][2] == a:
                 parts[-1] = (edge, parts[-1][1], b)
             else:
                 parts.append((edge, a, b))
         return parts
-
-    def _level(self, edge: Edge, place: float) -> float:
-        point = edge.p + (place - edge.low) / (edge.high - edge.low) * (edge.q - edge.p)
-        return float(point @ self.facing)
 
 
 def points_of(along: str) -> tuple[Floats, Floats] | None:

@@ -12,6 +12,7 @@ from typing import Any, Final
 from jld_core.build import build_assembly
 from jld_core.exchange import Layout, blocks_csv
 from jld_core.files import write_text
+from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
 
@@ -61,20 +62,17 @@ def facts_of(work: Design) -> dict[str, Any]:
     # `jld design --json` prints the same object.
     winner, usual = work.winner, work.usual
     return {
-        "best": None if winner is None else _number(winner.proven),
+        "best": None if winner is None else number(winner.proven),
         "proven": False,
         "verdict": verdict(work),
         "rivals": [
-            {"tessellation": one.tessellation, "kind": one.kind, "at_most": _number(one.most)}
-            for one in rivals_of(work)
+            {"tessellation": one.tessellation, "kind": one.kind, "at_most": number(one.most)} for one in rivals_of(work)
         ],
         "fields": None if winner is None else _bounds(winner.fields),
-        "load_factor": None if winner is None else _number(winner.load_factor),
+        "load_factor": None if winner is None else number(winner.load_factor),
         "tessellation": None if winner is None else winner.tessellation,
         "kind": None if winner is None else winner.kind,
-        "usual": None
-        if usual is None
-        else {"load_factor": _number(usual.load_factor), "fields": _bounds(usual.fields)},
+        "usual": None if usual is None else {"load_factor": number(usual.load_factor), "fields": _bounds(usual.fields)},
         "gain": gain_of(work),
         "tessellations": [
             {"name": one.name, "words": one.words, "problem": one.problem, "search": work.searched.get(one.name)}
@@ -84,7 +82,7 @@ def facts_of(work: Design) -> dict[str, Any]:
             {
                 "tessellation": one.tessellation,
                 "kind": one.kind,
-                "load_factor": _number(one.load_factor),
+                "load_factor": number(one.load_factor),
                 "fields": _bounds(one.fields),
                 "words": one.words,
             }
@@ -197,7 +195,7 @@ def _compared(work: Design, usual: Trial) -> str:
 
 
 def _claim(trial: Trial) -> str:
-    """Describe the load that a trial carries at least and at most, with the kind of proof."""
+    """Describe the load carried at least and at most, with the kind of proof."""
     low, high = trial.fields
     if math.isfinite(low):
         most = f", at most {high:.4g}" if math.isfinite(high) else ""
@@ -218,7 +216,7 @@ def _claim(trial: Trial) -> str:
 
 
 def _page(work: Design, pictured: bool) -> str:
-    """Return the HTML page of a design; pictured: whether it shows the picture."""
+    """Return the HTML page of a design; pictured: whether it has a picture."""
     winner = work.winner
     name = work.outline.scene.name
     parts = [f"<p class=big><strong>{html.escape(verdict(work))}</strong></p>"]
@@ -258,7 +256,7 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return one table row per tessellation: its description, search and bounds, by column."""
+    """Return one table row per tessellation, by column."""
     rows = []
     for one in work.tessellations:
         own = [trial for trial in work.trials if trial.tessellation == one.name]
@@ -284,7 +282,7 @@ def _span(trial: Trial) -> str:
 
 
 def _proven(work: Design) -> list[str]:
-    """List sentences on what a design proves about λ and what it does not."""
+    """List sentences on what is proven of λ and what is not."""
     found = []
     winner = work.winner
     if winner is not None and math.isfinite(winner.fields[0]):
@@ -317,7 +315,7 @@ def _proven(work: Design) -> list[str]:
 
 
 def _blocks(winner: Trial) -> list[dict[str, str]]:
-    """Return one table row per block of the winner: number, shape, mass and cells, by column."""
+    """Return one table row per block of the winner, by column."""
     assembly = build_assembly(winner.scene)
     layout = Layout(winner.scene, assembly, assembly.labels)
     mass = "mass, kg" if assembly.units == ("m", "N") else "mass, weight over gravity"
@@ -328,7 +326,7 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
 
 
 def _next() -> list[str]:
-    """List commands of the terminal that continue from a design, each with its purpose."""
+    """List commands that continue from a design, each with its purpose."""
     return [
         "jld report DIR --pdf: pages to print, with loads, blocks, moulds and the order of laying",
         "jld solve DIR/best.json --cracks fields: both bounds, narrower",
@@ -338,7 +336,7 @@ def _next() -> list[str]:
 
 
 def _draw(work: Design, winner: Trial) -> None:
-    """Draw the usual bond and the best layout side by side, with numbered blocks."""
+    """Draw the usual bond and the best layout with numbered blocks."""
     from jld_core.views.figure_layout import figure_for, finish
     from jld_core.views.figures import draw_assembly, save_figure
     from jld_core.views.writing import write_numbers
@@ -358,7 +356,6 @@ def _draw(work: Design, winner: Trial) -> None:
 
 
 def _table(rows: list[dict[str, str]]) -> str:
-    """Return rows, texts by column, as an HTML table; "" without rows."""
     if not rows:
         return ""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in rows[0])
@@ -367,15 +364,8 @@ def _table(rows: list[dict[str, str]]) -> str:
 
 
 def _list(items: Sequence[str]) -> str:
-    """Return an HTML list."""
     return "<ul>" + "".join(f"<li>{html.escape(item)}</li>" for item in items) + "</ul>"
 
 
 def _bounds(bounds: Bounds) -> list[float | None]:
-    """Return (lower, upper) bounds as JSON numbers, None for infinite ones."""
-    return [_number(bounds[0]), _number(bounds[1])]
-
-
-def _number(value: float) -> float | None:
-    """Return a float as a JSON number, None if it is not finite."""
-    return float(value) if math.isfinite(value) else None
+    return [number(bounds[0]), number(bounds[1])]

@@ -289,7 +289,6 @@ def _cut(work: Design, deadline: Deadline, say: Say) -> None:
     seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
 
     def made(one: Tessellation) -> None:
-        """Note a tessellation, and solve layouts of it."""
         work.tessellations.append(one)
         untold.append(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
         if one.scene is None:
@@ -418,7 +417,7 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
 
 
 def _said(trial: Trial) -> str:
-    """Describe λ of a trial by faces and by fields, for the terminal."""
+    """Describe λ by faces and by fields, for the terminal."""
     low, high = trial.fields
     known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
     known = "it falls under its own weight" if high < 0.0 else known
@@ -463,6 +462,5 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
 
 @one_thread()
 def refined_bounds(scene: Scene, seconds: float) -> Bounds:
-    """Return the bounds by fields of the labels that a scene states."""
     assembly = build_assembly(scene)
     return field_bounds(assembly, assembly.labels, seconds)

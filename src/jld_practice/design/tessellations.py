@@ -104,7 +104,7 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
 def _planar(
     outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
 ) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a planar outline."""
+    """List name, description and cutting function of each planar tessellation."""
     elements, free = assembly.elements, assembly.elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
@@ -119,12 +119,10 @@ def _planar(
         return _ready(refine(bricks, (width, height)).scene, arcs, blocks=True)
 
     def stones(size: float) -> Scene:
-        """Cut into courses of flat stones."""
         height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
         return _ready(refine(outline, (1.6 * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
 
     def voussoirs(size: float) -> Scene:
-        """Cut into voussoirs."""
         count, rings = _voussoirs(arcs, lower, upper, size * cell)
         return _ready(refine(outline, voussoirs=count, rings=rings, snap=_SNAP).scene, arcs)
 
@@ -152,7 +150,7 @@ def _planar(
 
 
 def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a spatial outline."""
+    """List name, description and cutting function of each spatial tessellation."""
     elements, free = assembly.elements, assembly.elements.free
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
@@ -163,7 +161,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         """Return the function that cuts a vault by voussoirs and courses of a bond."""
 
         def cut(size: float) -> Scene:
-            """Cut into about as many voussoirs and courses as fit a vault over its span."""
             span, length = float(extent @ side), float(extent @ (1.0 - side)) - height
             count = max(3, round(0.5 * math.pi * span / (size * cell) / 2.0) * 2 + 1)
             courses = max(2, round(length / (size * cell) / 2.0))
@@ -172,7 +169,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         return cut
 
     def grid(size: float) -> Scene:
-        """Cut by planes along the axes."""
         sizes = tuple(_fitting(float(length), size * cell) for length in extent)
         return _ready(refine(outline, sizes).scene, [])
 
@@ -180,7 +176,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         """Return the function that cuts walls into stretchers, with so many stones over an opening."""
 
         def cut(size: float) -> Scene:
-            """Cut into courses of stretchers."""
             course = _fitting(height, size * cell / math.sqrt(2.0))
             return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
 

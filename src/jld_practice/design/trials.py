@@ -24,7 +24,7 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.fields.governing import governing_bounds
 from jld_core.files import write_text
-from jld_core.limit import Status
+from jld_core.limit import Status, number
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.units import force_in_words
@@ -153,8 +153,6 @@ class Trial:
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check of the winning layout."""
-
     name: str
     words: str  # outcome, in a sentence
     values: dict[str, Any] = field(default_factory=dict)  # numbers for summary.json
@@ -233,7 +231,7 @@ def field_bounds(
 
 
 def at_low_friction(scene: Scene, low: float) -> Scene:
-    """Return a scene with the friction coefficient of the material of dry joints set to `low`."""
+    """Return a scene with the friction of dry joints set to `low`."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"]["dry"].pop("friction_angle", None)
     document["materials"]["dry"]["friction_coefficient"] = low
@@ -284,20 +282,19 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
 
 
 def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
-    """Return the result of a check, or that no time was left for it."""
+    """Return the result of a check, or that no time was left."""
     # a first mesh and a first solve end late rather than never
     return Check(name, f"{name}: no time was left") if until.remaining() < _LEAST else make(work, until)
 
 
 def _winner(work: Design) -> Trial:
-    """Return the winner of a design; raise ValueError if there is none."""
     if work.winner is None:
         raise ValueError("the design has no layout to check")
     return work.winner
 
 
 def _span(bounds: Bounds) -> str:
-    """Describe (lower, upper) bounds on λ in words; infinite ones are unproven."""
+    """Describe bounds on λ in words; infinite ones are unproven."""
     low, high = bounds
     if not math.isfinite(low):
         return "no lower bound was found in time"
@@ -316,7 +313,7 @@ def _by_fields(work: Design, until: Deadline) -> Check:
     best = (max(low, winner.fields[0]), min(high, winner.fields[1]))
     better = replace(winner, fields=best)
     work.trials = [better if one is winner else one for one in work.trials]
-    values = {"fields_lo": _number(best[0]), "fields_hi": _number(best[1])}
+    values = {"fields_lo": number(best[0]), "fields_hi": number(best[1])}
     return Check("by fields", f"blocks that crack anywhere: {_span(best)}", values)
 
 
@@ -337,9 +334,9 @@ def _at_low_friction(work: Design, until: Deadline) -> Check:
     if why_no_fields(assembly):
         result = solve_rigid(assembly)
         words = f"friction of {low:.3g}: by faces λ = {result.load_factor:.4g} ({result.status})"
-        return Check("low friction", words, {"friction": low, "load_factor": _number(result.load_factor)})
+        return Check("low friction", words, {"friction": low, "load_factor": number(result.load_factor)})
     bounds = field_bounds(assembly, assembly.labels, until.remaining())
-    values = {"friction": low, "fields_lo": _number(bounds[0]), "fields_hi": _number(bounds[1])}
+    values = {"friction": low, "fields_lo": number(bounds[0]), "fields_hi": number(bounds[1])}
     return Check("low friction", f"friction of {low:.3g}: by fields {_span(bounds)}", values)
 
 
@@ -412,8 +409,3 @@ def _laid(work: Design, until: Deadline) -> Check:
     values = {"possible": True, "steps": len(found.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"
     return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)
-
-
-def _number(value: float) -> float | None:
-    """Return a float as a JSON number, None if it is not finite."""
-    return float(value) if math.isfinite(value) else None

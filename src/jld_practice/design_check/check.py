@@ -89,7 +89,7 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
 
 
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
-    """Return a structure whose loads are multiplied by partial factors."""
+    """Multiply the loads of a structure by partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
@@ -110,7 +110,7 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
 
 
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
-    """Return the load cases; the single load of a structure without cases is one."""
+    """Return the load cases; a single load without cases is one."""
     return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
 
 
@@ -218,7 +218,8 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
     search = _Search(structure, labels, factors, combination)
     few = len(search.names) <= _ALL
     (low, high, worst), stands = search.all_assignments() if few else search.by_mechanisms()
-    chosen, loaded = search.combination_of(worst), search.loaded(worst)
+    heavier = tuple(name for name, up in zip(search.names, worst > search.middle, strict=True) if up)
+    chosen, loaded = replace(combination, heavier=heavier), search.loaded(worst)
     if low == high == -math.inf:
         return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), False)
     if low == math.inf:
@@ -259,7 +260,7 @@ class _Search:
     """Assignments of one load case; factors (parts,) are values of random variables that its loads follow."""
 
     def __init__(self, structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> None:
-        self.labels, self.plain = labels, combination
+        self.labels = labels
         self.names, self.loads, self.ends, self.rest = parts_of(structure, factors)
         self.middle = self.ends.mean(axis=1)
         # live loads at design values; permanent loads follow by parts
@@ -271,11 +272,6 @@ class _Search:
         loads = Loads.of_resultants(dead if stress is None else dead - stress)
         base = self.base.with_strengths(self.base.strengths(ROUTE))
         return replace(base, dead_loads=loads, live_loads=direction * base.live_loads)
-
-    def combination_of(self, values: Floats) -> Combination:
-        """Return the combination of factors (parts,), of which those above their mean are unfavourable."""
-        heavier = tuple(name for name, up in zip(self.names, values > self.middle, strict=True) if up)
-        return replace(self.plain, heavier=heavier)
 
     def bounds(self, direction: float = 1.0) -> SampleBounds:
         """Return bounds on the factor of the live load, or its opposite, for factors of the parts."""
@@ -433,11 +429,9 @@ class CaseCheck:
         return False if least > 1.0 else None
 
     def _over(self, load_factor: float) -> float:
-        """Return the required factor over a load factor; inf for one that is not positive."""
         return self.required / load_factor if load_factor > 0.0 else math.inf
 
     def to_json(self) -> dict[str, Any]:
-        """Return the check of the case as plain values; None for infinite and unknown numbers."""
         return {
             "utilisation": number(self.utilisation),
             "utilisation_bracket": [number(end) for end in self.range],
@@ -669,7 +663,6 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:
-    """Return the solution of one load case, None for fields."""
     if isinstance(solution, FieldResult):
         return None
     return solution.cases[case.name] if solution.cases else solution

@@ -111,8 +111,6 @@ _NEARER: Final = 1e-3
 
 @dataclass(frozen=True)
 class ReliabilityOptions:
-    """Options of a reliability analysis."""
-
     required: float = 1.0  # governing load factor below which the structure fails
     samples: int = SAMPLES
     seed: int = 0
@@ -146,7 +144,6 @@ class Reliability:
         return self.variables.values(self.form.point) if self.form.found else None
 
     def to_json(self) -> dict[str, Any]:
-        """Return all results as plain numbers, None for what does not exist."""
         form, simulation, names = self.form, self.simulation, self.variables.names
         alpha = form.direction.tolist() if form.found else [None] * len(names)
         values = self.design_values

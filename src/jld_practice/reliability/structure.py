@@ -389,7 +389,7 @@ def _unknown(path: Path) -> InputError:
 
 
 def _copied(part: Any) -> Any:
-    """Return a copy of nested dicts and lists; lists of numbers are shared."""
+    """Copy nested dicts and lists; lists of numbers are shared."""
     if isinstance(part, dict):
         return {key: _copied(one) for key, one in part.items()}
     if isinstance(part, list):
@@ -398,14 +398,12 @@ def _copied(part: Any) -> Any:
 
 
 def _value(document: Any, path: Path) -> Any:
-    """Return the value at a path of nested dicts and lists."""
     for key in path:
         document = document[key]
     return document
 
 
 def _put(document: Any, path: Path, value: Any) -> None:
-    """Set the value at a path of nested dicts and lists."""
     _value(document, path[:-1])[path[-1]] = value
 
 
