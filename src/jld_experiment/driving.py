@@ -23,7 +23,7 @@ ENDLESS = 1e9
 
 @dataclass(frozen=True)
 class Push:
-    """Curve of λ over displacement of one push, with k points ("records") at equal times.
+    """Curve of λ over displacement of one push: k records at equal times.
 
     Attributes
     ----------
@@ -36,15 +36,15 @@ class Push:
     broken : (k,) int array
         Broken sub-contacts.
     energy_error : (k,) float array
-        `EnergyBalance.error` at the end of each record.
+        `EnergyBalance.error`.
     at_collapse, at_end : State
-        States at the highest λ before its first fall, and at the end.
+        At the highest λ before its first fall, and at the end.
     periods : float
         Duration, slowest periods.
     rising : bool
-        True if λ had neither fallen nor reached a plateau.
+        True if λ neither fell nor reached a plateau.
     stopped : bool
-        True if the push had made the records asked for.
+        True if the push made the records asked for.
     """
 
     distance: Floats
@@ -147,8 +147,7 @@ def push(
 ) -> Push:
     """Push a settled assembly so that live·u grows at a constant rate, later faster.
 
-    λ is the multiplier of the rate. The push ends when λ stays below half of its highest value or reaches a plateau.
-    A push that was stopped and continued gives the same digits as one without a stop.
+    λ is the multiplier of the rate. The push ends when λ stays below half of its highest value or on a plateau.
 
     Parameters
     ----------
@@ -160,11 +159,11 @@ def push(
     periods : float
         Slowest periods per elastic displacement.
     endless : bool
-        Continue to the set length in any case.
+        Go on to the set length in any case.
     records : int, optional
         Number of records after which the push stops.
     continued : Push, optional
-        Push that was stopped, with the same arguments; not changed.
+        Stopped push to continue with the same arguments, to the same digits as without a stop.
 
     Returns
     -------

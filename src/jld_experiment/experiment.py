@@ -37,44 +37,38 @@ def require_one_load(assembly: Assembly) -> None:
 class Curve:
     """Result of an experiment; arrays are empty if the dead loads alone cause collapse.
 
-    Displacement is live·u, the work of the live loads at λ = 1, in scene units.
-
     Attributes
     ----------
-    assembly : Assembly
-    labels : (m,) bool array
-    joints : Joints
-    settings : Settings
+    assembly, labels, joints, settings
+        As given.
     standing : Standing
         Behaviour under the dead loads alone.
     reach : float
-        Displacement at λ = 1 of the elastic structure.
+        Displacement (live·u, scene units) of the elastic structure at λ = 1.
     collapse_load : float
         λ at collapse.
     rising : bool
-        True if the load had neither fallen nor reached a plateau.
+        True if the load neither fell nor reached a plateau.
     at_collapse, at_end : (n, q) float array
-        Displacements from equilibrium under the dead loads.
+        Displacements since the dead loads rested.
     cracked : (m,) float array
-        Share of the area of each face that is broken at the end.
-    distance, load_factor, unbalanced : (k,) float array
-        Displacement, λ, and unbalanced force over the largest dead load on an element, of the slower push.
+        Broken share of the area of each face at the end.
+    distance, load_factor, unbalanced, energy_error : (k,) float array
+        Displacement, λ, unbalanced force over the largest dead load, and `EnergyBalance.error` of the slower push.
     broken : (k,) int array
         Its broken sub-contacts.
     faster : (k', 2) float array
         Displacement and λ of the faster push.
     collapse : int
-        Record of the largest λ before the first fall by a tenth of the highest.
+        Record of the collapse load.
     rate_error : float
-        Relative difference of the collapse loads of both pushes.
+        Relative difference of both collapse loads.
     first_crack : float
         λ at which a brittle face first broke, or NaN.
     periods : float
         Duration of both pushes, slowest periods.
-    energy_error : (k,) float array
-        `EnergyBalance.error` of the slower push.
     energy_at_collapse, energy : EnergyBalance or None
-        Balance up to the collapse load, and to the end of the slower push.
+        Up to the collapse load, and to the end of the slower push.
     """
 
     assembly: Assembly

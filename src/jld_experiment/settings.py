@@ -73,7 +73,7 @@ class Settings:
     Attributes
     ----------
     scheme, segments
-        Positions of sub-contacts on a face and number of segments.
+        Positions of sub-contacts on a face, and number of segments.
     gaps : str
         "free": an opened joint closes without resistance; "plastic": opening is plastic, for comparison with λ.
     moving : bool
@@ -82,20 +82,18 @@ class Settings:
         Slowest periods per elastic displacement in the faster push.
     slower : float
         Factor by which the second push takes longer.
-    hasten : float
-        Elastic displacements after which the rate grows with the displacement.
-    length : float
-        Largest length of a push, elastic displacements (live·u of the elastic structure at the final load).
+    hasten, length : float
+        Elastic displacements after which the rate grows, and after which a push ends.
     records : float
         Points of a curve per slowest period.
     damping_scheme : str
         "local": a share of the unbalanced force acts against the velocity (Cundall 1987). "combined": half of it
         against
-        the change of that force, so that steady movement is damped less. "viscous": a drag on momentum.
+        the change of that force, which damps steady movement less. "viscous": a drag on momentum.
     damping : float
-        That share, or the share of critical damping at the slowest period.
+        That share, or the share of critical damping.
     step : float
-        Time step as a share of the critical step.
+        Share of the critical time step.
     """
 
     scheme: Literal["trapezoid", "simpson", "midpoint", "limit"] = "trapezoid"
