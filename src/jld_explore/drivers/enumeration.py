@@ -260,6 +260,7 @@ class Enumeration(Driver):
         for number, (counted, bounds) in zip(rows.dry, self._counted, strict=True):
             dry = dry & ~bounds.above(number + counted[level])
             inner = inner & ~bounds.below(number + counted[level + 1 :].sum())
+        # child 2r is row r with the face inner, child 2r + 1 with it dry
         child = np.flatnonzero(np.column_stack([inner, dry]))
         parent, is_dry = child >> 1, (child & 1).astype(bool)
         new = rows.take(parent)
@@ -267,7 +268,7 @@ class Enumeration(Driver):
         if not search.segmentation:
             label[level] = is_dry
         p, q, apart = p[parent], q[parent], apart[parent]
-        low = np.minimum(p, q)
+        low = np.minimum(p, q)  # an inner face merges both blocks, under the smaller name
         merged = np.where(is_dry, p, np.maximum(p, q))
         into = np.where(is_dry, p, low)
         block = np.where(new.block == merged, into, new.block)

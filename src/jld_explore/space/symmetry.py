@@ -441,7 +441,7 @@ def _image_of_members(
         moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
 
         def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
-            """Return True if member j is the image of member k."""
+            """Return whether member j is the image of member k."""
             one, other = int(members.face[k]), int(members.face[j])
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
