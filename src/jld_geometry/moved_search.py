@@ -276,6 +276,7 @@ def _movable(scene: Scene) -> Scene:
 
 
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
+    """Raise InputError for scenes and settings that exclude a move of joints."""
     if layouts < 1:
         raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
