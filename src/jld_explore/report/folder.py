@@ -235,11 +235,10 @@ def write_pictures(
     out : Path, optional
         Default: the folder of the study.
     deadline : Deadline, optional
-        Time at which the last picture is to be finished.
     busy : float
         Factor by which other work prolongs drawing.
     fields : float
-        Time for bounds by fields that are drawn, for each load case, s.
+        Time, s, for bounds by fields of each load case.
     names : sequence of str
         Those of `PICTURES` to draw.
 

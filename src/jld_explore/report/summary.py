@@ -25,25 +25,19 @@ class Summary:
 
     Attributes
     ----------
-    best : float or None
-        Largest load factor of the objective, scene units.
-    best_labelling : str or None
-        Its letters d and i, in the order of faces.csv.
-    unbounded : bool
-        True if some layout is locked and carries any load.
-    proven : bool
-        True if no layout carries more than `best`.
+    best, best_labelling : float, str or None
+        Largest load factor of the objective, scene units, and its labelling as text.
+    unbounded, proven : bool
+        Whether some layout carries any load, and whether none carries more than `best`.
     stands_at_zero : bool or None
         False if the best falls under its dead load alone.
     bound, gap : float or None
         Proven upper bound on λ of all layouts, and its relative distance from `best`.
     stop_reason : str
-    classes : int or None
-        Number of layouts, those equal by symmetry counted once.
-    evaluated, labellings : int
-        Classes evaluated, and layouts with their symmetric images.
-    solved, settled, pruned : int
-        Classes solved in this run; 0; settled by a bound.
+    classes, evaluated, labellings : int
+        Layouts up to symmetry, in total and evaluated; and those evaluated with their images.
+    solved, pruned, settled : int
+        Classes solved in this run; not worth a solve by a bound; always 0.
     counts_by_status : dict of str to int
     seconds, rate : float
         Duration, s, and classes solved per second, or None.
@@ -56,7 +50,7 @@ class Summary:
     cracks : str or dict
         Crack model of λ, as in a scene.
     by_fields, uncut : [float or None, float or None] or None
-        Bounds on λ of the best, and of the structure without cuts, where blocks may crack anywhere.
+        Bounds on λ of the best, and without cuts, where blocks may crack anywhere.
     facts : dict
         All entries of summary.json.
     """

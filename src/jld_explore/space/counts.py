@@ -102,23 +102,21 @@ class Count:
 
     Attributes
     ----------
-    name : str
-        Name in scenes and tables.
+    name, column : str
+        Name in scenes and tables; title of the column, by default the name with spaces.
     of : callable
         Maps `Layouts` to values (k,), equal for images under the scene's symmetries.
     axis : callable or str
-        Description for an axis without unit, or a function of the assembly.
+        Words for an axis without unit, or a function of the assembly.
     noun : str
         Name of one counted item, or the word before a value that is not an integer.
     integer : bool
     unit : callable
         Maps an assembly to the unit.
-    column : str
-        Title of the column; by default the name with spaces.
     terms : callable or None
         Maps an assembly to `Terms`, which a proof needs.
     kinds : bool
-        True for the number of different shapes among the blocks.
+        True for the number of different shapes of blocks.
     outlines : bool
         True if outlines of blocks are needed; tables leave it blank where time ends.
     monotone : bool

@@ -213,19 +213,16 @@ class SearchSpace:
     assembly : Assembly
         With `void` it includes the sink, and a face to it for each cell that may be omitted.
     search : Search
-        Section "search" of the scene.
     candidates : (m,) bool array
         Faces that may have either label.
     fixed : (m,) bool array
         Labels of the other faces.
     graph : Connectivity
         Element graph.
-    least : (n,) int array
-        Blocks through fixed inner faces alone.
-    most : (n,) int array
-        Blocks if all candidates are inner.
+    least, most : (n,) int array
+        Block of each element by fixed inner faces alone, and with all candidates inner.
     symmetry : SymmetryGroup
-        Symmetries that preserve the load factor and all counts.
+        Symmetries that preserve λ and all counts.
     void : Void or None
         Cells that may be left out.
     """
