@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 
 from jld_core._version import __version__
 from jld_core.arrays import Floats
-from jld_core.assembly_sequence import Laying
 from jld_core.build.assemble import cases_of_scene
 from jld_core.build.plausibility import weight_facts
 from jld_core.exchange import Layout
@@ -33,6 +32,7 @@ from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.writing import as_written, write_numbers
 from jld_explore.report.languages import digits, localise, phrase_in, words_in
+from jld_practice.laying import Laying
 
 if TYPE_CHECKING:
     import pandas as pd

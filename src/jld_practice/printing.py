@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core.assembly_sequence import Laying, assembly_order
-from jld_core.assembly_sequence.order import LayingStart
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
@@ -26,10 +24,13 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
 from jld_core.scene import load_scene
 from jld_core.scene.units import METRES
-from jld_explore.cli.layout import best_of_design, start_of_design
+from jld_explore.cli.layout import best_of_design
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
+from jld_practice.laying import Laying, assembly_order
+from jld_practice.laying.command import start_of_design
+from jld_practice.laying.order import LayingStart
 from jld_practice.printed import Printed, Stone, factor_to, stones_of, stones_table, write_printed
 
 if TYPE_CHECKING:

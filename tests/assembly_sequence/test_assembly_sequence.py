@@ -11,9 +11,9 @@ from cases import grid_assembly
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.order import locked_blocks
 from jld_core.limit import LimitAnalysis
+from jld_practice.laying import assembly_order
+from jld_practice.laying.order import locked_blocks
 
 
 def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:

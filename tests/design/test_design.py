@@ -19,7 +19,6 @@ from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.strengths import Route
-from jld_explore.cli import layout
 from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
@@ -31,6 +30,7 @@ from jld_practice.design.outline import read_outline
 from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
 from jld_practice.design.tessellations import Tessellation
 from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.laying.command import start_of_design
 from solids import solid_of
 
 ROUTE = Route("a test")
@@ -598,8 +598,8 @@ def test_every_command_takes_the_folder_of_a_design(jld: Command, tmp_path: Path
     scene = samples.arch(voussoirs=5)
     (folder / "best.json").write_text(scene.model_dump_json(exclude_defaults=True))
     (folder / "summary.json").write_text(json.dumps({"options": {"laid": "right-to-left"}}))
-    assert layout.start_of_design(folder) == "right"
-    assert layout.start_of_design(folder / "best.json") == "ground"
+    assert start_of_design(folder) == "right"
+    assert start_of_design(folder / "best.json") == "ground"
     told = json.loads(jld("solve", folder, "--json").out)
     assert told["load_factor"] == pytest.approx(solve(scene).load_factor)
     for command in (

@@ -171,7 +171,7 @@ def _experiment() -> None:
 
 
 def _sequence() -> None:
-    from jld_core.assembly_sequence import assembly_order
+    from jld_practice.laying import assembly_order
 
     assembly = build_assembly(parse_scene(wall([STRAP])))
     assembly_order(assembly, assembly.labels)

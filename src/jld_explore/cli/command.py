@@ -18,7 +18,6 @@ from jld_explore.cli.streams import say
 
 # Module of this sub-package and function of each command; `new` is a group of commands
 _FUNCTIONS: Final = {
-    "assembly": ("assembly", "assembly"),
     "check": ("check", "check"),
     "explore": ("explore", "explore_command"),
     "export": ("exchange", "export_command"),

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.order import LAID, LayingStart
 from jld_core.build import build_assembly
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
@@ -29,14 +27,6 @@ def best_of_design(source: Path) -> Path:
     """Return the scene of the best layout of a folder of `jld design`; any other source as it is."""
     best = source / "best.json"
     return best if source.is_dir() and best.exists() else source
-
-
-def start_of_design(source: Path) -> LayingStart:
-    """Return from where the stones of a design are laid; "ground" of any other source."""
-    if best_of_design(source) == source:
-        return "ground"
-    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
-    return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 
 class LaidOut(NamedTuple):

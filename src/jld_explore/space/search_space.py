@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.parameters import require_kind
+from jld_core.plugins import part
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
@@ -252,12 +252,14 @@ class SearchSpace:
         return Limits(self.assembly, self.search)
 
     @cached_property
-    def laying(self) -> SequenceConstraint | None:
-        """Assembly sequence constraint of canonical labellings, None if the search has none."""
+    def laying(self) -> Any:
+        """Constraint of `jld_practice.laying` on canonical labellings, None if the search has none."""
         if self.search.assemble is None:
             return None
         sideways = self.search.assemble_out_of_plane
-        return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+        return part("laying_constraint")(
+            self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways
+        )
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
         """Return the part of the space without slits, omitted cells and large blocks.
@@ -289,7 +291,8 @@ class SearchSpace:
         """Return (k,) whether labellings (k, m) have an assembly sequence, or none is required."""
         if self.laying is None:
             return np.ones(len(labellings), dtype=bool)
-        return self.laying.possible(canonical(labellings, self.group))
+        kept: Bools = self.laying.possible(canonical(labellings, self.group))
+        return kept
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:

@@ -13,12 +13,12 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.order import LAID
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import ImportOptions
 from jld_core.exchange.forces import parse_force
 from jld_core.geometry.unions import union_outlines
 from jld_core.refinement.voussoirs import find_arcs
+from jld_practice.laying.order import LAID
 
 SIDES: Final = ("top", "bottom", "left", "right")
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
@@ -24,6 +23,7 @@ from jld_core.exchange.solids import spatial_scene
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
+from jld_practice.laying.order import LAID
 
 # Keys of a search that speak of the cells of a scene, which a design cuts anew
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")

@@ -16,8 +16,6 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.build.assemble import cases_of_scene
 from jld_core.deadline import Deadline, DeadlinePassed
@@ -40,6 +38,8 @@ from jld_practice.design.crushing import why_no_fields, with_crushing
 from jld_practice.design.options import LOW_FRICTION, DesignOptions
 from jld_practice.design.outline import Outline
 from jld_practice.design.tessellations import Tessellation
+from jld_practice.laying import assembly_order
+from jld_practice.laying.order import LAID
 
 _TABLES: Final = 1.0  # time of a short search and its tables, s
 

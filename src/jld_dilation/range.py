@@ -17,17 +17,17 @@ from jld_core.deadline import DeadlinePassed
 from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
 from jld_core.models.effective_area import require_rectangles
-from jld_core.models.zero_dilation.certificate import Certifier, pair_proof
-from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound
-from jld_core.models.zero_dilation.modes import BoundedModes, Modes, Region, has_opening
-from jld_core.models.zero_dilation.rlt_relaxation import (
+from jld_dilation.certificate import Certifier, pair_proof
+from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound
+from jld_dilation.modes import BoundedModes, Modes, Region, has_opening
+from jld_dilation.rlt_relaxation import (
     LowerBound,
     LowerBoundProblem,
     RltOptions,
     RltSolution,
     solve_rlt,
 )
-from jld_core.models.zero_dilation.sweep import BlockSweep, MultiStartSearch, initial_forces
+from jld_dilation.sweep import BlockSweep, MultiStartSearch, initial_forces
 
 FACES: Final = 60
 """Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time."""

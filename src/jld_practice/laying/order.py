@@ -14,10 +14,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
-from jld_core.assembly_sequence.standing import Parts, Stage, Standing
 from jld_core.errors import ParameterError
 from jld_core.scene.units import force_in_words
+from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
+from jld_practice.laying.standing import Parts, Stage, Standing
 
 LayingStart = Literal["ground", "left", "right", "springings"]
 """Where laying starts: at the ground, from a side, or from all supports alike."""

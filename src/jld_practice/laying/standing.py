@@ -19,12 +19,12 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.freedom import Blocks
-from jld_core.assembly_sequence.solids import Stations
 from jld_core.deadline import checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import solve_auxiliary
+from jld_practice.laying.freedom import Blocks
+from jld_practice.laying.solids import Stations
 
 # Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error. A stage stands up
 # to ten times this force.

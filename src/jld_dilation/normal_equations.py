@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.product_space import Point, ProductSpace
+from jld_dilation.product_space import Point, ProductSpace
 
 Solve = Callable[[Point, float, int], Point]
 """Function from right-hand side, relative residual and maximum number of corrections to a solution."""

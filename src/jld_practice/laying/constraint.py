@@ -18,8 +18,9 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.freedom import Bodies, Freedom, blocks_of_labelling
-from jld_core.assembly_sequence.order import (
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_practice.laying.freedom import Bodies, Freedom, blocks_of_labelling
+from jld_practice.laying.order import (
     GROUP,
     MOST_STAGES,
     Laying,
@@ -28,8 +29,9 @@ from jld_core.assembly_sequence.order import (
     emptied,
     locked_blocks,
     turn_of,
+    words_of_fall,
 )
-from jld_core.assembly_sequence.standing import Parts, Standing
+from jld_practice.laying.standing import Parts, Standing
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,18 @@ class SequenceConstraint:
 
     Conflicts found for one labelling also refute other labellings.
 
-    wish: "translation" where some order by translations must exist, "standing" where every stage of it must also stand
-    without props. may_join: (m,) faces that may be inner. sideways: allow a planar wall to be assembled out of its
-    plane. group: largest number of blocks that are moved together where single blocks are locked.
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    wish : {"translation", "standing"}
+        Some order by translations must exist; "standing": every stage of it must also stand without props.
+    may_join : (m,) bool array
+        Faces that may be inner.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
     """
 
     def __init__(
@@ -169,6 +180,15 @@ class SequenceConstraint:
                 if best is None or share > best[0]:
                     best = share, laying
         return None if best is None else best[1]
+
+    def words_of_farthest(self, seconds: float) -> str | None:
+        """Describe where the refused order that gets farthest falls; None if none is found within `seconds`."""
+        try:
+            with Deadline(seconds).enforced():
+                laying = self.farthest()
+        except DeadlinePassed:
+            return None
+        return None if laying is None or laying.first_fall is None else words_of_fall(laying, *laying.first_fall)
 
     def lock(self, labels: Bits) -> Lock | None:
         """Return the conflict that refuses a labelling; None where an assembly sequence was found.

@@ -27,9 +27,9 @@ from scipy.linalg import lapack
 from jld_core.arrays import Bools, Floats
 from jld_core.deadline import checkpoint
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
-from jld_core.models.zero_dilation.modes import BoundedModes, Modes, Region
-from jld_core.models.zero_dilation.product_space import PrimalDualPair
-from jld_core.models.zero_dilation.rlt_relaxation import Multipliers, null_space, product_rows, region_forms, row_maxima
+from jld_dilation.modes import BoundedModes, Modes, Region
+from jld_dilation.product_space import PrimalDualPair
+from jld_dilation.rlt_relaxation import Multipliers, null_space, product_rows, region_forms, row_maxima
 
 BITS: Final = 70
 """Number of binary places to which numbers are rounded."""

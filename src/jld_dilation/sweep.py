@@ -17,13 +17,13 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis, Proof, State, Status
-from jld_core.models.zero_dilation.fixed_point_search import AlternatingPrograms, FixedPointSearch, ProximalOptions
-from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_core.models.zero_dilation.modes import BoundedModes, Modes, Region, modes_of
-from jld_core.models.zero_dilation.product_space import PrimalDualPair
-from jld_core.models.zero_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, RltSolution
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
+from jld_dilation.fixed_point_search import AlternatingPrograms, FixedPointSearch, ProximalOptions
+from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
+from jld_dilation.modes import BoundedModes, Modes, Region, modes_of
+from jld_dilation.product_space import PrimalDualPair
+from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, RltSolution
 
 # Distance from the lowest solution found, relative, below which a certificate is not refined further
 _ENOUGH_SWEPT: Final = 4e-7

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.normal_equations import NormalEquations
-from jld_core.models.zero_dilation.product_space import Point, ProductSpace
+from jld_dilation.normal_equations import NormalEquations
+from jld_dilation.product_space import Point, ProductSpace
 
 _STEPS: Final = 120  # maximum number of steps
 

@@ -18,12 +18,12 @@ from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFri
 from jld_core.models.central_path import under_own_areas
 from jld_core.models.effective_area import HOLDING_WEIGHT, largest_area_change, slack_to_request
 from jld_core.models.moving_rows import areas_under
-from jld_core.models.zero_dilation.modes import LinearModes, Modes, Statics
-from jld_core.models.zero_dilation.product_space import PrimalDualPair, rank
-from jld_core.models.zero_dilation.rlt_relaxation import LowerBoundProblem
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 from jld_core.solvers.linear import LinearRows
+from jld_dilation.modes import LinearModes, Modes, Statics
+from jld_dilation.product_space import PrimalDualPair, rank
+from jld_dilation.rlt_relaxation import LowerBoundProblem
 
 _STEP, _GAP = 1e-9, 1e-11
 """Solver residuals: of proximal steps (`_STEP`) and of the minimisation of Γ (`_GAP`)."""

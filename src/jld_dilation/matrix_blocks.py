@@ -12,12 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.certificate import BITS, BinaryFractions, Certifier, drop_rounding, round_to_bits
-from jld_core.models.zero_dilation.interior_point import ProductProgram, minimise_product_program
-from jld_core.models.zero_dilation.modes import BoundedModes, Region
-from jld_core.models.zero_dilation.normal_equations import NormalEquations
-from jld_core.models.zero_dilation.product_space import LocalProductSpace, lone_faces, velocities_of
-from jld_core.models.zero_dilation.rlt_relaxation import (
+from jld_dilation.certificate import BITS, BinaryFractions, Certifier, drop_rounding, round_to_bits
+from jld_dilation.interior_point import ProductProgram, minimise_product_program
+from jld_dilation.modes import BoundedModes, Region
+from jld_dilation.normal_equations import NormalEquations
+from jld_dilation.product_space import LocalProductSpace, lone_faces, velocities_of
+from jld_dilation.rlt_relaxation import (
     Multipliers,
     RltOptions,
     RltSolution,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,28 +12,36 @@ import numpy as np
 import typer
 
 from jld_core.arrays import Ints
-from jld_core.assembly_sequence import Laying, assembly_order
-from jld_core.assembly_sequence.freedom import Bodies
-from jld_core.assembly_sequence.order import words_of_fall
-from jld_core.assembly_sequence.quick import order_without_stages
-from jld_core.assembly_sequence.solids import Stations, stations_below
-from jld_core.assembly_sequence.standing import Parts
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.files import require_folder, write_text
 from jld_core.models import rigid
 from jld_core.scene.units import force_in_words
-from jld_explore.cli.layout import layout_of, require_whole_faces, start_of_design
+from jld_explore.cli.layout import best_of_design, layout_of, require_whole_faces
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of
+from jld_practice.laying import Laying, assembly_order
+from jld_practice.laying.freedom import Bodies
+from jld_practice.laying.order import LAID, LayingStart, words_of_fall
+from jld_practice.laying.quick import order_without_stages
+from jld_practice.laying.solids import Stations, stations_below
+from jld_practice.laying.standing import Parts
 
 if TYPE_CHECKING:
     import pandas as pd
 
 # Share of the time left, once an order by translations is known, that is kept back for table and pictures
 _WRITING: Final = 0.3
+
+
+def start_of_design(source: Path) -> LayingStart:
+    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
+    if best_of_design(source) == source:
+        return "ground"
+    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    return LAID[facts.get("options", {}).get("laid", "translation")][1]
 
 
 def assembly(
@@ -115,8 +124,8 @@ def assembly(
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
     """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.laying_animation import save_laying_animation
-    from jld_core.views.strip import figure_of_laying
+    from jld_practice.laying.animation import save_laying_animation
+    from jld_practice.laying.strip import figure_of_laying
 
     makes: dict[str, Callable[[Path], None]] = {
         "assembly.png": lambda path: save_figure(figure_of_laying(laying, title), path)
@@ -140,7 +149,7 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
 def _save_stage(laying: Laying, number: int, path: Path) -> None:
     """Draw one stage of an assembly sequence; number: from 1."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.strip import figure_of_stage
+    from jld_practice.laying.strip import figure_of_stage
 
     save_figure(figure_of_stage(laying, number), path)
 

@@ -11,12 +11,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from jld_core.arrays import Bools, Floats
-from jld_core.assembly_sequence import Laying
-from jld_core.assembly_sequence.order import Step
 from jld_core.deadline import checkpoint
 from jld_core.scene.units import force_in_words
 from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
+from jld_practice.laying import Laying
+from jld_practice.laying.order import Step
 
 LAID: Final = "#d9d4c7"
 """Fill colour of blocks laid before."""

@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import connected_components
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit import Motion, State
-from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.rlt_relaxation import null_space, row_maxima
+from jld_dilation.modes import Modes
+from jld_dilation.rlt_relaxation import null_space, row_maxima
 
 _NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination
 

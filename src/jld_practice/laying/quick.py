@@ -9,10 +9,10 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.freedom import Bodies, Freedom, blocks_of_labelling
-from jld_core.assembly_sequence.order import GROUP, Laying, LayingStart, Move, Step, turn_of
-from jld_core.assembly_sequence.standing import Stage
 from jld_core.deadline import checkpoint
+from jld_practice.laying.freedom import Bodies, Freedom, blocks_of_labelling
+from jld_practice.laying.order import GROUP, Laying, LayingStart, Move, Step, turn_of
+from jld_practice.laying.standing import Stage
 
 
 def order_without_stages(

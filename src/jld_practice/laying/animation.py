@@ -8,10 +8,10 @@ from typing import Final
 
 from PIL import Image
 
-from jld_core.assembly_sequence import Laying
 from jld_core.deadline import checkpoint
 from jld_core.files import whole_file
-from jld_core.views.strip import figure_of_stage
+from jld_practice.laying import Laying
+from jld_practice.laying.strip import figure_of_stage
 
 _STAGE, _END = 700, 2500
 """Time that a stage and the last stage are shown, ms."""
