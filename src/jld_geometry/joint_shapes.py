@@ -36,16 +36,12 @@ class Key:
     flank: float  # how much narrower its top is on each side, measured along the face
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
-
-        A tooth of side 1 reaches into the second element.
-        """
+        """Return outline (k, 2) along and across a face of length 1, and side 1: into the second element."""
         low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
         outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
         return [(np.array(outline), 1)]
 
     def check(self) -> None:
-        """Raise ParameterError for lengths that make no key."""
         if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
             problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
             raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
@@ -71,7 +67,6 @@ class Sine:
         return found
 
     def check(self) -> None:
-        """Raise ParameterError for an amplitude or number that makes no wave."""
         if not (self.amplitude > 0.0 and self.waves >= 1):
             problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
             raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
@@ -84,23 +79,18 @@ class Incline:
     slope: float  # tangent of the angle between both; above 0 the joint rises along the face into the second element
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) and side of both wedges, along and across a face of length 1.
-
-        The wedge of side −1 reaches into the first element and the other, equally large, into the second.
-        """
+        """Return outline (k, 2) and side of both equal wedges, along and across a face of length 1."""
         rise, side = 0.5 * abs(self.slope), 1 if self.slope > 0.0 else -1
         first = np.array([[0.0, 0.0], [0.0, -side * rise], [0.5, 0.0]])
         second = np.array([[0.5, 0.0], [1.0, side * rise], [1.0, 0.0]])
         return [(first, -side), (second, side)]
 
     def check(self) -> None:
-        """Raise ParameterError for a slope that leaves the joint straight."""
         if not 0.0 < abs(self.slope) < np.inf:
             raise ParameterError("joint", f"slope {self.slope:g} leaves the joint straight", "a slope above or below 0")
 
 
 Shape = Key | Sine | Incline
-"""Shape of a joint."""
 
 
 _SAME: Final = 1e-9  # volume or area, relative to that of a tooth or joint, below which a difference is rounding
@@ -112,7 +102,7 @@ _PLANE: Final = 1e-9  # distance of a point from a plane, relative to the struct
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
-    """Return a spatial scene with shaped dry faces; arguments as of `shaped_scene`."""
+    """Return a spatial scene with shaped dry faces."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
@@ -145,11 +135,7 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
 
 
 class SolidJoint:
-    """Plane joint between two convex elements, with a frame along and across its shape.
-
-    assembly: spatial assembly. face: interface that is the joint. direction: (3,) unit direction along which the shape
-    runs, projected on the joint. across: True for a joint across the direction, which has no shape.
-    """
+    """Plane joint between two convex elements, with a frame along and across its shape."""
 
     def __init__(self, assembly: Assembly, face: int, direction: Floats) -> None:
         faces = assembly.interfaces
@@ -167,10 +153,7 @@ class SolidJoint:
         self._start = faces.origin[face] + places.min() * self._along
 
     def cut(self, shape: Shape, cells: list[list[ConvexCell]]) -> None:
-        """Cut each tooth of the joint out of one element's cells, and add it to the other's.
-
-        Raises InputError for a tooth that does not fit, and for elements or a joint that are not convex.
-        """
+        """Cut each tooth of the joint out of one element's cells, and add it to the other's."""
         elements = self._assembly.elements
         for outline, side in shape.teeth():
             giver, receiver = self._sides[:: 1 if side > 0 else -1]
@@ -195,10 +178,7 @@ class SolidJoint:
             cells[giver] += teeth
 
     def _profile(self, outline: Floats) -> list[Plane]:
-        """Return the planes of a tooth except its root, the one farthest from the root first.
-
-        outline: (k, 2) along and across a joint of length 1.
-        """
+        """Return the planes of a tooth (k, 2) except its root, the farthest from the root first."""
         middle, found = outline.mean(axis=0), []
         for one, other in itertools.pairwise([*outline, outline[0]]):
             if one[1] == other[1] == 0.0:
@@ -219,19 +199,13 @@ class SolidJoint:
         return [self._plane(normal, point) for normal, point in sides]
 
     def _plane(self, normal: Floats, point: Floats) -> Plane:
-        """Return a plane along the direction through a point (2,) with unit normal (2,).
-
-        Both are in shares of the length.
-        """
+        """Return a plane along the direction through a point (2,) with normal (2,), in shares of the length."""
         space = normal[0] * self._along + normal[1] * self._normal
         place = self._start + self._length * (point[0] * self._along + point[1] * self._normal)
         return space, float(space @ place)
 
     def _ends(self, receiver: int) -> list[Plane]:
-        """Return the planes over the joint's edges, and over the receiver's faces at tooth ends.
-
-        Raises InputError for a joint that is not convex.
-        """
+        """Return the planes over the joint's edges, and over the receiver's faces at tooth ends."""
         # A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it.
         elements, polygon = self._assembly.elements, self._polygon
         inner, found, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
@@ -275,7 +249,6 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
 
 
 def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    """Return the entries of the cells of an element."""
     if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
         return [own]
     whole, found = sum(cell.volume for cell in cells), []
@@ -307,13 +280,9 @@ _PLAIN: Final = {"elements", "polygon", "label"}  # keys of stated interfaces th
 def shaped_scene(
     scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None = None
 ) -> Scene:
-    """Return a scene whose dry faces have a shape.
+    """Return a scene whose dry faces have a shape, with stated interfaces.
 
-    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run unchanged, projected on each
-    joint; joints across it stay straight. Planar scenes take None. Result: scene with stated interfaces; faces between
-    the cells of a block are inner, all others dry. Raises InputError: the scene has strengths or pressures of single
-    faces or slits, a tooth does not fit into its element, or an element that receives one in space is not convex.
-    Raises ParameterError: the shape is none, or the direction is missing, given in the plane or across all joints.
+    direction: (3,) in space, along which shapes run unchanged; joints across it stay straight.
     """
     # Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
     # off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
@@ -457,13 +426,7 @@ def shape_joints(
     seconds: float = math.inf,
     progress: Callable[[Shape, float], None] | None = None,
 ) -> ShapedJoints:
-    """Find the parameters of a shape, the same for all joints, with the largest λ.
-
-    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run, as for `shaped_scene`. Result:
-    best shape found, and all that were tried. Raises InputError as `shaped_scene`, for the first shape. Raises
-    KeyboardInterrupt: an interrupt before the first shape is analysed; a later one ends the search with the best so
-    far.
-    """
+    """Find the parameters of a shape, the same for all joints, with the largest λ by faces."""
     # Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
     # stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
     trials: list[tuple[Shape, float]] = []

@@ -24,7 +24,8 @@ from jld_explore import ExploreSettings, explore
 from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
-from jld_practice.design import checks, run, tessellations
+from jld_practice.design import run, tessellations
+from jld_practice.design import trials as checks
 from jld_practice.design.loads import with_loads
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
@@ -334,7 +335,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)
-    monkeypatch.setattr("jld_practice.design.checks._LEAST_EXPERIMENT", 1e9)
+    monkeypatch.setattr("jld_practice.design.trials._LEAST_EXPERIMENT", 1e9)
 
 
 @pytest.mark.usefixtures("small")

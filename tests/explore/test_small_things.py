@@ -15,7 +15,7 @@ from command import Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.cli import overview
-from jld_explore.cli.progress import ProgressBar
+from jld_explore.cli.explore import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
 from paths import ROOT

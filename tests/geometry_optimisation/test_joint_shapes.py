@@ -16,7 +16,7 @@ from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_geometry import joint_shapes as shape_search
-from jld_geometry import shaping
+from jld_geometry import moving as shaping
 from jld_geometry.joint_shapes import Incline, Key, Shape, Sine, shape_joints, shaped_scene
 
 LENGTH, PRESS, FRICTION, THICK = 0.4, 4000.0, 0.4, 0.2

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -39,9 +42,25 @@ from jld_explore.cli.options import (
     layer_options,
     refuse_itself,
 )
-from jld_explore.cli.progress import shown_reading
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
+
+
+@contextmanager
+def shown_reading(file: Path) -> Iterator[Callable[[str, int, int], None]]:
+    """Show on stderr, if it is a terminal, how much of a file was read, by the function that this yields."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(file=sys.stderr)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[said]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(f"reading {file.name}", total=None, said="")
+
+        def show(what: str, done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total or None, said=f"{done} {what}")
+
+        yield show
 
 
 def import_command(

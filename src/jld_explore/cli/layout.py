@@ -40,10 +40,7 @@ class LaidOut(NamedTuple):
 
 
 def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> LaidOut:
-    """Return the layout that a command refers to.
-
-    Raises InputError for a rank without results, or a rank that the folder does not have.
-    """
+    """Return the layout that a command refers to; InputError for a rank that is not there."""
     source = best_of_design(source)
     if source.is_dir():
         from jld_explore.report import read_folder  # slow to import; `jld solve` of a scene needs it not
@@ -73,10 +70,7 @@ def require_whole_faces(model: Model, what: str) -> None:
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
-    """Draw layouts of a results folder side by side, and return the file written.
-
-    Raises InputError for invalid rows, an unknown ending, or a source that is no results folder.
-    """
+    """Draw layouts of a results folder side by side, and return the file written."""
     if not source.is_dir():
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     try:

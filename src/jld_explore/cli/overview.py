@@ -36,9 +36,10 @@ _GROUPS: Final = {
     },
 }
 
+# description of each command, in the order of use
 COMMANDS: Final = {name: words for group in _GROUPS.values() for name, words in group.items()}
-"""Description of each command, in the order of use."""
 
+# description of each search driver
 DRIVERS: Final = {
     "enumeration": "every layout once; the best is proven. Default where the space is small",
     "exact": "proves the best of spaces far too large to enumerate. Default where that is in reach",
@@ -48,7 +49,6 @@ DRIVERS: Final = {
     "anneal": "the strongest layout of a large scene, without proof",
     "optuna": "any of its samplers",
 }
-"""Description of each search driver."""
 
 _HEAD = """Usage: jld [OPTIONS] COMMAND [ARGS]...
 

@@ -35,11 +35,7 @@ class Outline:
 
 
 def read_outline(file: File, options: DesignOptions) -> Outline:
-    """Read the scene, drawing or solid of an outline, and apply the options to it.
-
-    Raises InputError if the file is broken, has no closed outline, or lacks something that the options do not state
-    either. Options that a scene file states itself are refused with ParameterError.
-    """
+    """Read the scene, drawing or solid of an outline, and apply the options to it."""
     if _is_scene(file):
         for name in READING:
             if getattr(options, name):
@@ -73,10 +69,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
 
 
 def _is_scene(file: File) -> bool:
-    """Return True if a file is a scene: JSON with the key "loads", "elements" or "grid".
-
-    Broken JSON counts as a scene too, so that the reader of scenes reports the error.
-    """
+    """Return whether a file is a scene; broken JSON counts as one, whose reader names the error."""
     if file.suffix.lower() != ".json":
         return False
     try:
@@ -143,10 +136,7 @@ def _united(scene: Scene, notes: Notes) -> Scene:
 
 
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
-    """Convert a drawing or a file of solids to a scene, and collect what was assumed.
-
-    Raises InputError if it cannot be read, or an outline is open.
-    """
+    """Convert a drawing or a file of solids to a scene, and collect what was assumed."""
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')

@@ -173,10 +173,7 @@ def _words_along(laying: Laying, stations: Stations) -> str:
 
 
 def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
-    """Return the table of an assembly sequence: one row per step, in the order of laying.
-
-    stone_of: (n,) number of the stone of each element, as in `blocks.csv` and printed reports, from 1.
-    """
+    """Return one row per step; stone_of: (n,) number of the stone of each element, from 1."""
     import pandas as pd  # slow to import and needed for tables only
 
     blocks = laying.blocks
@@ -208,7 +205,7 @@ def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -
 
 
 def _unsolved(laying: Laying) -> bool:
-    """Return True if an order has steps and none of their stages was solved."""
+    """Return whether an order has steps and none of their stages was solved."""
     return bool(laying.steps) and not any(np.isfinite(step.stage.error) for step in laying.steps)
 
 
