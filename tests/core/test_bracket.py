@@ -7,15 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import CASES, Document, all_inner, grid_assembly, grid_document
+from cases import CASES, ROUTE, Document, all_inner, grid_assembly, grid_document
 from cases_spatial import assembly, box
 from jld_core import LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
 from jld_core.solvers import ClarabelSolver
-from jld_core.strengths import Route
 from noisy import noisy
-
-ROUTE = Route("a test")
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
 ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}

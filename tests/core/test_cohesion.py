@@ -18,16 +18,13 @@ from studies.by_scheme import solve_zero_dilation
 import cases_spatial
 import reference_spatial
 from balances import flow_rule
-from cases import CASES, grid_assembly, grid_document
+from cases import CASES, ROUTE, grid_assembly, grid_document
 from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
-from jld_core.strengths import Route
 from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
-
-ROUTE = Route("a test")
 
 WEIGHT, AREA = 40.0, 2.0
 

@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import ROUTE
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import find_planar_contacts
 from jld_core.geometry.planar_contacts import check_polygons
-from jld_core.strengths import Route
 from transforms import mirrored, rotated
-
-ROUTE = Route("a test")
 
 Document = dict[str, Any]
 Points = list[list[float]]

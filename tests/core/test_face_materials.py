@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import ROUTE, grid_document
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.exchange import Layout, export, import_file
 from jld_core.refinement import refine
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 FACES: list[dict[str, Any]] = [
     {"between": ["c0r0", "c1r0"], "inner": {"tensile_strength": 1e3}},

@@ -6,10 +6,8 @@ from typing import Any
 
 import pytest
 
+from cases import ROUTE
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 PLAIN: dict[str, Any] = {
     "elements": [

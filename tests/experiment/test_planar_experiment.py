@@ -7,18 +7,15 @@ import pytest
 from benchmarks.experiment import beam_arch, far_plateau
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from cases import grid_document
+from cases import ROUTE, grid_document
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from jld_core.strengths import Route
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.driving import scout
 from jld_experiment.report import summary
 from paths import SCENES
 from transforms import as_elements, in_units, renumbered, rotated
-
-ROUTE = Route("a test")
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")

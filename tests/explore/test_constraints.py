@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import InputError, build_assembly, parse_scene
 from jld_core import blocks_of as assembly_blocks
 from jld_explore import SearchSpace, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space import from_string
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of
@@ -158,7 +157,7 @@ def test_fewest_dry_faces_follow_from_the_size_of_blocks() -> None:
     def fewest(asked: int, cells: int) -> int:
         scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, cells], dry_faces=[None, asked]))
         space = search_space(scene, build_assembly(scene))
-        return min(int(rows.sum(axis=1).min()) for rows, _ in Enumeration(space).batches() if len(rows))
+        return int(every_layout(space).sum(axis=1).min())
 
     for cells, least in ((1, 7), (2, 4)):
         message = rf"search.dry_faces: \[null, {least - 1}\] asked, but there can be {least} to 7"

@@ -14,13 +14,12 @@ import pytest
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.samples import vault
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, register, registered, unregister
@@ -74,7 +73,7 @@ def limited_space(low: int | None, high: int | None) -> SearchSpace:
 
 
 def rows_of(space: SearchSpace) -> Any:
-    return np.concatenate([rows for rows, _ in Enumeration(space).batches()])
+    return every_layout(space)
 
 
 @pytest.mark.parametrize(("low", "high"), [(None, 1), (2, 2), (1, None)])

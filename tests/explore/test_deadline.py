@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from benchmarks.claims import time_limits
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from command import running
 from jld_core import InputError, SolveOptions, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
@@ -31,7 +31,6 @@ from jld_explore.cli.command import main
 from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.choice import first_layout
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
@@ -254,7 +253,7 @@ def test_limits_that_no_layout_keeps_are_proven_to_be_empty(tmp_path: Path) -> N
     document = samples.arch(voussoirs=7, rings=1).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     scene = parse_scene({**document, "search": {"block_cells": [1, 3], "shapes": [None, 1]}})
     space = search_space(scene, build_assembly(scene))
-    assert sum(len(rows) for rows, _ in Enumeration(space).batches()) == 0
+    assert len(every_layout(space)) == 0
     assert len(first_layout(space)) == 0
     settings = ExploreSettings(driver="random", seconds=60.0, jobs=1, small=0)  # it ends at once
     with pytest.raises(InputError, match=r"search: no labelling satisfies the constraints; expected"):
@@ -268,7 +267,7 @@ def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> No
     search = {"block_cells": [1, 2], "shapes": [low, high]}
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **search))
     space = search_space(scene, build_assembly(scene))
-    truth = {row.tobytes() for rows, _ in Enumeration(space).batches() for row in rows}
+    truth = set(map(np.ndarray.tobytes, every_layout(space)))
     blocks = possible_blocks(space)
     assert blocks is not None
     formula = Formula(space, blocks, partial=True)

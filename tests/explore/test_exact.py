@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, grid_document
+from cases import DOWN, every_layout, grid_document
 from cases_spatial import box, scene
 from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers import make_driver
 from jld_explore.drivers.exact.conflict_generation import windows_of
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
@@ -205,7 +205,7 @@ def test_formulas_have_the_space_for_models(name: str, listed: bool) -> None:
         assert feasible(space, labels[None])[0]
         found.add(np.asarray(canonical(labels[None], space.group)[0]).tobytes())
         formula.forbid(every, labels)
-    assert len(found) == Enumeration(space).count().classes
+    assert len(found) == make_driver("enumeration", space, 0).count().classes
 
 
 @pytest.mark.parametrize("options", [s[1] for s in SCENES.values()], ids=list(SCENES))
@@ -224,7 +224,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
         first = min(left)
         return sum(covers(left - set(m)) for m in blocks.members if first in m and left.issuperset(m))
 
-    assert covers(frozenset(free)) == Enumeration(space).count().labellings
+    assert covers(frozenset(free)) == make_driver("enumeration", space, 0).count().labellings
 
 
 def test_a_stopped_proof_reports_its_gap_and_continues(tmp_path: Path) -> None:
@@ -353,7 +353,7 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
     decided, values = np.zeros((2, len(space.fixed)), dtype=bool)
     decided[faces], values[faces] = True, labels
     images = np.argsort(space.group, axis=1)[:, faces]
-    known = next(rows for rows, _ in Enumeration(space).batches())[:1]
+    known = every_layout(space)[:1]
     scale = LimitAnalysis(space.assembly).template.scaling.load
     for number, best in enumerate((1e-3 * np.random.default_rng(4).random(30)).tolist()):
         records = Records(tmp_path / str(number), {}, len(space.fixed))

@@ -7,11 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_explore import SearchSpace, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import count_named, values_of
@@ -36,7 +35,7 @@ def left(formula: Formula) -> list[Bits]:
 @pytest.mark.parametrize("count", ["dry_faces", "blocks"])
 def test_a_formula_is_aimed_at_one_count_after_the_other(count: str) -> None:
     space = space_of(count)
-    every = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
+    every = every_layout(space)
     expected = Counter(values_of(count_named(count), space.assembly, every, space.graph).tolist())
     assert len(expected) >= 3
     formula = Formula(space, possible_blocks(space))

@@ -12,19 +12,16 @@ from typing import Any
 
 import pytest
 
-from cases import grid_document
+from cases import ROUTE, grid_document
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.errors import ParameterError
 from jld_core.scene.cracks import CellCracks
-from jld_core.strengths import Route
 from jld_explore import Exploration, explore
 from jld_explore.space import from_string
 from jld_studio import notebook
 from jld_studio.notebook import NotebookPage
 from jld_studio.notebook_kernel import AssemblyStructure, LayoutSolver, structure_of
 from paths import SCENES
-
-ROUTE = Route("a test")
 
 ARCH = SCENES / "flat_beam_arch.json"
 

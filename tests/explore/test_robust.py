@@ -9,16 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import ROUTE, grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.scene.reading import at_low
-from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.space import from_string
-
-ROUTE = Route("a test")
 
 ROWS = ["aaa", "aaa", "###"]
 

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.space import from_string
@@ -105,7 +104,7 @@ def test_a_tree_of_blocks_under_cases_proves_the_same_as_enumeration(name: str) 
     evaluator = evaluator_of(assembly, EvaluatorSettings())
     while len(rows := driver.ask()):
         driver.tell(rows, evaluator.evaluate_all(rows))
-    every = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
+    every = every_layout(space)
     best = max(found.load_factor for found in evaluator.evaluate_all(every) if found.status is Status.COLLAPSE)
     assert driver.finished
     assert driver.relaxations > 0

@@ -7,7 +7,7 @@ import numpy as np
 from cases import grid_document
 from jld_core import build_assembly, parse_scene
 from jld_explore import SearchSpace, search_space
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers import make_driver
 from jld_explore.drivers.searcher import Pool
 from jld_explore.drivers.surrogate import SLOTS, Surrogate
 from jld_explore.space import keys
@@ -20,7 +20,7 @@ def space_of(rows: list[str]) -> SearchSpace:
 
 def test_guesses_rank_as_truth_does_and_units_do_not_matter() -> None:
     space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = Enumeration(space).ask(2000)
+    rows = make_driver("enumeration", space, 0).ask(2000)
     rows = rows[np.random.default_rng(1).permutation(len(rows))]
     worth = rows @ np.random.default_rng(0).normal(size=rows.shape[1])
     one, other = Surrogate(space), Surrogate(space)
@@ -35,7 +35,7 @@ def test_mirror_images_are_guessed_alike() -> None:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], live=[{"element": "c1r0", "force": [0, -1]}]))
     space = search_space(scene, build_assembly(scene))
     assert len(space.group) == 2
-    rows = Enumeration(space).ask(60)
+    rows = make_driver("enumeration", space, 0).ask(60)
     model = Surrogate(space)
     model.learn(rows[:30], np.arange(30.0))
     assert np.abs(model.predict(rows[30:]) - model.predict(rows[30:][:, space.group[1]])).max() <= 2e-4
@@ -43,7 +43,7 @@ def test_mirror_images_are_guessed_alike() -> None:
 
 def test_the_best_and_the_last_are_kept() -> None:
     space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = Enumeration(space).ask(3 * SLOTS)
+    rows = make_driver("enumeration", space, 0).ask(3 * SLOTS)
     worth = np.random.default_rng(0).permutation(len(rows)).astype(float)
     model = Surrogate(space)
     for low in range(0, len(rows), 32):
@@ -56,7 +56,7 @@ def test_the_best_and_the_last_are_kept() -> None:
 def test_predictions_do_not_depend_on_stored_covariances() -> None:
     """What is alike is kept from one guess to the next, while what is remembered changes."""
     space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = Enumeration(space).ask(2 * SLOTS)
+    rows = make_driver("enumeration", space, 0).ask(2 * SLOTS)
     worth = np.random.default_rng(0).normal(size=len(rows))
     model = Surrogate(space)
     pool = Pool(space, model)

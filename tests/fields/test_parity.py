@@ -11,6 +11,7 @@ import pytest
 from benchmarks.claims import fields
 from benchmarks.claims.geometry import Move
 
+from cases import ROUTE
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats
 from jld_core.fields.bounds import disagreement
@@ -19,9 +20,6 @@ from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.problem import Material, material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
 def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:

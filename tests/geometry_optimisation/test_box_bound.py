@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
+from cases import ROUTE
 from command import Command
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
-from jld_core.strengths import Route
 from jld_geometry.box_bound import _Search, prove_box
-
-ROUTE = Route("a test")
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from cases import ROUTE
 from cases_spatial import box
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene
@@ -22,10 +23,7 @@ from jld_core.limit.thrust import (
     thrust_ranges,
 )
 from jld_core.samples import arch
-from jld_core.strengths import Route
 from transforms import as_elements, rotated
-
-ROUTE = Route("a test")
 
 
 def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], ResultantRange]:
