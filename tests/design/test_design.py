@@ -111,7 +111,7 @@ def test_shapes_are_counted_as_the_moulds_of_the_report(tmp_path: Path) -> None:
     cut = {one.name: one for one in tessellations.tessellations(read_outline(drawing, options).scene, options)}
     scene = cut["voussoirs"].scene
     assert scene is not None
-    done = explore(scene, tmp_path / "out", ExploreSettings(driver="genetic", budget=50, jobs=1, pictures=False))
+    done = explore(scene, tmp_path / "out", ExploreSettings(driver="genetic", budget=12, jobs=1, pictures=False))
     assert (done.results["shapes"] <= 4).all()
     assert len(done.results) > 0
 
