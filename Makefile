@@ -39,7 +39,7 @@ $(VENV)/.done: $(VENV)/.runs
 		print(*project["optional-dependencies"]["dev"], sep="\n")' >$(VENV)/dev.txt && \
 	$(BIN)/python -m pip install $(PIP) -r $(VENV)/dev.txt || { kill $$compiler; exit 1; }; \
 	$(BIN)/python -c "import pandas, pyarrow.parquet, matplotlib.figure, jld_explore.cli.explore, \
-		jld_practice.designing, jld_geometry.moving, jld_explore.cli.assembly, jld_explore.report.page_of_study"; \
+		jld_practice.designing, jld_geometry.moving, jld_practice.laying.command, jld_explore.report.page_of_study"; \
 	wait $$compiler || echo "make: the batch solver was not compiled in its base variant"
 	touch $@
 

@@ -16,8 +16,7 @@ import numpy as np
 from benchmarks.common import table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.threads import one_thread
-from jld_geometry.box_bound import prove_box
-from jld_geometry.box_proof import check_proof
+from jld_geometry.box_bound import check_proof, prove_box
 from jld_geometry.optimise import MovedJoints, move_joints
 from jld_geometry.search import GeometrySearch
 

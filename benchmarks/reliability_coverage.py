@@ -21,9 +21,8 @@ from benchmarks.common import about, table, write
 from jld_core import parse_scene
 from jld_core.arrays import Floats
 from jld_practice.reliability.analysis import Reliability, ReliabilityOptions, analyse, estimate
-from jld_practice.reliability.bounds import GoverningBounds
 from jld_practice.reliability.form import Limit
-from jld_practice.reliability.structure import Variables, random_structure
+from jld_practice.reliability.structure import GoverningBounds, Variables, random_structure
 
 SAMPLES: Final = 20_000
 """Samples of every system."""

@@ -24,10 +24,10 @@ from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Scene, build_
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Proof, result_of
 from jld_core.models import SolveOptions
-from jld_core.models.zero_dilation.certificate import pair_proof
-from jld_core.models.zero_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
-from jld_core.models.zero_dilation.product_space import PrimalDualPair
-from jld_core.models.zero_dilation.sweep import initial_forces
+from jld_dilation.certificate import pair_proof
+from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
+from jld_dilation.product_space import PrimalDualPair
+from jld_dilation.sweep import initial_forces
 from jld_explore.drivers.searcher import Random
 from jld_explore.space import search_space
 

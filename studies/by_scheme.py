@@ -11,8 +11,8 @@ import numpy as np
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, tolerances
 from jld_core.arrays import Bits
 from jld_core.limit import Proof, result_of
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.range import prove_zero_dilation
+from jld_dilation.fixed_point_search import ProximalOptions
+from jld_dilation.range import prove_zero_dilation
 
 
 def zero_dilation(

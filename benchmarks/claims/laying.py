@@ -10,7 +10,7 @@ import shapely
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.assembly_sequence import assembly_order
+from jld_practice.laying import assembly_order
 
 CLAIM: Final = "No step of an assembly order cuts a neighbour"
 CUT: Final = 1e-9

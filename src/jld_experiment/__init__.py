@@ -1,7 +1,4 @@
-"""Run virtual experiments: load rigid elements on springs until collapse.
-
-The explicit distinct-element method is independent of `jld_core`: it has no optimisation and no bracket.
-It simulates brittle cracks and joints without dilation, which limit analysis does not cover.
+"""Run virtual experiments: load rigid elements on springs until collapse, independently of limit analysis.
 
 - `Curve`: result of an experiment
 - `Joints`: properties of faces that limit analysis does not have
@@ -14,8 +11,8 @@ It simulates brittle cracks and joints without dilation, which limit analysis do
 - `push`: push until collapse
 - `ramp`: raise the load until collapse
 - `require_one_load`: raise an error for load cases
-- `run_experiment`: load one labelling until collapse, at two rates
-- `specimen_of`: prepare an assembly under one labelling for loading
+- `run_experiment`: load one labelling until collapse
+- `specimen_of`: prepare an assembly for loading
 """
 
 from __future__ import annotations

@@ -57,8 +57,8 @@ def experiment(
 ) -> None:
     """Load a layout in a virtual experiment until it comes down, and compare with λ.
 
-    The layout is pushed twice, slowly and fast. The output has the collapse load, its ratio to λ of limit analysis, and
-    the load at the first crack. The exit code is 4 if the two pushes do not agree.
+    The layout is pushed twice, slowly and fast. The output has the collapse load, its ratio to λ, and the load at the
+    first crack. The exit code is 4 if the two pushes do not agree.
     """
     from jld_experiment import Joints, Settings, run_experiment
     from jld_experiment.report import status_of, summary
@@ -99,10 +99,7 @@ def _tangent(text: str) -> float:
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
-    """Return the lowest and highest λ without dilation, and the proven bound on the lowest.
-
-    labels: (m,) True = dry. In space only one λ is computed, since the search for the range takes long.
-    """
+    """Return the lowest and highest λ without dilation, and the proven bound on the lowest."""
     planar = assembly.dimension == 2
     model = Model(friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
     found = solve_rigid(assembly, labels, model)
@@ -115,7 +112,7 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
-    """Write table, summary and picture into a folder."""
+    """Write table, summary and picture."""
     from jld_core.views.figures import save_figure
     from jld_experiment.report import figure_of, table
 
@@ -128,8 +125,6 @@ def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out:
 
 
 def _words(facts: dict[str, Any]) -> str:
-    """Describe the experiment for the terminal."""
-
     def plain(value: float | None, digits: int = 6) -> str:
         return "none" if value is None else f"{value:.{digits}g}"
 

@@ -1,29 +1,29 @@
-"""Load a settled assembly: estimate the scale of λ, push, and check by a load ramp."""
+"""Load a settled assembly: estimate the scale of λ, push, check by a load ramp, keep on disk."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
+from jld_core.errors import InputError
 from jld_experiment.settings import FALL
 from jld_experiment.specimen import Specimen, Standing, State, copied
 
 GROWTH = 1.03  # Growth factor of the scout's displacement per slowest period.
 PLATEAU = 5e-4  # Relative rise of the highest λ over the second half of a push below which it is a plateau.
 GONE = 0.5  # Share of the highest λ below which the structure counts as collapsed.
+# Multiple of the scout's initial load, 1e-3 of the dead load, at which a λ that still rises means no collapse; 1e6 took
+# layouts for locked that collapse at 50 times their weight.
 ENDLESS = 1e9
-"""Multiple of the scout's initial load at which a λ that still rises means no collapse.
-
-The initial load is 1e-3 of the dead load: 1e6 of it was 38 elastic displacements of layouts that carry 25 times their
-weight and collapse at 50 of them; they were called locked.
-"""
 
 
 @dataclass(frozen=True)
 class Push:
-    """Curve of λ over displacement of one push, with k points ("records") at equal times.
+    """Curve of λ over displacement of one push: k records at equal times.
 
     Attributes
     ----------
@@ -32,19 +32,19 @@ class Push:
     load_factor : (k,) float array
         Mean λ of each record.
     unbalanced : (k,) float array
-        Largest unbalanced force of each record, relative to `Specimen.largest`.
+        Largest unbalanced force over `Specimen.largest`.
     broken : (k,) int array
-        Number of broken sub-contacts.
+        Broken sub-contacts.
     energy_error : (k,) float array
-        `EnergyBalance.error` at the end of each record.
+        `EnergyBalance.error`.
     at_collapse, at_end : State
-        States at the highest λ before the first fall of λ, and at the end.
+        At the highest λ before its first fall, and at the end.
     periods : float
         Duration, slowest periods.
     rising : bool
-        True if λ had neither fallen nor reached a plateau at the end.
+        True if λ neither fell nor reached a plateau.
     stopped : bool
-        True if the push ended only because it had made the records that were asked for.
+        True if the push made the records asked for.
     """
 
     distance: Floats
@@ -60,17 +60,13 @@ class Push:
 
     @property
     def collapse(self) -> int:
-        """Index of the record of the collapse load, see `collapse_record`."""
+        """Index of the record of the collapse load."""
         return collapse_record(self.load_factor)
 
 
 def collapse_record(load_factor: Floats) -> int:
-    """Return the index of the collapse load: the largest λ before λ first falls.
-
-    λ falls where it lies more than `FALL` × (highest λ of the whole curve) below its running maximum. If it never
-    falls, the whole curve counts. A fall relative to the running maximum alone would take a small drop at half the load
-    for collapse. load_factor: (k,) λ of each record, k ≥ 1.
-    """
+    """Return the index of the largest λ (k,) before λ first falls by `FALL` of the highest λ."""
+    # a fall relative to the running maximum alone would take a small drop at half the load for collapse
     so_far = np.maximum.accumulate(load_factor)
     fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
     end = int(fallen[0]) if fallen.size else len(load_factor)
@@ -117,7 +113,7 @@ class _Progress:
     fell: bool = False
 
     def add(self, distance: float, factor: float) -> bool:
-        """Take a record; return True if λ is the highest so far and has not fallen yet."""
+        """Take a record; return whether λ is the highest so far and has not fallen yet."""
         best = factor > self.highest and not self.fell
         self.distance = distance
         if factor > self.highest:
@@ -129,10 +125,7 @@ class _Progress:
         return best
 
     def ends(self) -> bool:
-        """Return True if λ stays below half of its highest value or has reached a plateau.
-
-        Call it once per record.
-        """
+        """Return, once per record, whether λ stays below half of its highest value or is on a plateau."""
         if self.highest_at > 0.0 and self.distance - self.carried > max(0.3 * self.unit, 0.2 * self.highest_at):
             return True
         if self.distance > 2.0 * self.half_at:
@@ -154,14 +147,11 @@ def push(
 ) -> Push:
     """Push a settled assembly so that live·u grows at a constant rate, later faster.
 
-    λ is the multiplier of the prescribed rate.
-    The push ends when λ stays below half of its highest value, reaches a plateau, or reaches the set length.
-    A push that was stopped and continued gives the same digits as one without a stop.
+    λ is the multiplier of the rate. The push ends when λ stays below half of its highest value or on a plateau.
 
     Parameters
     ----------
     specimen : Specimen
-        Assembly under one labelling.
     settled : State
         State under the dead loads; not changed.
     scale : float
@@ -169,16 +159,15 @@ def push(
     periods : float
         Slowest periods per elastic displacement.
     endless : bool
-        Continue to the set length in any case.
+        Go on to the set length in any case.
     records : int, optional
-        Number of records after which the push stops; default: no such limit.
+        Number of records after which the push stops.
     continued : Push, optional
-        Push that was stopped, with the same specimen, state, scale and periods; not changed.
+        Stopped push to continue with the same arguments, to the same digits as without a stop.
 
     Returns
     -------
     Push
-        Curve and states.
     """
     settings, system = specimen.settings, specimen.system
     unit = scale * system.reach
@@ -213,25 +202,21 @@ def push(
         ended = not endless and progress.ends()
     table = np.array(rows).reshape(-1, 5)
     spent = len(rows) * steps / system.period
-    rising = not ended and not stopped and _still_rising(table)
+    before = table[:, 0] <= 0.5 * table[-1, 0]
+    rose = table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf)  # by over 1 % in the second half
+    rising = not ended and not stopped and bool(rose)
     broken = table[:, 3].astype(np.int64)
     return Push(table[:, 0], table[:, 1], table[:, 2], broken, table[:, 4], best, state, spent, rising, stopped)
 
 
+# one record: displacement, λ, unbalanced force, broken sub-contacts, error of energy
 Row = tuple[float, float, float, float, float]
-"""One record: displacement, λ, unbalanced force, broken sub-contacts, error of energy."""
 
 
 def _rows(found: Push) -> list[Row]:
     """Return the records of a push, as `push` keeps them."""
     columns = (found.distance, found.load_factor, found.unbalanced, found.broken.astype(float), found.energy_error)
     return [(a, b, c, d, e) for a, b, c, d, e in np.column_stack(columns).tolist()]
-
-
-def _still_rising(table: Floats) -> bool:
-    """Return True if λ rose by more than 1 % over the second half of the push."""
-    before = table[:, 0] <= 0.5 * table[-1, 0]
-    return bool(table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf))
 
 
 @dataclass(frozen=True)
@@ -262,7 +247,6 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
     Parameters
     ----------
     specimen : Specimen
-        Assembly under one labelling.
     settled : State
         State under the dead loads; not changed.
     scale : float
@@ -275,7 +259,6 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
     Returns
     -------
     Ramp
-        Bracket of λ and state.
     """
     state, low, step = copied(settled), 0.0, first
     fails, how = np.inf, Standing.RESTS
@@ -290,3 +273,47 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
         else:
             fails, how = there, found
     return Ramp(low * scale, fails * scale, how, state)
+
+
+_STATES = ("at_collapse", "at_end")
+
+
+def write_push(path: Path, found: Push) -> None:
+    """Write a push with its states to a file of NumPy arrays (.npz), with all digits."""
+    arrays = dict[str, Any]()
+    for field in fields(found):
+        value = getattr(found, field.name)
+        if field.name in _STATES:
+            arrays |= {f"{field.name}.{name}": array for name, array in _arrays(value).items()}
+        else:
+            arrays[field.name] = value
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def read_push(path: Path, specimen: Specimen) -> Push:
+    """Read a push from a file of `write_push`; InputError for another structure or settings."""
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    states = dict[str, Any]()
+    for name in _STATES:
+        fresh = specimen.fresh()
+        for key, array in _arrays(fresh).items():
+            found = arrays.get(f"{name}.{key}")
+            if found is None or found.shape != array.shape:
+                problem = f"{name}.{key} does not fit the structure and settings"
+                raise InputError(str(path), problem, "a file of the same scene, labels and settings")
+            array[...] = found
+        states[name] = fresh
+    rest = {field.name: arrays[field.name] for field in fields(Push) if field.name not in _STATES}
+    for name in ("periods", "rising", "stopped"):
+        rest[name] = rest[name].item()
+    return Push(**states, **rest)
+
+
+def _arrays(state: State) -> dict[str, Any]:
+    """Return all arrays of a state by name; those of its geometry begin with "geometry."."""
+    found = {field.name: getattr(state, field.name) for field in fields(state) if field.name != "geometry"}
+    if state.geometry is not None:
+        found |= {f"geometry.{name}": array for name, array in state.geometry._asdict().items()}
+    return found

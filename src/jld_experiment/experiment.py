@@ -9,8 +9,10 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.parameters import typed
+from jld_core.sub_assembly import labels_of
+from jld_experiment.bench import EnergyBalance
 from jld_experiment.driving import push, scout
-from jld_experiment.energy import EnergyBalance
 from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
 
@@ -21,12 +23,11 @@ def require_one_load(assembly: Assembly) -> None:
     Parameters
     ----------
     assembly : Assembly
-        Structure.
 
     Raises
     ------
     InputError
-        If the assembly has load cases or members.
+        If it has load cases or members.
     """
     assembly.members.refuse("an experiment")
     if assembly.cases:
@@ -38,50 +39,38 @@ def require_one_load(assembly: Assembly) -> None:
 class Curve:
     """Result of an experiment; arrays are empty if the dead loads alone cause collapse.
 
-    Displacement is live·u, the work of the live loads at λ = 1, in scene units.
-
     Attributes
     ----------
-    assembly : Assembly
-        Structure with n elements and m faces.
-    labels : (m,) bool array
-        Labels, True = dry.
-    joints : Joints
-        Properties of faces.
-    settings : Settings
-        Numerical settings.
+    assembly, labels, joints, settings
+        As given.
     standing : Standing
         Behaviour under the dead loads alone.
     reach : float
-        Displacement live·u at λ = 1 of the elastic structure.
+        Displacement (live·u, scene units) of the elastic structure at λ = 1.
     collapse_load : float
         λ at collapse.
     rising : bool
-        True if the load had neither fallen nor reached a plateau at the end of a push.
+        True if the load neither fell nor reached a plateau.
     at_collapse, at_end : (n, q) float array
-        Displacements since the dead loads were in equilibrium.
+        Displacements since the dead loads rested.
     cracked : (m,) float array
-        Share of the area of each face that is broken at the end.
-    distance, load_factor, unbalanced : (k,) float array
-        Displacement live·u, λ and relative unbalanced force of the slower push.
-        The unbalanced force is the largest one over the largest dead load on an element.
+        Broken share of the area of each face at the end.
+    distance, load_factor, unbalanced, energy_error : (k,) float array
+        Displacement, λ, unbalanced force over the largest dead load, and `EnergyBalance.error` of the slower push.
     broken : (k,) int array
-        Number of broken sub-contacts in the slower push.
+        Its broken sub-contacts.
     faster : (k', 2) float array
         Displacement and λ of the faster push.
     collapse : int
-        Record of the collapse load, the largest λ before the first fall by a tenth of the highest λ.
+        Record of the collapse load.
     rate_error : float
-        Relative difference of the collapse loads of the two pushes.
+        Relative difference of both collapse loads.
     first_crack : float
-        λ at which a brittle face first broke, NaN if none did.
+        λ at which a brittle face first broke, or NaN.
     periods : float
         Duration of both pushes, slowest periods.
-    energy_error : (k,) float array
-        `EnergyBalance.error` of the slower push.
     energy_at_collapse, energy : EnergyBalance or None
-        Balance of energy from the unloaded structure to the collapse load, and to the end of the slower push; None
-        without a push.
+        Up to the collapse load, and to the end of the slower push.
     """
 
     assembly: Assembly
@@ -115,10 +104,7 @@ class Curve:
 
     @property
     def rates_agree(self) -> bool:
-        """True if two rates give the same collapse load within `RATE_ERROR`.
-
-        Agreement is no bound on λ; see `accuracy`.
-        """
+        """True if two rates give the same collapse load within `RATE_ERROR`; no bound on λ."""
         return self.stands and not self.rising and self.rate_error <= RATE_ERROR
 
     @property
@@ -127,6 +113,7 @@ class Curve:
         return max(self.rate_error, ACCURACY)
 
 
+@typed
 def run_experiment(
     assembly: Assembly,
     labels: Bits | None = None,
@@ -136,33 +123,29 @@ def run_experiment(
 ) -> Curve:
     """Load one labelling of an assembly until collapse, twice, at two rates.
 
-    The assembly first settles under its dead loads. Then live·u grows at a constant rate.
-    λ is the multiplier of this constraint. The collapse load comes from the slower push.
-    `rate_error` is the relative difference of the two pushes.
+    The assembly settles under its dead loads; then live·u grows at a constant rate, and λ is its multiplier.
 
     Parameters
     ----------
     assembly : Assembly
-        Planar or spatial structure with one live load.
+        Structure with one live load.
     labels : (m,) bool array, optional
-        Labels, True = dry. Default: the scene's own.
+        Default: the scene's own.
     joints : Joints, optional
-        Properties of faces.
     settings : Settings, optional
-        Numerical settings.
 
     Returns
     -------
     Curve
-        Curve of λ and collapse load.
+        With the collapse load of the slower push.
 
     Raises
     ------
     InputError
-        If a required material is missing, a setting is invalid, or there are load cases.
+        If a material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    own = labels_of(assembly, labels)
     joints, settings = joints or Joints(), settings or Settings()
     specimen = specimen_of(assembly, own, joints, settings)
     settled, standing = specimen.settle()

@@ -1,9 +1,4 @@
-"""Run virtual experiments on the best layouts of a search, or search by experiment.
-
-λ of limit analysis bounds every quasi-static experiment from above, for any dilation and any brittleness, if no inner
-face bears more bending than its kern. Default sub-contacts can bear more, so some experiments end above λ. That a
-layout whose λ is below the load that another has carried needs no experiment is an assumption; the summary says so.
-"""
+"""Run virtual experiments on the best layouts of a search, or search by experiment."""
 
 from __future__ import annotations
 
@@ -33,27 +28,19 @@ from jld_explore.steps import Step, StepContext, with_entries
 if TYPE_CHECKING:
     import pandas as pd
 
-FILE: Final = "experiments.csv"
-"""Name of the table of experiments in a results folder."""
+FILE: Final = "experiments.csv"  # table of experiments in a results folder
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
-"""Columns of the table of experiments."""
-DEFAULT: Final = 500
-"""Default number of experiments of a search by experiment."""
+DEFAULT: Final = 500  # default number of experiments of a search by experiment
 
+# assumption of `none_better` where some layouts were not tested, or ended uncertified
 ASSUMPTION: Final = "no layout without a certified experiment carries more than its λ"
-"""Assumption of `none_better` in the summary where some layouts were not tested, or ended uncertified."""
 
-PORTION: Final = 16
-"""Number of labellings requested from the driver at a time."""
+PORTION: Final = 16  # labellings requested from the driver at a time
 
 
 @dataclass
 class Experiments:
-    """Virtual experiments on layouts of one assembly, each run once and kept in a file.
-
-    Inner faces are brittle and joints do not dilate. Results are written to `experiments.csv` in `folder` after every
-    `jobs` experiments; rows of such a file are read at the start. Raises InputError if that file is damaged.
-    """
+    """Virtual experiments on layouts of one assembly, each run once and kept in `experiments.csv`."""
 
     assembly: Assembly
     folder: Path  # results folder
@@ -78,7 +65,6 @@ class Experiments:
 
     @property
     def late(self) -> bool:
-        """Return True if the deadline has passed."""
         return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
@@ -94,7 +80,7 @@ class Experiments:
             write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
-        """Return the table of all experiments, strongest first."""
+        """Return all experiments, strongest first."""
         import pandas as pd
 
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
@@ -102,7 +88,7 @@ class Experiments:
 
     @property
     def best(self) -> float:
-        """Return the largest load factor of an experiment that ended in collapse; −inf for none."""
+        """Largest load factor of an experiment that ended in collapse; −inf for none."""
         return max((row["experiment"] for row in self.rows.values() if row["status"] == "collapse"), default=-np.inf)
 
 
@@ -133,10 +119,7 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
 
 
 def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
-    """List the first `count` collapsing layouts of a study, each with its associative λ.
-
-    Each entry is (text of the labels, λ), in the order of the results table. There may be fewer than `count`.
-    """
+    """List text and associative λ of at most `count` collapsing layouts, in order of the results."""
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
     return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
 
@@ -145,6 +128,8 @@ def search_by_experiment(
     experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
     """Search by experiment with the genetic driver, starting from the best layouts by λ."""
+    # λ bounds every quasi-static experiment from above unless an inner face bears more bending than its kern, as
+    # default sub-contacts can
     # The initial layouts use a third of `budget`, which limits the number of all experiments. A new layout is tested
     # only if its λ exceeds the largest load carried so far: `ASSUMPTION`. The driver receives half of λ for a layout
     # that is not tested.
@@ -189,37 +174,30 @@ def _worth(experiments: Experiments, name: str) -> Evaluation:
 
 
 def _below(evaluation: Evaluation) -> Evaluation:
-    """Return an evaluation with half of the associative λ if it collapses; else the same one.
-
-    The bounds are kept. Half of λ is about the load that brittle faces carry.
-    """
+    """Return an evaluation with half of the associative λ, about what brittle faces carry, if it collapses."""
     if evaluation.status is not Status.COLLAPSE:
         return evaluation
     return Evaluation(Status.COLLAPSE, evaluation.low, evaluation.high, 0.5 * evaluation.associative)
 
 
 class ExperimentStep(Step):
-    """Virtual experiments on the best layouts of a search, or a search by experiment; column `experiment`."""
+    """Virtual experiments on the best layouts of a search, or a search by experiment."""
 
     name = "experiment"
 
     def wanted(self, settings: ExploreSettings) -> bool:
-        """Return whether layouts are to be tested."""
         return bool(settings.experiment or settings.by_experiment)
 
     def refuse(self, scene: Scene, assembly: Assembly, settings: ExploreSettings) -> None:
-        """Raise InputError for a structure with several loads, or without the optional package."""
         from jld_experiment import require_one_load
 
         require_one_load(assembly)
 
     def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
-        """Return facts of the experiments that the table of the folder holds after `run`."""
         entries: dict[str, Any] = self.run(done, context).summary.facts[self.name]
         return entries
 
     def run(self, done: Exploration, context: StepContext) -> Exploration:
-        """Run experiments, and return the search with their column and entries."""
         settings = context.settings
         experiments = Experiments(done.assembly, done.folder, settings.jobs, context.deadline)
         count = settings.experiment or DEFAULT
@@ -230,19 +208,10 @@ class ExperimentStep(Step):
         return with_experiments(done, experiments, settings.by_experiment)
 
 
-def _most_over_load_factor(ranked: pd.DataFrame) -> float | None:
-    """Return the largest ratio of carried load to λ of experiments, None without any."""
-    bounded = ranked[ranked["load_factor"] > 0.0]
-    return float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
-
-
 def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
-    """Return the study with a column `experiment` in its results and facts in its summary.
-
-    objective: True if experiments were the objective. `none_better` is true if no layout without a certified experiment
-    has a larger λ than the most that was carried, and none with one carried over `ACCURACY` more than its λ. What it
-    assumes is `none_better_assumes`, None for nothing.
-    """
+    """Return the study with a column `experiment`, NaN where none was made, and facts in its summary."""
+    # `none_better`: no layout without a certified experiment has a larger λ than the most carried, and none with one
+    # carried over ACCURACY more than its λ
     # Nothing is written. Layouts without an experiment have NaN.
     rows = experiments.rows
     values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
@@ -253,7 +222,9 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
     complete = done.summary.stop_reason == "exhausted" and len(ranked) > 0 and not unknown
     settled = table[~table["status"].isin(["uncertified", "locked"])]["labelling"]
     left = done.results[~done.results["labelling"].isin(settled)]["load_factor_associative"]
-    most, contradicted = _most_over_load_factor(ranked), False
+    bounded = ranked[ranked["load_factor"] > 0.0]
+    most = float((bounded["experiment"] / bounded["load_factor"]).max()) if len(bounded) else None
+    contradicted = False
     if most is not None and len(left):  # Without untested layouts nothing is assumed that could be contradicted.
         from jld_experiment.settings import ACCURACY
 

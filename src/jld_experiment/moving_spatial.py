@@ -1,11 +1,8 @@
-"""Compute forces of spatial faces that follow the geometry, and contacts of corners.
-
-As in `moving`, with finite rotations: contact is lost where a face slides past the rim of another. New contacts arise
-where corners meet other elements. Edges that cross edges, with no corner inside the other element, are not detected.
-"""
+"""Forces of faces that follow the geometry, and contacts of corners; edges across edges are not detected."""
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,39 +11,153 @@ from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector
 from jld_core.strengths import Route
-from jld_experiment.bench import Bench, Motion
-from jld_experiment.energy import compiled
-from jld_experiment.solids import (
-    angle_seen,
-    beyond,
-    dot,
-    is_among,
-    nearest_on_triangle,
-    pressed,
-    triangles_of,
-    turned,
-    turned_back,
-)
+from jld_experiment.bench import Bench, Motion, compiled
 from jld_experiment.subcontacts import SubContacts, numbers_of, record_loss, sub_contact
+
+
+def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
+    """Cut the faces of a solid (v, 3) by ear clipping: triangles (t, 3, 3), and the face (t,) of each."""
+    table, which = [], []
+    for number, face in enumerate(faces):
+        left = list(face)
+        normal = area_vector(vertices[left])
+        while len(left) > 3:
+            ear = next((k for k in range(len(left)) if _is_ear(vertices, left, k, normal)), 0)
+            table.append(vertices[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])
+            which.append(number)
+            del left[ear]
+        table.append(vertices[left])
+        which.append(number)
+    return np.array(table), np.array(which)
+
+
+def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
+    """Return whether corner k of a ring is convex and its triangle contains no other corner."""
+    a, b, c = vertices[ring[k - 1]], vertices[ring[k]], vertices[ring[(k + 1) % len(ring)]]
+    if np.cross(b - a, c - b) @ normal <= 0.0:
+        return False
+    others = [vertices[v] for v in ring if v not in (ring[k - 1], ring[k], ring[(k + 1) % len(ring)])]
+    return not any(
+        min(np.cross(y - x, point - x) @ normal for x, y in ((a, b), (b, c), (c, a))) >= 0.0 for point in others
+    )
+
+
+@compiled
+def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
+    """Set `out` (3,) to matrix (3, 3) · arm (3,)."""
+    for i in range(3):
+        out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
+
+
+@compiled
+def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
+    """Set `out` (3,) to matrixᵀ (3, 3) · arm (3,)."""
+    for i in range(3):
+        out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
+
+
+@compiled
+def dot(one: Floats, two: Floats) -> float:
+    return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
+
+
+@compiled
+def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float) -> None:
+    """Add `sign` × a force (3,) at an arm (3,) from an element's centroid, with its moment, to `force` (n, 6)."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        force[element, i] += sign * part[i]
+        force[element, 3 + i] += sign * (arm[j] * part[k] - arm[k] * part[j])
+
+
+@compiled
+def is_among(table: Ints, row: int, value: int) -> bool:
+    """Return whether a row of a table has a value."""
+    found = False
+    for k in range(table.shape[1]):
+        found = found or table[row, k] == value
+    return found
+
+
+@compiled
+def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
+    """Return the distance of (x, y) from the polygon of rows low … high − 1 of `rim`, 0 inside."""
+    within, least = False, np.inf
+    for k in range(low, high):
+        after = k + 1 if k + 1 < high else low
+        x0, y0, x1, y1 = rim[k, 0], rim[k, 1], rim[after, 0], rim[after, 1]
+        if (y0 > y) != (y1 > y) and x < x0 + (x1 - x0) * (y - y0) / (y1 - y0):
+            within = not within
+        ex, ey = x1 - x0, y1 - y0
+        along = min(max(((x - x0) * ex + (y - y0) * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        least = min(least, (x - x0 - along * ex) ** 2 + (y - y0 - along * ey) ** 2)
+    return 0.0 if within else math.sqrt(least)
+
+
+@compiled
+def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
+    """Set `out` (3,) to the point of a triangle (3, 3) nearest to a point (3,)."""
+    # Source: Ericson, Real-Time Collision Detection, 2005, 5.1.5.
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for i in range(3):
+        u, v = b[i] - a[i], c[i] - a[i]
+        d1 += u * (point[i] - a[i])
+        d2 += v * (point[i] - a[i])
+        d3 += u * (point[i] - b[i])
+        d4 += v * (point[i] - b[i])
+        d5 += u * (point[i] - c[i])
+        d6 += v * (point[i] - c[i])
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    if d1 <= 0.0 and d2 <= 0.0:
+        v, w = 0.0, 0.0
+    elif d3 >= 0.0 and d4 <= d3:
+        v, w = 1.0, 0.0
+    elif d6 >= 0.0 and d5 <= d6:
+        v, w = 0.0, 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v, w = d1 / (d1 - d3), 0.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        v, w = 0.0, d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v = 1.0 - w
+    else:
+        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
+    for i in range(3):
+        out[i] = a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i])
+
+
+@compiled
+def angle_seen(point: Floats, triangle: Floats) -> float:
+    """Return half the signed solid angle, rad, of a triangle (3, 3) seen from a point (3,)."""
+    # The values of all outward triangles sum to 2π inside a solid and to 0 outside. Source: van Oosterom & Strackee
+    # 1983.
+    x, y, z = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        x[i], y[i], z[i] = triangle[0, i] - point[i], triangle[1, i] - point[i], triangle[2, i] - point[i]
+    lx, ly, lz = np.sqrt(dot(x, x)), np.sqrt(dot(y, y)), np.sqrt(dot(z, z))
+    volume = (
+        x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0])
+    )
+    return math.atan2(volume, lx * ly * lz + dot(x, y) * lz + dot(y, z) * lx + dot(z, x) * ly)
+
 
 _ROUTE: Final = Route("the virtual experiment")
 
+# Depth beyond the largest elastic overlap at which a corner begins to press, in typical element sizes: four cells that
+# meet in a point and are compressed must not press by their corners.
 CLEARANCE: Final = 1e-3
-"""Depth beyond the largest elastic overlap at which a corner begins to press, in typical element sizes.
-
-Four cells that meet in a point and are compressed must not press by their corners.
-"""
 
 _NEAR: Final = 0.05  # Distance, in typical element sizes, within which a corner is checked in every step.
 _AROUND: Final = 1.0  # Distance, in typical element sizes, within which a corner is considered at all.
 
 
 class Plane(NamedTuple):
-    """Data of moving planar faces and corners, with shapes at rest about the centroids.
+    """Data of moving planar faces and corners, with shapes at rest about the centroids."""
 
-    There are n elements, m faces, s sub-contacts, c corners and p pairs of a corner and an element that it may meet.
-    Lengths are in scene units. The last six attributes are state and are changed in place.
-    """
+    # n elements, m faces, s sub-contacts, c corners, p pairs of a corner and an element that it may meet; the last six
+    # are state and change in place
 
     centre: Floats  # (n, 2) centroids
     # near, far: (s, 2) arms to each sub-contact from elements a and b
@@ -72,10 +183,7 @@ class Plane(NamedTuple):
 
 
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
-    """Return the data of a planar assembly at rest, with no gap, slip or corner contact.
-
-    kn, ks: (m,) normal and shear springs of the faces, stress per length.
-    """
+    """Return the data of a planar assembly at rest; kn, ks: (m,) springs, stress per length."""
     faces, elements = assembly.interfaces, assembly.elements
     at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
     near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
@@ -107,12 +215,7 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
-    """Return the constants of corner contacts, as `Plane.spring` (6,).
-
-    They are medians over the faces: springs times the area of a sub-contact, and known friction coefficients, 0 without
-    any. The last entry, which `moving_forces` keeps at the largest elastic overlap, starts at 0. kn, ks: (m,) springs
-    of the faces, stress per length.
-    """
+    """Return the constants of corner contacts, `Plane.spring` (6,), as medians over the faces."""
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
     known = assembly.strengths(_ROUTE).friction
     known = known[np.isfinite(known)]
@@ -122,10 +225,7 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
 
 
 def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
-    """Return the pairs (p, 2) of a corner and another element that may meet.
-
-    corner: (c,) element of each corner. places: (c, d) positions of the corners.
-    """
+    """Return the pairs (p, 2) of a corner, at places (c, d), and another element that may meet."""
     # Near corners lie within one typical size of the bounding box of the element. Pairs of two supports are left out.
     elements, around = assembly.elements, _AROUND * typical
     found = []
@@ -148,10 +248,7 @@ def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
 
 
 def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """Return (p, 2) edges along which a pair's element already touches that of the corner.
-
-    The value is −1 where there is no such edge.
-    """
+    """Return (p, 2) edges along which a pair's element already touches that of the corner, else −1."""
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     barred = []
     for c, other in pair.tolist():
@@ -175,10 +272,7 @@ def _edge_along(shape: Floats, contact: Floats) -> int:
 
 @compiled
 def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> None:
-    """Update all sub-contacts at the present positions of the elements and add their forces.
-
-    force: (n, 3) forces and moments of the elements, to which is added.
-    """
+    """Update all sub-contacts at the present positions, and add their forces to `force` (n, 3)."""
     # Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element. A half that
     # has slid past the end of the other face by its tributary length is lost, until it slides back.
     moved, ends, frame = motion.moved, bench.ends, bench.frame
@@ -233,12 +327,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
 
 @compiled
 def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
-    """Return the edge of a pair's element that is nearest to its corner, and where it is met.
-
-    moved: (n, 3) displacements and rotations of the elements. Result: number of the edge within the element, depth of
-    the corner inside the element (length, negative outside), position along the edge (length), and direction (x, y) of
-    the edge at present.
-    """
+    """Return the edge of a pair's element nearest to its corner, depth inside, place along it, and direction (x, y)."""
     c, j = plane.pair[pair, 0], plane.pair[pair, 1]
     i = plane.corner[c]
     ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
@@ -271,11 +360,7 @@ def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, fl
 
 @compiled
 def near_pairs(moved: Floats, plane: Plane) -> Ints:
-    """Return the pairs (k,) of corner and element whose corner is now near the outline.
-
-    Near means within the distance `plane.spring[4]`; the result holds rows of `plane.pair`. Time steps look at these
-    alone. moved: (n, 3) displacements and rotations of the elements.
-    """
+    """Return the pairs (k,) whose corner is now near the outline; time steps look at these alone."""
     found = np.empty(len(plane.pair), dtype=np.int64)
     count = 0
     for pair in range(len(plane.pair)):
@@ -288,11 +373,7 @@ def near_pairs(moved: Floats, plane: Plane) -> Ints:
 
 @compiled
 def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
-    """Add the forces of corners that have entered other elements, with friction.
-
-    pairs: (k,) rows of `plane.pair` to look at. moved: (n, 3) displacements and rotations. force: (n, 3) forces and
-    moments of the elements, to which is added.
-    """
+    """Add the forces of corners of pairs (k,) that have entered other elements, with friction."""
     # A corner on an edge along which its element already has a face gets no force here: the face transfers it.
     kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
     clearance = plane.spring[3] + plane.spring[5]
@@ -333,10 +414,9 @@ _FLUSH: Final = 1e-6  # Distance, in typical element sizes, up to which faces co
 
 
 class Space(NamedTuple):
-    """Data of moving spatial faces and corners, with shapes at rest about the centroids.
+    """Data of moving spatial faces and corners, with shapes at rest about the centroids."""
 
-    The last seven attributes are state and are changed in place.
-    """
+    # the last seven are state and change in place
 
     centre: Floats  # (n, 3) centroids
     # near, far: (s, 3) arms to each sub-contact from elements a and b
@@ -365,7 +445,7 @@ class Space(NamedTuple):
 
 
 def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:
-    """Return the data of a spatial assembly at rest; arguments are those of `plane_of`."""
+    """Return the data of a spatial assembly at rest; kn, ks: (m,) springs, stress per length."""
     faces, elements = assembly.interfaces, assembly.elements
     along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
     at = faces.origin[points.face] + along
@@ -406,10 +486,7 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """Return (p, k) faces along which a pair's element already touches that of the corner.
-
-    −1 where there is no such face.
-    """
+    """Return (p, k) faces along which a pair's element already touches that of the corner, else −1."""
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     found = []
     for c, other in pair.tolist():
@@ -423,7 +500,7 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
-    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's; −1 where there is none."""
+    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's, else −1."""
     # Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them.
     elements, planes = assembly.elements, []
     for shape, sides in zip(elements.shape, elements.faces, strict=True):
@@ -445,7 +522,7 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
 
 
 def _table(rows: list[list[int]]) -> Ints:
-    """Return lists of numbers as one table, filled with −1."""
+    """Return lists as one table, filled with −1."""
     table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
     for line, row in zip(table, rows, strict=True):
         line[: len(row)] = row
@@ -454,10 +531,7 @@ def _table(rows: list[list[int]]) -> Ints:
 
 @compiled
 def turn_along(velocity: Floats, space: Space) -> None:
-    """Rotate the elements by their rotation of one time step (Rodrigues' formula).
-
-    velocity: (n, 6) displacement and rotation vector per step. `space.turn` is changed in place.
-    """
+    """Rotate the elements, `space.turn`, by their rotation of one time step (Rodrigues' formula)."""
     # Here and below numbers are set one by one: each assignment of an array to an array adds a second to compilation.
     spin, was = np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(velocity)):
@@ -559,10 +633,7 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
 
 @compiled
 def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest: Floats) -> tuple[int, float]:
-    """Return the triangle of a pair's element that is nearest to its corner, and the distance.
-
-    moved: (n, 6) displacements.
-    """
+    """Return the triangle of a pair's element that is nearest to its corner, and the distance."""
     # Flush faces are left out. `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's
     # axes at rest.
     c, j = space.pair[pair, 0], space.pair[pair, 1]
@@ -587,10 +658,7 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
 
 @compiled
 def is_inside(point: Floats, pair: int, space: Space) -> bool:
-    """Return True if a point (3,), in the axes at rest of a pair's element, lies within it.
-
-    Flush faces are left out.
-    """
+    """Return whether a point (3,), in the axes at rest of a pair's element, lies within it."""
     # `angle_seen` is half the solid angle: 2π far inside, π in the plane of a face left out, π/2 at the edge of two.
     element, seen = space.pair[pair, 1], 0.0
     for t in range(space.side_first[element], space.side_first[element + 1]):
@@ -601,7 +669,7 @@ def is_inside(point: Floats, pair: int, space: Space) -> bool:
 
 @compiled
 def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
-    """Return the pairs (k,) whose corner is now near its element's surface; see `near_pairs`."""
+    """Return the pairs (k,) whose corner is now near its element's surface."""
     found, count = np.empty(len(space.pair), dtype=np.int64), 0
     point, nearest = np.empty(3), np.empty(3)
     for pair in range(len(space.pair)):
@@ -614,7 +682,7 @@ def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
 
 @compiled
 def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Space) -> None:
-    """Add the corner forces to `force` (n, 6), with arguments as in `corner_forces`."""
+    """Add the forces of corners of pairs (k,) that have entered other elements to `force` (n, 6)."""
     kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
     clearance = space.spring[3] + space.spring[5]
     # Rows of one array would have another memory layout, for which all functions were compiled once more.

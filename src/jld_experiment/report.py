@@ -19,11 +19,7 @@ PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
 
 
 def status_of(curve: Curve) -> str:
-    """Return the status of an experiment in one word.
-
-    "collapse": λ has a highest value on which both rates agree. "uncertified": the rates differ by more than
-    `RATE_ERROR`. "locked": nothing collapsed. "falls" or "creeps": the structure does so under the dead loads alone.
-    """
+    """Return the status of an experiment: collapse, uncertified, locked, falls or creeps."""
     if not curve.stands:
         return str(curve.standing)
     if curve.rising:
@@ -63,7 +59,7 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 
 
 def table(curve: Curve) -> pd.DataFrame:
-    """Return both pushes of an experiment as a table with one row per record."""
+    """Return both pushes as a table with one row per record."""
     # Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
     # `elastic` is the distance over that of the elastic structure at the collapse load. The columns unbalanced, broken
     # and energy_error are NaN for the fast push. The table is empty if the structure does not stand.
@@ -84,12 +80,8 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result of limit analysis with the displacements of an experiment as mechanism.
-
-    `draw_mechanism` and tables can then show the end of the experiment. The displacement is that since the dead loads
-    were in equilibrium, scaled to live power 1. If the structure does not stand or the live loads do not advance, it is
-    scaled to a largest entry of 1.
-    """
+    """Return a result of limit analysis with the displacements of an experiment as mechanism."""
+    # scaled to live power 1, or to a largest entry of 1 where it does not stand or the loads do not advance
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())
     scale = power if curve.stands and power > 0.0 else float(np.abs(moved).max()) or 1.0
@@ -145,7 +137,7 @@ def figure_of(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> Figure:
-    """Draw the curve, the end of the experiment, and the mechanism of limit analysis."""
+    """Draw curve, end of the experiment and mechanism of limit analysis."""
     # The figure is not saved.
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)

@@ -7,26 +7,22 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from jld_core.errors import InputError, ParameterError
+from jld_core.parameters import require_field_types
 
+# relative difference of the collapse loads at two rates above which an experiment is uncertified
 RATE_ERROR: Final = 5e-3
-"""Relative difference of the collapse loads at two rates above which an experiment is uncertified."""
 
+# Smallest relative accuracy of a collapse load that can be claimed: runs with the laws of limit analysis ended up to 1
+# % below λ.
 ACCURACY: Final = 1e-2
-"""Smallest relative accuracy of a collapse load that can be claimed if two rates agree.
 
-Runs with the laws of limit analysis (plastic, associative) ended up to 1 % below λ.
-The push stops on a plateau, and the default scheme and freely closing gaps differ from limit analysis.
-"""
+REST: Final = 1e-7  # unbalanced force, relative to the largest load on an element, below which an assembly is at rest
 
-REST: Final = 1e-7
-"""Unbalanced force, relative to the largest load on an element, below which an assembly is at rest."""
-
-FALL: Final = 0.1
-"""Fall of λ, as a share of the highest λ, that counts as collapse."""
+FALL: Final = 0.1  # fall of λ, as a share of the highest λ, that counts as collapse
 
 
+# damping schemes of `Settings`, in the order of their numbers in the time stepping
 DAMPING_SCHEMES: Final = ("local", "viscous", "combined")
-"""Names of the damping schemes of `Settings`, in the order of their numbers in the time stepping."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +32,7 @@ class Joints:
     Attributes
     ----------
     normal_stiffness, shear_stiffness : float or None
-        Springs, stress per length in scene units (Pa/m).
-        None for a normal spring by which dead loads move the assembly by about 1e-6 of its size, and equal shear.
+        Springs, stress per length in scene units (Pa/m). None: dead loads move the assembly by about 1e-6 of its size.
     inner_ratio : float
         Stiffness of inner faces over that of dry faces.
     dilation : float or "friction"
@@ -45,12 +40,7 @@ class Joints:
     inner : str
         "plastic" keeps tension and shear strength of inner faces; "brittle" loses both when either is exceeded.
     residual_friction : float
-        Friction coefficient of a crack, 0 in Table 2 of the paper.
-
-    Raises
-    ------
-    InputError
-        If a value is invalid.
+        Friction coefficient of a crack.
     """
 
     normal_stiffness: float | None = None
@@ -61,7 +51,7 @@ class Joints:
     residual_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate all values."""
+        require_field_types(self)
         for name in ("normal_stiffness", "shear_stiffness", "inner_ratio"):
             value = getattr(self, name)
             if value is not None and not (value > 0.0 and math.isfinite(value)):
@@ -82,38 +72,30 @@ class Joints:
 class Settings:
     """Numerical settings of an experiment.
 
-    The length of a push is measured in elastic displacements: live·u of the elastic structure at the final load.
-
     Attributes
     ----------
     scheme, segments
-        Positions of sub-contacts on a face and number of segments, see `sub_contacts`.
+        Positions of sub-contacts on a face, and number of segments.
     gaps : str
         "free": an opened joint closes without resistance; "plastic": opening is plastic, for comparison with λ.
     moving : bool
-        Follow the geometry, with new contacts where corners meet other faces.
+        Follow the geometry, with new contacts at corners.
     periods : float
         Slowest periods per elastic displacement in the faster push.
     slower : float
         Factor by which the second push takes longer.
-    hasten : float
-        Elastic displacements after which the rate grows with the displacement.
-    length : float
-        Largest length of a push, elastic displacements.
+    hasten, length : float
+        Elastic displacements after which the rate grows, and after which a push ends.
     records : float
         Points of a curve per slowest period.
     damping_scheme : str
-        "local": a share of the unbalanced force acts against the velocity (Cundall 1987). "combined": half of it, and
-        half against the change of that force, so that a steady movement is damped less. "viscous": a drag on momentum.
+        "local": a share of the unbalanced force acts against the velocity (Cundall 1987). "combined": half of it
+        against
+        the change of that force, which damps steady movement less. "viscous": a drag on momentum.
     damping : float
-        That share; of viscous damping the share of critical damping at the slowest period.
+        That share, or the share of critical damping.
     step : float
-        Time step as a share of the critical step.
-
-    Raises
-    ------
-    InputError
-        If a value is invalid.
+        Share of the critical time step.
     """
 
     scheme: Literal["trapezoid", "simpson", "midpoint", "limit"] = "trapezoid"
@@ -130,7 +112,7 @@ class Settings:
     step: float = 0.5
 
     def __post_init__(self) -> None:
-        """Validate all values."""
+        require_field_types(self)
         for name, low, high in (("damping", 0.0, 1.0), ("step", 0.0, 0.9)):
             if not low < getattr(self, name) < high:
                 raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number between {low} and {high}")

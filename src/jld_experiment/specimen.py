@@ -14,8 +14,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry import moment_about
 from jld_core.strengths import Route
-from jld_experiment.bench import HALF, Bench, Drive, Motion
-from jld_experiment.energy import EnergyBalance
+from jld_experiment.bench import HALF, Bench, Drive, EnergyBalance, Motion
 from jld_experiment.moving_spatial import Plane, Space, plane_of, space_of
 from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
@@ -26,11 +25,7 @@ _BITS: Final = 32  # Binary digits of masses, periods and lengths: 2e-10 of them
 
 @dataclass(frozen=True)
 class System:
-    """Elastic assembly of n rigid elements on springs, with scaled masses.
-
-    The masses are scaled so that a time step of one is the share `step` of the critical step. Times are in such steps,
-    all else in scene units.
-    """
+    """Elastic assembly of n rigid elements on springs; a time step is the share `step` of the critical one."""
 
     ends: Ints  # (m, 2) elements a and b of each face
     frame: Floats  # (m, 6) normals and arms for the time stepping, columns as in `Bench.frame`
@@ -44,10 +39,7 @@ class System:
 
 
 def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
-    """Compute stiffness, scaled masses and periods of an assembly with all faces in contact.
-
-    kn, ks: (m,) normal and shear springs of the faces, stress per length.
-    """
+    """Compute stiffness, scaled masses and periods; kn, ks: (m,) springs of faces, stress per length."""
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
     count = len(elements)
@@ -93,11 +85,7 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
 
 
 def rounded(values: Floats) -> Floats:
-    """Round numbers to `_BITS` binary digits.
-
-    Eigenvalues and solutions of linear equations differ in their last digits between machines. Rounded masses, periods
-    and lengths give equal digits of an experiment, except where a number lies within 1e-16 of a boundary of rounding.
-    """
+    """Round numbers to `_BITS` binary digits, so that experiments have equal digits on all machines."""
     fraction, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(np.ldexp(fraction, _BITS)), exponent - _BITS))
 
@@ -158,11 +146,7 @@ FAR = 1e3  # Displacement, in elastic displacements, beyond which a structure co
 
 
 class Standing(StrEnum):
-    """Behaviour of an assembly under constant loads: it comes to rest, creeps or falls.
-
-    It falls if it moves beyond `FAR` elastic displacements. It creeps if it has neither fallen nor come to rest after
-    `PATIENCE` slowest periods.
-    """
+    """Behaviour under constant loads: rests, creeps after `PATIENCE` periods, or falls beyond `FAR`."""
 
     RESTS = "rests"
     CREEPS = "creeps"
@@ -176,19 +160,18 @@ class State:
     Attributes
     ----------
     moved, velocity : (n, q) float array
-        Displacements and rotations about the centroids (scene units, rad), and their change per time step.
+        Displacements and rotations about the centroids, and their change per time step.
     overlap, pressure : (s,) float array
         Elastic overlap (length) and compressive stress of sub-contacts.
     shear : (s, d − 1) float array
-        Shear stress of sub-contacts.
+        Their shear stress.
     broken : (s,) bool array
-        True for broken sub-contacts.
     before : (n, q) float array
         Unbalanced forces of the step before, for combined damping.
     work : (8,) float array
-        Work of the loads and losses of energy, see `EnergyBalance`.
+        Work of the loads and losses of energy.
     geometry : Plane, Space or None
-        State of a moving geometry, None for a fixed one.
+        State of a moving geometry.
     """
 
     moved: Floats
@@ -209,9 +192,7 @@ class Specimen:
     Attributes
     ----------
     assembly : Assembly
-        Structure.
     labels : (m,) bool array
-        Labels, True = dry.
     points : SubContacts
         Sub-contacts of all faces.
     system : System
@@ -219,11 +200,10 @@ class Specimen:
     bench : Bench
         Constant arrays of the time stepping.
     largest : float
-        Force to which unbalanced forces are relative: the largest dead load on an element, or live load without any.
+        Largest dead load on an element, or live load without any, to which unbalanced forces are relative.
     geometry : Plane, Space or None
-        Initial state of a moving geometry, None for a fixed one.
+        Initial state of a moving geometry.
     settings : Settings
-        Numerical settings.
     """
 
     assembly: Assembly
@@ -260,15 +240,10 @@ class Specimen:
         Parameters
         ----------
         state : State
-            State, changed in place.
+            Changed in place.
         steps : int
-            Number of steps.
-        dead : tuple of (float, float)
-            Share of the dead loads at the first and last step.
-        load_factor : tuple of (float, float)
-            λ at the first and last step.
-        rate : tuple of (float, float), optional
-            Rate of live·u at the first and last step; λ is then the multiplier of this constraint.
+        dead, load_factor, rate : tuple of (float, float)
+            Share of the dead loads, λ, and rate of live·u, whose multiplier λ then is, at the first and last step.
 
         Returns
         -------
@@ -290,24 +265,13 @@ class Specimen:
         return factor, worst / self.largest, speed
 
     def settle(self) -> tuple[State, Standing]:
-        """Apply the dead loads within `SETTLE` slowest periods and wait for rest.
-
-        Returns
-        -------
-        state : State
-            Final state.
-        standing : Standing
-            Behaviour under the dead loads.
-        """
+        """Apply the dead loads within `SETTLE` slowest periods and wait for rest; return state and standing."""
         state, period = self.fresh(), self.system.period
         self.march(state, max(1, round(SETTLE * period)), dead=(0.0, 1.0))
         return state, self.rest(state, 0.0)
 
     def rest(self, state: State, load_factor: float) -> Standing:
-        """Wait for rest at a load factor; return whether the state rests, falls or creeps.
-
-        The state is changed in place. Unbalanced forces up to `REST`, relative to `largest`, count as rest.
-        """
+        """Wait for rest at a load factor, changing the state; return whether it rests, falls or creeps."""
         period = max(1, round(self.system.period))
         limit = FAR * (self.system.sag + abs(load_factor) * self.system.swing)
         for _ in range(int(PATIENCE)):
@@ -320,18 +284,7 @@ class Specimen:
         return Standing.CREEPS
 
     def energy(self, state: State) -> EnergyBalance:
-        """Return the balance of energy from the unloaded structure to a state.
-
-        Parameters
-        ----------
-        state : State
-            State of this specimen, reached by `march`.
-
-        Returns
-        -------
-        EnergyBalance
-            Work of loads, stored energy and losses, scene units.
-        """
+        """Return the balance of energy, scene units, from the unloaded structure to a state."""
         d, inverse = self.assembly.dimension, self.bench.inverse
         columns = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
         held = columns == 0.0
@@ -344,10 +297,7 @@ class Specimen:
         return EnergyBalance(dead, live, damping, friction, flow, fracture, corners, kinetic, elastic)
 
     def resultants(self, state: State) -> Floats:
-        """Return the resultants (m, q) of all faces with the signs of limit analysis, scene units.
-
-        The columns are N, V, M in the plane and N, V1, V2, M1, M2, MT in space.
-        """
+        """Return the resultants (m, q) of all faces with the signs of limit analysis, scene units."""
         place, face, count = self.points.place, self.points.face, len(self.labels)
         area = place[:, -1]
         normal, shear = state.pressure * area, state.shear * area[:, None]
@@ -361,7 +311,6 @@ class Specimen:
 
 
 def copied(state: State) -> State:
-    """Return an independent copy of a state."""
     return copy.deepcopy(state)
 
 
@@ -371,18 +320,13 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
     Parameters
     ----------
     assembly : Assembly
-        Structure.
     labels : (m,) bool array
-        Labels, True = dry.
     joints : Joints
-        Properties of faces.
     settings : Settings
-        Numerical settings.
 
     Returns
     -------
     Specimen
-        Assembly with springs, masses and sub-contacts.
 
     Raises
     ------
@@ -428,10 +372,7 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
 
 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
-    """Return the (m, 8) law of every face, columns as in `laws`.
-
-    Raises InputError if a material is missing.
-    """
+    """Return the (m, 8) law of every face; InputError if a material is missing."""
     # Tension is limited by the apex of the friction cone.
     own = assembly.strengths(_ROUTE).under(labels)
     friction, tension = own.friction, own.tension

@@ -12,11 +12,9 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import ParameterError
 from jld_core.geometry import area_of
-from jld_experiment.bench import FLOW, FRACTURE, FRICTION
-from jld_experiment.energy import compiled
+from jld_experiment.bench import FLOW, FRACTURE, FRICTION, compiled
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
-"""Names of the schemes of `sub_contacts`."""
 
 
 @dataclass(frozen=True)
@@ -30,25 +28,7 @@ class SubContacts:
 
 
 def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -> SubContacts:
-    """Compute points and areas of sub-contacts by one of four schemes.
-
-    - trapezoid: ends of equal segments, each with its tributary area, as in distinct-element codes.
-    - simpson: ends and midpoints of the segments, weights 1 : 4 : 1.
-    - midpoint: midpoints of the segments.
-    - limit: the points at which a normal force exhausts a face in limit analysis.
-      These are ±l/2 for dry faces and ±l/6 for inner faces (kern of a rectangle). The number of segments has no
-      effect.
-
-    On a spatial rectangle the schemes are products along e1 and e2.
-    On other polygons trapezoid and limit place points at the corners.
-    For limit and inner faces they lie a third of the way from the centroid.
-    The scheme midpoint uses the centroids of the triangles between centroid and edges.
-    If the centroid does not see all edges, it uses triangles between corners.
-    The scheme simpson adds the midpoints of the edges.
-    Areas integrate moments of the polygon to first order, by the least change of the tributary areas.
-
-    Raises InputError for an unknown scheme or too few segments (1, for midpoint 2).
-    """
+    """Compute points and areas of sub-contacts by one of `SCHEMES`; InputError for too few segments."""
     if scheme not in SCHEMES:
         raise ParameterError("scheme", f"no scheme is named {scheme!r}", " or ".join(SCHEMES))
     if segments < 1 or (scheme == "midpoint" and segments < 2):
@@ -118,10 +98,7 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
 
 
 def _cut(corners: Floats) -> Floats:
-    """Return (t, 3, 2) triangles of a polygon about its centroid.
-
-    They include the centroid if it sees all edges.
-    """
+    """Return (t, 3, 2) triangles of a polygon about its centroid, with it if it sees all edges."""
     after = np.roll(corners, -1, axis=0)
     signed = corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]
     if np.all(signed > 0.0) or np.all(signed < 0.0):
@@ -132,7 +109,7 @@ def _cut(corners: Floats) -> Floats:
 
 
 def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
-    """Return (segments², 2) centroids of the equal triangles of a split triangle with corners base, one, two (2,)."""
+    """Return (segments², 2) centroids of the equal parts of a triangle base, one, two (2,)."""
     one, two, found = one - base, two - base, []
     for i in range(segments):
         for j in range(segments - i):
@@ -181,8 +158,8 @@ def _balanced(points: Floats, areas: Floats) -> Floats:
     return np.asarray(areas - areas * (rows.T @ np.linalg.solve((rows * areas) @ rows.T, off)))
 
 
+# row of `law` for one face: kn, ks, friction, dilation, strength (shear at p = 0), tension, crushing, residual
 Law = tuple[float, float, float, float, float, float, float, float]
-"""Row of `law` for one face: kn, ks, friction, dilation, strength (shear at p = 0), tension, crushing, residual."""
 
 
 @compiled
@@ -252,11 +229,7 @@ def contact_stress(
     crushing: float,
     gaps: bool,
 ) -> tuple[float, float, float]:
-    """Return a sub-contact from an elastic trial to its yield surface, per unit of area.
-
-    gaps: True if an opened gap stays open on reversal; False if opening is plastic. Result: overlap, compressive stress
-    and size of the shear stress.
-    """
+    """Return overlap, compressive stress and size of shear from an elastic trial to the yield surface."""
     # The return is the closest point in the elastic energy where dilation equals friction. With compressive stress p
     # and shear stress q it maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ, where γ = (|q| − c − μp) / (ks + μ ψ kn) is the
     # slip and c the strength. At the corner p = −σt (σt: tension) the shear stress is limited to |q| ≤ c − μσt.

@@ -1,15 +1,11 @@
-"""Advance an assembly in time, with forces of faces whose geometry is fixed.
-
-The scheme is central differences with a time step of one. The caller scales masses so that this step is stable.
-"""
+"""Advance an assembly in time by central differences with a time step of one, for which masses are scaled."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion
-from jld_experiment.energy import compiled
+from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion, compiled
 from jld_experiment.moving_spatial import (
     Plane,
     Space,
@@ -26,10 +22,7 @@ from jld_experiment.subcontacts import numbers_of, record_loss, sub_contact
 
 @compiled
 def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
-    """Advance every planar sub-contact by one step and add the forces of its face.
-
-    force: (n, 3) forces and moments of the elements, to which is added.
-    """
+    """Advance every planar sub-contact by one step and add its forces to `force` (n, 3)."""
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
     overlap, pressure, shear, broken, dry = motion.overlap, motion.pressure, motion.shear, motion.broken, bench.dry
@@ -68,7 +61,7 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 @compiled
 def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
-    """Advance every spatial sub-contact by one step and add the forces of its face."""
+    """Advance every spatial sub-contact by one step and add its forces to `force` (n, 6)."""
     # All is as in `planar_forces`, with `force` (n, 6).
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
@@ -128,10 +121,7 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 @compiled
 def drag_on(part: int, i: int, bench: Bench, motion: Motion, force: Floats, drive: Drive, drag: Floats) -> None:
-    """Set the damping forces on the translation (part 0) or rotation (part 1) of element i.
-
-    force: (n, q) unbalanced forces. drag: (n, q), rows of this part are set; damping is subtracted from the forces.
-    """
+    """Set the damping forces `drag` (n, q) on the translation (part 0) or rotation (part 1) of element i."""
     velocity, before = motion.velocity, motion.before
     q = velocity.shape[1]
     d = 2 if q == 3 else 3
@@ -158,10 +148,9 @@ def drag_on(part: int, i: int, bench: Bench, motion: Motion, force: Floats, driv
 def driven(
     bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float, drag: Floats
 ) -> tuple[float, float, float]:
-    """Update velocities by one step under given forces; return λ and convergence measures.
+    """Update velocities by one step; return λ, largest unbalanced force and displacement per step.
 
-    force: (n, q) forces without live loads; changed. drag: (n, q), set to the damping forces. Result: λ, largest
-    unbalanced force and largest displacement per step.
+    force: (n, q) without live loads, changed. drag: (n, q), set to the damping forces.
     """
     # λ is prescribed, or the multiplier that gives live·u its prescribed rate. Moments and rotations are compared with
     # forces and displacements by `bench.radius`.
@@ -231,10 +220,7 @@ def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: floa
 
 @compiled
 def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float, float, float]:
-    """Advance by a number of steps with fixed geometry, planar or spatial; `motion` is changed in place.
-
-    Result: mean of λ, largest unbalanced force and largest displacement of an element in one step, scene units.
-    """
+    """Advance by steps with fixed geometry: mean λ, largest unbalanced force and displacement per step."""
     force, drag = np.empty_like(motion.velocity), np.zeros_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):
@@ -251,10 +237,7 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
 
 @compiled
 def power_of_rest(force: Floats, part: Floats, velocity: Floats) -> float:
-    """Return the power of force − part at a velocity, all (n, q).
-
-    The difference is the forces added after `part`.
-    """
+    """Return the power at a velocity of the forces added after `part`, all (n, q)."""
     power = 0.0
     for i in range(force.shape[0]):
         for j in range(force.shape[1]):
@@ -264,7 +247,7 @@ def power_of_rest(force: Floats, part: Floats, velocity: Floats) -> float:
 
 @compiled
 def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane: Plane) -> tuple[float, float, float]:
-    """Advance planar faces that follow the geometry, with contacts of corners; see `march`."""
+    """Advance as `march` planar faces that follow the geometry, with contacts of corners."""
     shape = motion.velocity.shape
     force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
@@ -286,7 +269,7 @@ def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane
 
 @compiled
 def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space: Space) -> tuple[float, float, float]:
-    """Advance spatial faces that follow the geometry, with contacts of corners; see `march`."""
+    """Advance as `march` spatial faces that follow the geometry, with contacts of corners."""
     shape = motion.velocity.shape
     force, drag, faces = np.empty(shape), np.zeros(shape), np.empty(shape)
     mean, worst, fastest = 0.0, 0.0, 0.0

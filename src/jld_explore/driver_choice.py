@@ -9,9 +9,6 @@ from functools import partial
 from typing import Final
 
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence import Laying
-from jld_core.assembly_sequence.constraint import SequenceConstraint
-from jld_core.assembly_sequence.order import words_of_fall
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.memory import memory_limit
@@ -98,19 +95,10 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
         if seconds is None and space.laying.undecided:
             problem = f"no layout was found that {wish}"
             open_question = f", and for {space.laying.undecided} of them the search for an order stopped at its limit"
-        farthest = _farthest(space.laying) if standing else None
-        if farthest is not None and farthest.first_fall is not None:
-            open_question += f"; the one that gets farthest falls at {words_of_fall(farthest, *farthest.first_fall)}"
+        farthest = space.laying.words_of_farthest(_SAYING) if standing else None
+        if farthest is not None:
+            open_question += f"; the one that gets farthest falls at {farthest}"
     return InputError(where, problem + open_question, remedy if seconds is None else f"{remedy}, or more seconds")
-
-
-def _farthest(laying: SequenceConstraint) -> Laying | None:
-    """Return the refused order that gets farthest, None if none is found within a second."""
-    try:
-        with Deadline(_SAYING).enforced():
-            return laying.farthest()
-    except DeadlinePassed:
-        return None
 
 
 def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:

@@ -25,7 +25,7 @@ from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
 from jld_explore.report import Exploration, Summary
-from jld_explore.report.result_files import write_results
+from jld_explore.report.tables import write_results
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
 

@@ -14,7 +14,7 @@ from jld_core.deadline import Deadline
 from jld_core.files import write_text
 from jld_core.scene import Scene
 from jld_explore.report import Exploration, Summary
-from jld_explore.report.result_files import write_results
+from jld_explore.report.tables import write_results
 from jld_explore.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 

@@ -1,4 +1,4 @@
-"""Upper bound on λ over a box of positions by one mechanism, docs/method.md (11.7)."""
+"""Upper bound on λ over a box of positions by one mechanism, docs/method.md (11.7), and its certificate."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
 import shapely
 
+from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
@@ -26,6 +29,8 @@ from jld_core.scene.move import Move
 from jld_core.solvers.highs import highs_of
 from jld_core.strengths import Route
 from jld_core.threads import one_thread
+from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, write
+from jld_geometry.boxes import check_boxes
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.limits import loads_that_move
 from jld_geometry.moved_scene import MovedScene
@@ -62,18 +67,13 @@ class BoxBound:
 
 
 class BoxProblem:
-    """Bounds on λ of one load case over boxes of up to four parameters.
-
-    Positions are X = X0 + Σ y_j D_j, with the p parameters y and the positions X0 of `mesh`. All faces are dry, without
-    shear strength and compressive strength.
-
-    assembly: planar assembly at y = 0, with one load case. labels: (m,) True = dry. mesh: its vertices. directions: (p,
-    v, 2) D, the movements of all vertices by each parameter. Raises InputError: a face is inner or has a shear or
-    compressive strength, or a load on an element that changes is neither fixed nor proportional to its volume.
-    """
+    """Bounds on λ of one planar case of dry faces, over boxes of up to four parameters."""
 
     def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, directions: Floats) -> None:
-        _require_dry(assembly, labels)
+        # positions are X0 + Σ y_j D_j, with the places of the mesh and the directions D (p, v, 2)
+        if not labels.all():
+            raise ParameterError("prove", "a bound over a box of positions knows dry joints alone", "no proof")
+        assembly.strengths(_ROUTE, labels)  # refuses what it does not know
         self._assembly, self._mesh, self._directions = assembly, mesh, directions
         scaling = scaling_of(assembly)
         self.unit = scaling.load
@@ -97,18 +97,12 @@ class BoxProblem:
     # --- geometry over a box ----------------------------------------------------------------------------
 
     def corners(self, low: Floats, high: Floats) -> Floats:
-        """Return the positions (2^p, v, 2) of all vertices at the corners of a box.
-
-        low, high: (p,) bounds on the parameters y, lengths.
-        """
+        """Return the positions (2^p, v, 2) of all vertices at the corners of a box."""
         ends = np.array(list(itertools.product(*zip(low.tolist(), high.tolist(), strict=True)))).reshape(-1, len(low))
         return np.asarray(self._mesh.places + np.einsum("cp,pvd->cvd", ends, self._directions))
 
     def require_valid(self, low: Floats, high: Floats) -> None:
-        """Raise ParameterError where a box turns an element over or makes it meet itself.
-
-        low, high: (p,) bounds on the parameters, lengths.
-        """
+        """Raise ParameterError where a box turns an element over or makes it meet itself."""
         # Bounds hold for boxes that pass this check alone.
         places, ids = self.corners(low, high), self._assembly.elements.ids
         area, _ = self._bernstein_moments(low, high)
@@ -120,11 +114,8 @@ class BoxProblem:
                 raise ParameterError("prove", problem, "a smaller box")
 
     def _bernstein_moments(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box.
-
-        low, high: (p,) bounds on the parameters, lengths. Moments are about the present centroids. Values in the box
-        lie within the convex hull of the rows.
-        """
+        """Return areas (4^p, n) and first moments (4^p, n, 2) in Bernstein form over a box."""
+        # moments are about the present centroids; values in the box lie within the hull of the rows
         count = len(low)
         shares = np.array(list(itertools.product(*[(0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)] * count))).reshape(-1, count)
         values = low + shares * (high - low)
@@ -143,11 +134,7 @@ class BoxProblem:
         return both[..., 0], both[..., 1:]
 
     def loads(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Compute the scaled dead and live loads on free elements over a box, in Bernstein form.
-
-        low, high: (p,) bounds on the parameters, lengths. Each result is (4^p, 3·free): force x, force y and moment of
-        each free element in turn. The loads at any position in the box lie within the convex hull of the rows.
-        """
+        """Compute scaled dead and live loads on free elements over a box: (4^p, 3·free) in Bernstein form."""
         area, moment = self._bernstein_moments(low, high)
         free = self._assembly.elements.free
         whole = self._mesh_areas()
@@ -173,12 +160,11 @@ class BoxProblem:
         return np.array(areas)
 
     def generators(self, low: Floats, high: Floats) -> tuple[Floats, Floats] | None:
-        """Return extreme contact forces on free elements, which generate all forces in a box.
+        """Return forces (g, 3·free) that generate all contact forces in a box, and their magnitudes.
 
-        low, high: (p,) bounds on the parameters, lengths. Both results are (g, 3·free), scaled: the forces, and the
-        magnitudes of the terms that each entry sums. The magnitudes bound rounding errors. None where the force
-        directions at one face span half a turn.
+        None where the force directions at one face span half a turn.
         """
+        # magnitudes bound the rounding errors
         places = self.corners(low, high)
         faces, elements = self._assembly.interfaces, self._assembly.elements
         friction = self._assembly.strengths(_ROUTE, np.ones_like(self._assembly.labels)).friction
@@ -209,11 +195,7 @@ class BoxProblem:
         return np.concatenate(rows), np.concatenate(sizes)
 
     def motion(self, velocity: Floats) -> Floats:
-        """Convert scaled velocities of free elements to velocities (n, 3) of all elements.
-
-        velocity: (3·free,) as in `BoxBound`. Rows are (ux, uy, ω) about the centroids, 0 for supports. Their common
-        scale is arbitrary.
-        """
+        """Convert scaled velocities (3·free,) to velocities (n, 3) about the centroids, up to a factor."""
         found = np.zeros((len(self._row), 3))
         found[self._row >= 0] = velocity.reshape(-1, 3)
         found[:, 2] /= self._length
@@ -222,11 +204,7 @@ class BoxProblem:
     # --- bound ------------------------------------------------------------------------------------------
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Return a proven bound on λ, in scene units, of every position in a box.
-
-        low, high: (p,) bounds on the parameters, lengths; check them by `require_valid` first. The bound is inf where
-        no mechanism is found that is valid in the whole box.
-        """
+        """Return a proven bound on λ, scene units, of every position in a valid box; inf without one."""
         cone = self.generators(low, high)
         if cone is None:
             return BoxBound(math.inf, None)
@@ -243,11 +221,8 @@ class BoxProblem:
     def _weighed(
         self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
     ) -> tuple[float, Floats | None]:
-        """Repair a mechanism over a box; return its scaled bound on λ, and the repaired mechanism.
-
-        velocity: (3·free,) mechanism. forces, sizes: (g, 3·free) of `generators`. parameters: p. Possible rounding
-        errors count against the proof. The bound is −inf where no position stands; (inf, None) if no repair succeeds.
-        """
+        """Repair a mechanism (3·free,) over a box; return its scaled bound on λ, and the mechanism."""
+        # possible rounding errors count against the proof; −inf where no position stands, inf without a repair
         # coordinates far from the origin have lost digits before areas and moments are formed
         growth = _ROUNDED * _GROWTH**parameters * (1.0 + float(abs(self._mesh.places).max()) / self._length)
         opening: Floats | None = None
@@ -271,13 +246,6 @@ class BoxProblem:
         return math.inf, None
 
 
-def _require_dry(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for faces that are inner, or have more than friction."""
-    if not labels.all():
-        raise ParameterError("prove", "a bound over a box of positions knows dry joints alone", "no proof")
-    assembly.strengths(_ROUTE, labels)  # refuses what it does not know
-
-
 def _extremes(force: Floats) -> Floats | None:
     """Return the two outermost (2, 2) of unit vectors (k, 2); None if they span half a turn."""
     middle = force.sum(axis=0)
@@ -290,10 +258,7 @@ def _extremes(force: Floats) -> Floats | None:
 
 
 def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = False) -> Floats | None:
-    """Find the mechanism (3·free,) with the least upper bound on λ over a box; unverified.
-
-    forces: (g, 3·free) contact forces, on which it does no negative work.
-    """
+    """Find the mechanism (3·free,) of least bound on λ over a box, by contact forces (g, 3·free); unverified."""
     count = forces.shape[1]
     rows = np.zeros((len(forces) + len(live) + len(dead), count + 1))
     rows[:, :-1] = np.vstack([forces, live, dead])
@@ -312,10 +277,7 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
 
 
 def _opening(forces: Floats) -> Floats | None:
-    """Find velocities (3·free,), at most 1 each, that maximise the least power of all forces.
-
-    forces: (g, 3·free) contact forces. None if the solver fails.
-    """
+    """Find velocities (3·free,), at most 1 each, that maximise the least power of all contact forces."""
     count = forces.shape[1]
     rows = np.hstack([forces, -np.ones((len(forces), 1))])
     objective = np.append(np.zeros(count), -1.0)
@@ -324,11 +286,7 @@ def _opening(forces: Floats) -> Floats | None:
 
 
 def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
-    """Minimise objective·x subject to rows @ x ≥ low and least ≤ x ≤ most.
-
-    rows: (r, c). objective, least, most: (c,). low: (r,). Returns the first `count` values of x; None unless the solver
-    reports an optimum.
-    """
+    """Minimise objective·x subject to rows @ x ≥ low and bounds; return `count` values of x, or None."""
     high = np.full(len(low), np.inf)
     highs = highs_of(sp.csc_array(rows), objective, low, high, least, most, _HIGHS)
     highs.run()
@@ -418,10 +376,7 @@ class _Search:
         self.best: tuple[float, Floats, LimitAnalysisResult] | None = None
 
     def bound(self, low: Floats, high: Floats) -> BoxBound:
-        """Bound the governing load factor over a box: the least bound of all load cases.
-
-        low, high: (p,) ends of the box, lengths. The bound of each case is divided by its required load factor.
-        """
+        """Bound the governing load factor over a box: the least bound of all load cases."""
         self.boxes += 1
         found = [one.bound(low, high) for one in self.problems]
         values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
@@ -438,10 +393,7 @@ class _Search:
         return np.asarray(self.mesh.places + np.einsum("p,pvd->vd", parameters, self.directions))
 
     def try_position(self, parameters: Floats) -> LimitAnalysisResult | None:
-        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far.
-
-        None where no valid scene has this position.
-        """
+        """Analyse the scene at parameters (p,), and keep the position if its λ is the best so far."""
         try:
             assembly = build_assembly(self.moved.at(self.places(parameters)))
         except InputError:
@@ -453,11 +405,9 @@ class _Search:
         return result
 
     def split(self, low: Floats, high: Floats, whole: Floats) -> tuple[int, list[tuple[BoxBound, Floats, Floats]]]:
-        """Halve a box along the parameter for which the larger bound of both halves is least.
+        """Halve a box where the larger bound of both halves is least; return parameter and halves.
 
-        low, high: (p,) ends of the box. whole: (p,) size of the first box; all are lengths. Parameters along which the
-        box is relatively narrow are not tried. Returns the parameter, and for each half its bound, low (p,) and high
-        (p,).
+        Each half has bound, low and high (p,). whole: (p,) size of the first box.
         """
         choices = []
         wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
@@ -484,11 +434,7 @@ def prove_box(
     seconds: float = math.inf,
     progress: Callable[[float, float, int], None] | None = None,
 ) -> ProvenBox:
-    """Find the best geometry in a box of positions, and prove a bound on λ of all of them.
-
-    labels: (m,) True = dry. Raises InputError: the structure is not of dry joints alone, the box has more than four
-    parameters or turns a cell over, or no position that was tried stands.
-    """
+    """Find the best geometry in a box of positions, and prove a bound on λ of all of them."""
     # docs/method.md (11.7).
     began = time.perf_counter()
     search = _Search(scene, assembly, labels)
@@ -557,10 +503,7 @@ def _branch(
     deadline: float,
     progress: Callable[[float, float, int], None] | None,
 ) -> float:
-    """Split the box of largest bound until the gap is closed or time is up; return a bound on all positions in the box.
-
-    low, high: (p,) of the whole box, lengths.
-    """
+    """Split the box of largest bound until gap or time end; return a bound on all positions."""
     whole = high - low
     heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf
@@ -588,3 +531,80 @@ def _branch(
                 heapq.heappush(heap, (-child.bound, number, start, end, child))
         node.motion = None  # its halves have their own
     return closed
+
+
+# Claimed bound above the one of the search, relative: rounding of its sums and of the load factors required
+_RELATIVE_SLACK: Final = 1e-9
+
+
+def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
+    """Return the claim of a certificate, its bound raised for rounding, and its nodes, each before its halves."""
+    nodes = list(_nodes(done.tree, done))
+    places = done.places - done.moved
+    directions = tuple(
+        tuple(
+            (tuple(place.tolist()), tuple(way.tolist())) for place, way in zip(places, motion, strict=True) if way.any()
+        )
+        for motion in done.directions
+    )
+    claim = BoxClaim(
+        scene=done.stated.model_dump(mode="json", exclude_defaults=True),
+        bound=done.bound + _RELATIVE_SLACK * abs(done.bound),
+        box=tuple(zip(done.low.tolist(), done.high.tolist(), strict=True)),
+        directions=directions,
+        parameters=tuple(done.parameters.tolist()),
+        load_factor=done.load_factor,
+        made_by=f"jld {__version__}",
+    )
+    return claim, nodes
+
+
+def _nodes(tree: BoxNode, done: ProvenBox) -> list[Node]:
+    """Return the nodes of a tree, each before its halves; InputError without a finite bound."""
+    found: list[Node] = []
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if node.halves:
+            found.append(Split(node.axis, node.at))
+            waiting += node.halves[::-1]
+            continue
+        if node.motion is None or not math.isfinite(done.bound):
+            raise InputError("certificate", "no bound was proven", "a smaller box, or more time")
+        found.append(_leaf(node, done))
+    return found
+
+
+def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
+    """Return the leaf of a certificate for a node with a mechanism, without rounding."""
+    # Velocities are about the origin, as integers over a power of two.
+    assert node.motion is not None
+    exact = {}
+    for element, (motion, centre) in enumerate(zip(node.motion.tolist(), done.centroids.tolist(), strict=True)):
+        if any(motion):
+            ux, uy, turn = (Fraction(value) for value in motion)
+            x, y = (Fraction(value) for value in centre)
+            exact[element] = (ux + turn * y, uy - turn * x, turn)
+    digits = max((value.denominator.bit_length() - 1 for three in exact.values() for value in three), default=0)
+    moves = {element: tuple(int(value * (1 << digits)) for value in three) for element, three in exact.items()}
+    return Leaf(node.case, digits, moves)
+
+
+def write_box_certificate(done: ProvenBox, path: Path) -> None:
+    """Write the certificate of a proof over a box of positions, for `jld verify`."""
+    claim, nodes = box_claim(done)
+    write(path, claim, nodes)
+
+
+def check_proof(done: ProvenBox) -> tuple[bool | None, float, str]:
+    """Check a proof by exact arithmetic: whether it holds, None without one; seconds; and a reason."""
+    start = time.perf_counter()
+    try:
+        claim, nodes = box_claim(done)
+    except InputError as error:
+        return None, time.perf_counter() - start, error.problem
+    try:
+        check_boxes(done.stated, claim, nodes)
+    except InputError as error:
+        return False, time.perf_counter() - start, f"{error.where}: {error.problem}"
+    return True, time.perf_counter() - start, ""

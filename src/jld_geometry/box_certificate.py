@@ -1,7 +1,4 @@
-"""Read and write certificates of proofs over boxes: JSON lines with claim, tree, digest.
-
-The tree is written node by node, a split before both of its halves, the lower one first.
-"""
+"""Read and write certificates of proofs over boxes: JSON lines with claim, tree, digest."""
 
 from __future__ import annotations
 
@@ -15,17 +12,14 @@ from typing import Any, Final
 from jld_core.errors import InputError
 from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of, write_lines
 
-VERSION: Final = 1
-"""Version of the file format."""
+VERSION: Final = 1  # version of the file format
 
-KEY: Final = "jld box certificate"
-"""Key of the version in the first line."""
+KEY: Final = "jld box certificate"  # key of the version in the first line
 
 # Remedy in error messages about a damaged certificate
 _EXPECTED: Final = "a certificate as jld move --prove --certificate writes it"
 
-Pair = tuple[float, float]
-"""Two numbers: a point, a displacement, or the ends of an interval."""
+Pair = tuple[float, float]  # a point, a displacement, or the ends of an interval
 
 
 @dataclass(frozen=True)
@@ -44,7 +38,7 @@ class BoxClaim:
 
 @dataclass(frozen=True)
 class Split:
-    """Node of the tree: the box is split into two along one parameter."""
+    """Node of the tree: the box is split into two along one parameter, the lower half first."""
 
     axis: int  # index of the parameter
     at: float  # value of the parameter at the common end of both halves, length
@@ -72,7 +66,6 @@ def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
 
 
 def _line(node: Node) -> dict[str, Any]:
-    """Return a node as a JSON object."""
     if isinstance(node, Split):
         return {"split": node.axis, "at": node.at}
     moves = {str(element): velocity for element, velocity in node.moves.items()}
@@ -80,11 +73,7 @@ def _line(node: Node) -> dict[str, Any]:
 
 
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
-    """Read a certificate without checking its tree.
-
-    Returns the claim, whose scene is not validated, and the nodes in the order of their lines. Raises InputError if the
-    file cannot be read, is no such certificate, or is not whole.
-    """
+    """Read a certificate without checking scene and tree; InputError if it is damaged."""
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:
@@ -112,7 +101,7 @@ def read(path: Path) -> tuple[BoxClaim, list[Node]]:
 
 
 def _claim(head: dict[str, Any]) -> BoxClaim:
-    """Return the claim of a first line without its version; raise ValueError if it is invalid."""
+    """Read the claim of a first line without its version; raise ValueError if it is invalid."""
     if not isinstance(head["scene"], dict) or not isinstance(head["made_by"], str):
         raise ValueError
     box = tuple(_pair(ends) for ends in head["box"])
@@ -128,7 +117,7 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Return the node of a line; raise ValueError for an invalid line."""
+    """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
         (axis,) = numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -144,7 +133,7 @@ def _node(line: dict[str, Any]) -> Node:
 
 
 def _number(value: object) -> float:
-    """Return a finite JSON number; raise ValueError for anything else."""
+    """Return a finite number; raise ValueError for anything else."""
     found = finite(value)
     if found is None:
         raise ValueError
@@ -152,7 +141,7 @@ def _number(value: object) -> float:
 
 
 def _pair(values: object) -> Pair:
-    """Return a list of two finite numbers; raise ValueError for anything else."""
+    """Return two finite numbers; raise ValueError for anything else."""
     if not isinstance(values, list) or len(values) != 2:
         raise ValueError
     return _number(values[0]), _number(values[1])

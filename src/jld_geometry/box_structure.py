@@ -1,11 +1,9 @@
-"""Dry structure with corners that move: faces and loads as exact polynomials.
-
-Everything is computed from its scene alone.
-"""
+"""Dry structure with corners that move: faces and loads as exact polynomials, from its scene alone."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final
@@ -16,12 +14,58 @@ from jld_core.scene import Scene
 from jld_core.scene.uncertain import with_means
 from jld_core.strengths import Route
 from jld_geometry.box_certificate import BoxClaim, Pair
-from jld_geometry.polynomials import Polynomial, add, product
+
+# coefficients by the exponents of the parameters; those left out are zero
+Polynomial = dict[tuple[int, ...], Fraction | int]
+
+
+def product(one: Polynomial, other: Polynomial) -> Polynomial:
+    found: Polynomial = {}
+    for left, factor in one.items():
+        for right, value in other.items():
+            power = tuple(a + b for a, b in zip(left, right, strict=True))
+            found[power] = found.get(power, 0) + factor * value
+    return found
+
+
+def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], factor: Fraction | int = 1) -> None:
+    """Add a multiple of a polynomial to another one, which is changed."""
+    for power, value in term.items():
+        total[power] = total.get(power, 0) + factor * value
+
+
+def is_at_least_zero(polynomial: Polynomial, parameters: int, degree: int, *, strictly: bool = False) -> bool:
+    """Return whether Bernstein coefficients prove a polynomial non-negative on the unit box."""
+    terms = [(power, value) for power, value in polynomial.items() if value]
+    if not terms:
+        return not strictly
+    if all(not any(power) for power, _ in terms):
+        return terms[0][1] > 0
+    weights = _weights(degree)
+    places: list[tuple[int, ...]] = [()]
+    for _ in range(parameters):
+        places = [(*place, k) for place in places for k in range(degree + 1)]
+    for place in places:
+        total: Fraction | int = 0
+        for power, value in terms:
+            weight = 1
+            for k, exponent in zip(place, power, strict=True):
+                weight *= weights[k][exponent]
+            total += weight * value
+        if total < 0 or (strictly and total == 0):
+            return False
+    return True
+
+
+def _weights(degree: int) -> list[list[int]]:
+    """Return binom(k, j) / binom(degree, j) times a common denominator, as [k][j]."""
+    shared = math.lcm(*(math.comb(degree, j) for j in range(degree + 1)))
+    return [[math.comb(k, j) * shared // math.comb(degree, j) for j in range(degree + 1)] for k in range(degree + 1)]
+
 
 _ROUTE: Final = Route("certificates of boxes", frozenset({"friction"}))
 
-Vector = tuple[Fraction, Fraction]
-"""Exact vector or point in the plane."""
+Vector = tuple[Fraction, Fraction]  # exact vector or point in the plane
 
 _MOST: Final = 4  # largest number of parameters
 
@@ -46,12 +90,7 @@ class Loads:
 
 
 class BoxStructure:
-    """Structure of a claim: exact outlines, joints, and loads of every case.
-
-    claim: statement with the points that move. joints: all faces. cases: dead and live loads of each case, and its
-    required load factor. free: elements that are no supports. parameters: number of parameters. Raises InputError: the
-    scene is not of dry joints alone, or holds something that is not checked here.
-    """
+    """Structure of a claim: exact outlines, joints, and loads of every case."""
 
     def __init__(self, scene: Scene, claim: BoxClaim) -> None:
         self.parameters = len(claim.box)
@@ -78,10 +117,7 @@ class BoxStructure:
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
-        """Return the displacement by each parameter of every point that moves.
-
-        Raises InputError if a direction names a point twice, or a point that is no corner of an element.
-        """
+        """Return the displacement by each parameter of every point that moves."""
         corners = {point for loop in self.outlines for point in loop}
         found: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
@@ -95,11 +131,7 @@ class BoxStructure:
         return found
 
     def _joints(self, scene: Scene) -> list[Joint]:
-        """Return the joints of a scene, except those between two supports.
-
-        Raises InputError for faces that are not dry joints with friction alone, and for a joint that does not run
-        between consecutive corners of both elements.
-        """
+        """Return the joints of a scene, except those between two supports; InputError for others."""
         assembly = build_assembly(scene)  # for strengths, which it reads from several places of a scene
         assembly.members.refuse("a certificate of a box")
         if not assembly.labels.all():
@@ -123,10 +155,7 @@ class BoxStructure:
         return found
 
     def _weights(self, scene: Scene, thickness: Fraction) -> tuple[dict[int, Vector], dict[int, Fraction]]:
-        """Return the self-weight per area of each free element as a vector, and its magnitude.
-
-        Raises InputError for a stated weight of an element whose shape changes.
-        """
+        """Return the self-weight per area of each free element as a vector, and its magnitude."""
         gravity = scene.materials.gravity
         vector = [0.0, -gravity] if isinstance(gravity, float | int) else list(gravity)
         size = math.hypot(*vector)
@@ -148,10 +177,7 @@ class BoxStructure:
         return weights, sizes
 
     def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], start: dict[int, Vector]) -> Loads:
-        """Return the loads of some entries, added to loads per area.
-
-        Raises InputError for pressure, and for a force at the centroid of an element whose shape changes.
-        """
+        """Return the loads of some entries, added to loads per area."""
         per_area = dict(start)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
         for entry in entries:
@@ -176,7 +202,7 @@ class BoxStructure:
     # --- polynomials over a box ------------------------------------------------------------------------
 
     def place(self, point: Pair, low: list[Fraction], high: list[Fraction]) -> tuple[Polynomial, Polynomial]:
-        """Return the coordinates x and y of a point over a box, as polynomials."""
+        """Return the coordinates x and y of a point over a box, as polynomials on the unit box."""
         # The variables of the polynomials run from 0 to 1 in the box.
         none = (0,) * self.parameters
         ways = self._ways.get(point)
@@ -193,7 +219,7 @@ class BoxStructure:
     def moments(
         self, element: int, low: list[Fraction], high: list[Fraction]
     ) -> tuple[Polynomial, Polynomial, Polynomial]:
-        """Return area and first moments ∫x, ∫y of an element over a box, as in `place`."""
+        """Return area and first moments ∫x, ∫y of an element over a box, as polynomials."""
         corners = [self.place(point, low, high) for point in self.outlines[element]]
         area: Polynomial = {}
         first: tuple[Polynomial, Polynomial] = ({}, {})
@@ -221,14 +247,12 @@ def _require_known(scene: Scene) -> None:
 
 
 def _twice_area(outline: list[Pair]) -> Fraction:
-    """Return twice the signed area of an outline."""
     corners = [(Fraction(x), Fraction(y)) for x, y in outline]
     pairs = zip(corners, corners[1:] + corners[:1], strict=True)
     return sum((a[0] * b[1] - a[1] * b[0] for a, b in pairs), Fraction(0))
 
 
 def _centroid(outline: list[Pair]) -> Vector:
-    """Return the centroid of an outline."""
     corners = [(Fraction(x), Fraction(y)) for x, y in outline]
     pairs = list(zip(corners, corners[1:] + corners[:1], strict=True))
     turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairs]
@@ -240,5 +264,5 @@ def _centroid(outline: list[Pair]) -> Vector:
 
 
 def _follows(outline: list[Pair], first: Pair, second: Pair) -> bool:
-    """Return True if `second` is the corner after `first` in an outline."""
+    """Return whether `second` is the corner after `first` in an outline."""
     return first in outline and outline[(outline.index(first) + 1) % len(outline)] == second

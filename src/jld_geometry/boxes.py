@@ -1,8 +1,4 @@
-"""Check the certificate of a proof over a box of positions exactly.
-
-Formulas: docs/method.md (11.7), docs/certificate.md. The check shares the reading of the scene with the search, and
-nothing else: no geometry, loads or bounds.
-"""
+"""Check proofs over boxes exactly, docs/method.md (11.7), sharing only the reading of scenes with the search."""
 
 from __future__ import annotations
 
@@ -21,13 +17,11 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
 from jld_geometry.box_certificate import KEY, BoxClaim, Leaf, Node, Split, read
-from jld_geometry.box_structure import BoxStructure, Loads
-from jld_geometry.polynomials import Polynomial, add, is_at_least_zero, product
+from jld_geometry.box_structure import BoxStructure, Loads, Polynomial, add, is_at_least_zero, product
 
 _ROUTE: Final = Route("certificates of boxes")
 
-Velocity = tuple[Fraction, Fraction, Fraction]
-"""Exact velocity (ux, uy, ω) about the origin of coordinates."""
+Velocity = tuple[Fraction, Fraction, Fraction]  # exact velocity (ux, uy, ω) about the origin of coordinates
 
 _STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))  # velocity of elements that do not move
 
@@ -44,10 +38,7 @@ class VerifiedBox:
 
 
 def is_box_certificate(path: Path) -> bool:
-    """Return True if a file begins like the certificate of a proof over a box.
-
-    The result is False for a file that cannot be read.
-    """
+    """Return whether a file begins like the certificate of a proof over a box."""
     try:
         with path.open("rb") as file:
             return file.read(len(KEY) + 16).lstrip().startswith(f'{{"{KEY}"'.encode())
@@ -56,11 +47,7 @@ def is_box_certificate(path: Path) -> bool:
 
 
 def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
-    """Check a certificate of `jld move --prove`.
-
-    Raises InputError for the first box whose mechanism does not hold, for a tree that does not cover the box, a damaged
-    file, or another scene.
-    """
+    """Check a certificate of `jld move --prove`; InputError for the first thing that does not hold."""
     start = time.perf_counter()
     claim, nodes = read(path)
     held = parse_scene(claim.scene, str(path))
@@ -74,10 +61,7 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
 
 
 def _require_same(scene: Scene, held: Scene, path: str) -> None:
-    """Raise InputError unless two scenes are the same structure under the same loads.
-
-    Numbers may differ by 1e-9, relative to size and loads.
-    """
+    """Raise InputError unless two scenes are the same structure and loads, to 1e-9."""
     one, other = build_assembly(scene), build_assembly(held)
     if one.elements.ids != other.elements.ids or _numbers(one).shape != _numbers(other).shape:
         same = False
@@ -101,10 +85,7 @@ def _numbers(assembly: Assembly) -> Floats:
 
 
 def check_boxes(scene: Scene, claim: BoxClaim, nodes: list[Node]) -> int:
-    """Check the tree of a certificate, and return its number of boxes with a mechanism.
-
-    Raises InputError for the first node that does not hold, or a tree that does not cover the box.
-    """
+    """Check the tree of a certificate; return its number of boxes with a mechanism."""
     checker = _Checker(BoxStructure(scene, claim), claim)
     start = [Fraction(low) for low, _ in claim.box], [Fraction(high) for _, high in claim.box]
     open_boxes, leaves = [start], 0
@@ -125,10 +106,7 @@ def check_boxes(scene: Scene, claim: BoxClaim, nodes: list[Node]) -> int:
 def _halves(
     node: Split, low: list[Fraction], high: list[Fraction], number: int
 ) -> list[tuple[list[Fraction], list[Fraction]]]:
-    """Return the upper and the lower half of a box, each as (low, high).
-
-    Raises InputError for a split outside of the box.
-    """
+    """Return the upper and the lower half of a box, each as (low, high)."""
     at = Fraction(node.at)
     if not 0 <= node.axis < len(low) or not low[node.axis] < at < high[node.axis]:
         raise InputError(f"node {number}", "it splits outside of its box", "a split inside")
@@ -168,7 +146,7 @@ class _Checker:
             raise InputError(f"node {number}", "its mechanism lets positions carry more than the bound", "a proof")
 
     def _opens(self, moves: dict[int, Velocity], low: list[Fraction], high: list[Fraction]) -> bool:
-        """Return True if no joint resists a mechanism, at any position in the box."""
+        """Return whether no joint resists a mechanism, at any position in the box."""
         # A joint does not resist if it opens at both ends by at least friction times the slip.
         structure, none = self._structure, (0,) * self._structure.parameters
         for joint in structure.joints:
@@ -213,7 +191,7 @@ class _Checker:
 
 
 def box_facts(done: VerifiedBox) -> dict[str, object]:
-    """Return the outcome of a successful check of a proof over a box as JSON data."""
+    """Return the outcome of a successful check as JSON data."""
     claim = done.claim
     return {
         "scene": done.scene.name,
@@ -228,7 +206,7 @@ def box_facts(done: VerifiedBox) -> dict[str, object]:
 
 
 def box_words(done: VerifiedBox) -> str:
-    """Describe the outcome of a successful check of a proof over a box for the terminal."""
+    """Describe the outcome of a successful check for the terminal."""
     claim = done.claim
     box = " × ".join(f"[{low:.6g}, {high:.6g}]" for low, high in claim.box)
     lines = [

@@ -1,4 +1,4 @@
-"""Convex polyhedra cut by planes; both parts share the vertices of the cut."""
+"""Convex polyhedra cut by planes; vertices that elements share, and shapes that stay equal."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ _ON: Final = 1e-9  # distance from a plane, relative to the size of a cell, belo
 # Volume between a solid and its convex hull, relative to the hull, below which the solid is convex
 _CONVEX: Final = 1e-9
 
-Plane = tuple[Floats, float]
-"""Unit normal (3,) and offset of a plane; points x with normal·x > offset lie outside."""
+Plane = tuple[Floats, float]  # unit normal (3,) and offset; points x with normal·x > offset lie outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +34,16 @@ class ConvexCell:
 
     @cached_property
     def volume(self) -> float:
-        """Return the volume, scene units."""
+        """Volume, scene units."""
         return float(solids(["cell"], [self.vertices], [self.faces])[2][0])
 
     @cached_property
     def size(self) -> float:
-        """Return the largest extent along an axis, length."""
+        """Largest extent along an axis, length."""
         return float(np.ptp(self.vertices, axis=0).max())
 
     def is_convex(self) -> bool:
-        """Return True if the polyhedron fills its convex hull."""
+        """Return whether the polyhedron fills its convex hull."""
         hull = float(ConvexHull(self.vertices - self.vertices.mean(axis=0)).volume)
         return hull - self.volume <= _CONVEX * hull
 
@@ -85,10 +84,7 @@ class ConvexCell:
 
 
 def _around(points: Floats, names: list[int], normal: Floats) -> list[int]:
-    """Return the names of points (k, 3) of a plane, counter-clockwise around their middle.
-
-    normal: (3,) of the plane, towards the viewer.
-    """
+    """Return the names of points (k, 3) of a plane, counter-clockwise seen against the normal (3,)."""
     arm = points - points.mean(axis=0)
     first = arm[int(np.argmax(np.linalg.norm(arm, axis=1)))]
     angle = np.arctan2(arm @ np.cross(normal, first), arm @ first)
@@ -129,11 +125,7 @@ _EQUAL: Final = 1e-6
 
 
 def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list[tuple[Ints, Ints]]:
-    """Pair equal outlines corner by corner: the first of each kind with every further one.
-
-    places: (v, 2) positions. changing: (n,) True for elements with a vertex that moves. Each pair holds two equally
-    long arrays of vertices.
-    """
+    """Pair equal outlines corner by corner: the first of each kind that changes with every other."""
     # Elements are equal if one is the other moved, turned or mirrored. Kinds without an element that changes are left
     # out.
     kinds: list[list[tuple[int, Ints]]] = []
@@ -151,10 +143,7 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
 
 
 def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
-    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal.
-
-    places: (v, 2) positions.
-    """
+    """Reorder the corners `other` to match an equal outline `one`; None if they are not equal."""
     if len(one) != len(other):
         return None
     wanted = _distances(places[one])
@@ -172,16 +161,10 @@ def _distances(corners: Floats) -> Floats:
 
 
 class EqualShapes:
-    """Equations that keep pairs of outlines equal, by squared distances of corners.
-
-    Each equation keeps the difference of two squared distances as it is at the start.
-
-    Of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared.
-
-    pairs: equal outlines, corner by corner. places: (v, 2) positions at the start.
-    """
+    """Equations that keep pairs of outlines equal, by squared distances of corners."""
 
     def __init__(self, pairs: list[tuple[Ints, Ints]], places: Floats) -> None:
+        # of an outline with k corners, the k edges and the k − 3 diagonals from its first corner are compared
         rows = []
         for one, other in pairs:
             ends = [(k, (k + 1) % len(one)) for k in range(len(one))] + [(0, k) for k in range(2, len(one) - 1)]
@@ -194,10 +177,7 @@ class EqualShapes:
         return len(self._rows)
 
     def at(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return the values (r,) of the equations and their derivatives (r, 2v).
-
-        places: (v, 2) positions.
-        """
+        """Return the values (r,) of the equations and their derivatives (r, 2v) at places (v, 2)."""
         values, slopes = self._differences(places)
         columns = (2 * self._rows[:, :, None] + np.arange(2)).reshape(len(self._rows), 8)
         row = np.repeat(np.arange(len(self._rows)), 8)
@@ -205,10 +185,7 @@ class EqualShapes:
         return values - self._start, sp.csr_array(entries, shape=(len(self._rows), places.size))
 
     def _differences(self, places: Floats) -> tuple[Floats, Floats]:
-        """Compute differences (r,) of squared distances, relative to the start, and derivatives.
-
-        The derivatives (r, 4, 2) are by the positions of the four vertices of each equation. places: (v, 2) positions.
-        """
+        """Compute relative differences (r,) of squared distances, and derivatives (r, 4, 2)."""
         first, second = (places[self._rows[:, k + 1]] - places[self._rows[:, k]] for k in (0, 2))
         values = ((first**2).sum(axis=1) - (second**2).sum(axis=1)) / self._unit
         slopes = 2.0 * np.stack([-first, first, second, -second], axis=1) / self._unit[:, None, None]
@@ -253,15 +230,15 @@ class VertexMesh:
 
 
 def vertex_mesh(assembly: Assembly) -> VertexMesh:
-    """Find the vertices that the elements and interfaces of a planar assembly share.
-
-    Raises InputError for an assembly with members, since nothing says how their points move.
-    """
+    """Find the vertices that the elements and interfaces of a planar assembly share."""
     # Corners and ends of interfaces that nearly coincide become one vertex. An end of an interface inside an edge of an
     # element becomes a vertex of its outline; a straight corner inside an interface is left out.
     assembly.members.refuse("a move of joints")
     shapes, faces = assembly.elements.shape, assembly.interfaces
-    lines = [_directed(polygon, faces.e1[k]) for k, polygon in enumerate(faces.polygon)]
+    lines = [  # ends of each interface in the direction of e1
+        line if (line[1] - line[0]) @ along > 0.0 else line[::-1]
+        for line, along in zip(faces.polygon, faces.e1, strict=True)
+    ]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
     reach = min(_REACH * float(lengths.max()), _SHARE * float(lengths.min()))
     number, places = merged_points([*shapes, *lines], reach)
@@ -276,17 +253,8 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     return VertexMesh(places, tuple(loops), ends)
 
 
-def _directed(polygon: Floats, along: Floats) -> Floats:
-    """Return the two ends (2, 2) of an interface in the direction of e1, `along`."""
-    return polygon if (polygon[1] - polygon[0]) @ along > 0.0 else polygon[::-1]
-
-
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
-    """Merge points within a distance `reach`, also by chains of such points, to vertices.
-
-    The result is the vertex (k,) of each of the k points of all groups in turn, and the places (v, d) of the vertices.
-    A vertex lies at the first of its points.
-    """
+    """Merge points within `reach`, also by chains: vertex (k,) of each point, and places (v, d)."""
     points = np.concatenate(groups)
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
     number = components(len(points), pairs[:, 0], pairs[:, 1])
@@ -295,10 +263,7 @@ def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]
 
 
 def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
-    """Insert interface ends on a loop's edges, and remove its corners inside interfaces.
-
-    loop: (k,) vertices of an element. ends: (j, 2) vertices of its interfaces. places: (v, 2) positions.
-    """
+    """Insert interface ends (j, 2) on the edges of a loop (k,), and remove its corners inside interfaces."""
     for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
         start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]
         length = np.linalg.norm(edge, axis=1)
@@ -315,7 +280,7 @@ def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
 
 
 def _between(point: Floats, line: Floats, reach: float) -> bool:
-    """Return True if a point lies on a segment `line` (2, 2), ends within `reach` excluded."""
+    """Return whether a point lies on a segment `line` (2, 2), ends within `reach` excluded."""
     edge, arm = line[1] - line[0], point - line[0]
     length = float(np.hypot(*edge))
     along, off = float(arm @ edge) / length, abs(float(arm[0] * edge[1] - arm[1] * edge[0])) / length

@@ -1,7 +1,4 @@
-"""Proven value of one geometry: λ, least friction or least thickness.
-
-Forces for the next step are kept with it.
-"""
+"""Proven value of one geometry: λ, least friction or least thickness, with forces for the next step."""
 
 from __future__ import annotations
 
@@ -20,10 +17,8 @@ from jld_core.models import solve_rigid
 from jld_core.program import Template
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.limits import Limits
-from jld_geometry.moved_scene import MovedScene
-from jld_geometry.spatial_mesh import SpatialMesh, SpatialMovedScene
-from jld_geometry.spatial_program import SpatialLimits
+from jld_geometry.limits import Limits, SpatialLimits
+from jld_geometry.moved_scene import MovedScene, SpatialMesh, SpatialMovedScene
 from jld_geometry.step import CaseState, Goal, Region, StepAnswer, solve_step
 from jld_geometry.variables import Variables
 
@@ -56,13 +51,7 @@ class Evaluated:
 
 
 class Evaluator:
-    """Proven values of one structure at any positions of its vertices, for a search over them.
-
-    moved: the scene at given positions. mesh: vertices at the start. labels: (m,) True = dry. variables: positions by
-    variables. limits: limits on shapes. unit: length by which variables are scaled in programs. robust: take the low
-    values of materials. dead_stands: whether the dead load alone stands at the start, and so has to stand everywhere;
-    None before the start. solves: number of proven solves so far.
-    """
+    """Proven values of one structure at any positions of its vertices, by variables z (k,)."""
 
     def __init__(
         self,
@@ -81,24 +70,18 @@ class Evaluator:
         self.solves = 0
 
     def assembly(self, values: Floats) -> Assembly | None:
-        """Return the assembly at variables z (k,); None where elements turn over or overlap.
-
-        It has the low values of materials where the search began with these.
-        """
+        """Return the assembly at variables z; None where elements turn over or overlap."""
         try:
             return self._build(self._moved.at(self.variables.places(values)))
         except InputError:
             return None
 
     def mesh(self, values: Floats) -> VertexMesh | SpatialMesh:
-        """Return the vertices at variables z (k,), without a check that they form a structure."""
+        """Return the vertices at variables z, without a check that they form a structure."""
         return self._mesh.at(self.variables.places(values))
 
     def region(self, values: Floats, low: Floats, high: Floats) -> Region:
-        """Compute the linearised limits, ties and bounds of a step from variables z (k,).
-
-        low, high: (k,) bounds on the step, lengths; the result holds them in units of `unit`.
-        """
+        """Compute the linearised limits, ties and bounds low, high (k,) of a step from variables z."""
         places, unit = self.variables.places(values), self.unit
         jacobian = self.variables.jacobian(values) * unit
         limits = self.limits.at(places)
@@ -108,19 +91,13 @@ class Evaluator:
     def step(
         self, point: Evaluated, low: Floats, high: Floats, goal: Goal, kick: Floats | None = None
     ) -> StepAnswer | None:
-        """Solve the program of a step from a point; return its unproven answer, None without one.
-
-        The step of the answer is in lengths. low, high: (k,) bounds on the step, lengths.
-        """
+        """Solve the program of a step within low, high (k,), lengths; an unproven answer, or None."""
         region = self.region(point.values, low, high)
         answer = solve_step(point.states, self.labels, self.mesh(point.values), region, goal, kick)
         return None if answer is None else replace(answer, change=answer.change * self.unit)
 
     def load_factor(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Return the point at variables z (k,) with its proven λ.
-
-        None where z is no structure, λ is not proven, or the dead load no longer stands.
-        """
+        """Return the point at variables z with its proven λ; None if it has none."""
         # The first call decides whether the dead load has to stand.
         assembly = self.assembly(values)
         if assembly is None:
@@ -147,20 +124,14 @@ class Evaluator:
 
     @staticmethod
     def with_forces(point: Evaluated, answer: StepAnswer) -> Evaluated:
-        """Copy a point with the unproven forces that the program of its step found.
-
-        Mechanisms of load cases are dropped.
-        """
+        """Copy a point with the unproven forces that the program of its step found."""
         states = [
             replace(state, forces=own, mechanism=None) for state, own in zip(point.states, answer.forces, strict=True)
         ]
         return replace(point, states=states)
 
     def _dead_states(self, values: Floats, assembly: Assembly, near: list[CaseState]) -> list[CaseState]:
-        """Return admissible forces under each different dead load of the load cases.
-
-        values: (k,) variables z.
-        """
+        """Return admissible forces under each different dead load of the load cases."""
         known = [state for state in near if state.dead]
         different: list[Assembly] = []
         for case in assembly.by_case:
@@ -177,7 +148,7 @@ class Evaluator:
         return [replace(state, forces=own) for state, own in zip(states, answer.forces, strict=True)]
 
     def frozen(self, values: Floats, answer: StepAnswer, states: list[CaseState]) -> Evaluated | None:
-        """Return an unproven point at variables z (k,) with the forces that a step found."""
+        """Return an unproven point at variables z with the forces that a step found."""
         # A second-order correction starts from such a point.
         assembly = self.assembly(values)
         if assembly is None:
@@ -190,10 +161,7 @@ class Evaluator:
         return Evaluated(values, answer.value, None, found)
 
     def missing(self, values: Floats) -> Evaluated | None:
-        """Return an unproven point at variables z (k,), whose objective is its spare strength.
-
-        None where elements turn over or overlap, or the program fails.
-        """
+        """Return an unproven point at variables z, whose objective is its spare strength; None if invalid."""
         # The objective is minus the least force that, added to every yield condition, lets the structure stand at some
         # λ ≥ 0. Phase one maximises it until it is positive.
         assembly = self.assembly(values)
@@ -214,10 +182,7 @@ class Evaluator:
         return Evaluated(values, -answer.value * states[0].template.scaling.force, None, states)
 
     def friction(self, values: Floats, first: float) -> Evaluated | None:
-        """Return the point at variables z (k,) with the least factor on friction that it needs.
-
-        None where z is no structure, a program fails or standing is not proven.
-        """
+        """Return the point at variables z with the least factor on friction at which it stands, or None."""
         # The dead load is proven to stand at that factor, which is at most 1e-5 above the one that Newton steps found.
         assembly, factor = self.assembly(values), first
         point = None if assembly is None else self.missing(values)
@@ -246,10 +211,7 @@ class Evaluator:
         return None
 
     def thickness(self, values: Floats) -> Evaluated | None:
-        """Return a point near variables z (k,) with the least thickness at which it stands.
-
-        None where a program fails, or standing is not proven.
-        """
+        """Return a point near variables z with the least thickness at which it stands, or None."""
         # Only the last variable, the thickness, differs from z. The dead load is proven to stand there.
         values, states = values.copy(), []
         low, high = np.zeros(self.variables.count), np.zeros(self.variables.count)
@@ -278,11 +240,10 @@ class Evaluator:
 
 
 def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
-    """Return an assembly with all friction coefficients multiplied by a factor."""
     strengths = assembly.strengths(_ROUTE)
     return assembly.with_strengths(replace(strengths, friction=strengths.friction * factor))
 
 
 def stands(result: LimitAnalysisResult) -> bool:
-    """Return True if the dead load alone is proven to stand under every case."""
+    """Return whether the dead load alone is proven to stand under every case."""
     return all(one.stands_at_zero is True for one in (result.cases.values() or [result]))

@@ -1,9 +1,4 @@
-"""Search for positions of joints with the largest λ of blocks that may crack anywhere.
-
-The program of a step has stresses and positions as variables. Its objective is the upper bound by fields on a coarse
-mesh, which is nearer to λ than lower bounds on such meshes (docs/method.md (11.9)). It proves nothing: results are
-bounded from both sides afterwards.
-"""
+"""Search for positions of joints with the largest λ of blocks that may crack anywhere, docs/method.md (11.9)."""
 
 from __future__ import annotations
 
@@ -55,10 +50,7 @@ class FieldMesh:
 
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
-        """Return the coarsest mesh of one load case.
-
-        Raises InputError as `FieldSetting.of` does.
-        """
+        """Return the coarsest mesh of one load case."""
         setting = FieldSetting.of(assembly)
         base, _ = loaded_mesh(assembly)
         distance, nearest = cKDTree(vertices.places).query(base.points)
@@ -104,12 +96,11 @@ class FieldMesh:
 
 
 def _ends(segments: Sequence[Segment]) -> Floats:
-    """Return the ends (k, 2) of loaded segments."""
     return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
 
 
 def _covers(assembly: Assembly, mesh: Mesh) -> bool:
-    """Return True if the triangles of each cell have the area of their element."""
+    """Return whether the triangles of each cell have the area of their element."""
     area = np.bincount(mesh.cell, mesh.area, minlength=len(assembly.elements))
     free = assembly.elements.free
     real = assembly.elements.volume[free] / float(assembly.interfaces.l2[0])
@@ -117,11 +108,8 @@ def _covers(assembly: Assembly, mesh: Mesh) -> bool:
 
 
 def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
-    """Return the weights (c, v) by which nodes of a coarse mesh follow vertices.
-
-    own: (k,) nodes at the vertices `vertex` (k,). Ends of loads stay. Others on outlines follow the two neighbours
-    whose edge they halve, nodes inside cells the mean of all their neighbours.
-    """
+    """Return weights (c, v) by which nodes of a coarse mesh follow vertices; own: (k,) nodes at `vertex` (k,)."""
+    # ends of loads stay; others on outlines follow the neighbours whose edge they halve, inner ones the mean of theirs
     size = len(mesh.points)
     unique, _ = mesh.sides
     # a node in the middle of an outline edge has two neighbours on the outline, and follows these alone
@@ -191,20 +179,16 @@ class FieldPoint:
 
 
 class FieldSearch:
-    """Search over positions of joints for the largest λ of blocks that may crack anywhere.
-
-    search: variables, limits and trust region.
-    """
+    """Search over positions of joints for the largest λ of blocks that may crack anywhere."""
 
     def __init__(self, search: GeometrySearch) -> None:
+        # the objective is the upper bound on a coarse mesh, which is nearer to λ than lower bounds there; it proves
+        # nothing
         self._search, self._labels = search, search.evaluator.labels
         self.solves = 0
 
     def start(self, values: Floats, parts: int = 1) -> FieldPoint | None:
-        """Return the point at variables z (k,); None if it is invalid or has no stresses.
-
-        Raises InputError where fields refuse the structure.
-        """
+        """Return the point at variables z (k,); None if it is invalid or has no stresses."""
         assembly, vertices = self._search.evaluator.assembly(values), self._search.evaluator.mesh(values)
         if assembly is None or not isinstance(vertices, VertexMesh):
             return None
@@ -228,10 +212,7 @@ class FieldSearch:
         return FieldPoint(values, min(factors), meshes, forms, tuple(stress for stress, _ in found))
 
     def at(self, point: FieldPoint, values: Floats) -> FieldPoint | None:
-        """Return the point at other variables z (k,), with the triangles of a point nearby.
-
-        None where z is no structure, a triangle turns over, or a load case has no stresses.
-        """
+        """Return the point at other variables z (k,) with the triangles of a point nearby, or None."""
         assembly = self._search.evaluator.assembly(values)
         if assembly is None:
             return None
@@ -242,10 +223,7 @@ class FieldSearch:
         return self._solved(values, assembly, known) if len(known) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:
-        """Return certified bounds on the governing factor, by the meshes of a point.
-
-        A bound that the fields do not give is infinite.
-        """
+        """Return certified bounds on the governing factor, by the meshes of a point."""
         low, high = [], []
         for mesh, required in zip(point.meshes, self._search.required.tolist(), strict=True):
             bounds = Fields.on(mesh.setting, mesh.mesh, self._labels).bounds
@@ -254,10 +232,7 @@ class FieldSearch:
         return min(low), min(high)
 
     def step(self, point: FieldPoint, radius: float) -> tuple[Floats, float] | None:
-        """Solve the program of a step over stresses and positions at once (docs/method.md (11.9)).
-
-        Returns the step (k,) of the variables, lengths, and the objective that it promises; None without an answer.
-        """
+        """Solve the program of a step; return it (k,), lengths, and the objective promised, or None."""
         unit = self._search.unit
         region = self._search.evaluator.region(point.values, *self._search.bounds(point.values, radius))
         program, first, scale = _program(point, region, self._search.required)
@@ -267,10 +242,7 @@ class FieldSearch:
     def improve(
         self, point: FieldPoint, deadline: float, report: Callable[[FieldPoint, float, float], None] | None = None
     ) -> tuple[FieldPoint, str]:
-        """Improve a point until it is stationary; return the last point and why the search ended.
-
-        The reason is "stationary", "locked", "time" or "points".
-        """
+        """Improve a point until it is "stationary", "locked", or "time" or "points" are over."""
         trust, unit = self._search.trust, self._search.unit
         radius, stood, last = trust.first * unit, point.stands, 0.0
         for _ in range(trust.points):
@@ -299,10 +271,7 @@ class FieldSearch:
 
 
 def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeProgram, int, float]:
-    """Set up the program of a step.
-
-    Also returns the column of the first step and the unit of the goal, λ / required.
-    """
+    """Set up the program of a step; also return the column of its first step and the unit of its goal."""
     # Columns are stresses and λ of each load case, steps of the variables, and the goal.
     count = region.jacobian.shape[1]
     start = np.cumsum([0, *(form.width for form in point.forms)]).tolist()
@@ -362,11 +331,7 @@ def move_by_fields(
     labels: Bits,
     **options: Unpack[MoveOptions],
 ) -> MovedJoints:
-    """Move joints to raise λ of blocks that may crack anywhere (docs/method.md (11.9)).
-
-    Result: best geometry found. Bound it by `bounds_by_fields` to know what it carries. Raises InputError as
-    `move_joints`; for a scene in space, another objective, low values, or one that fields do not take.
-    """
+    """Move joints to raise λ of blocks that may crack anywhere, docs/method.md (11.9); unproven."""
     # Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
     # returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
     run = MoveRun(**options)
@@ -384,7 +349,6 @@ def move_by_fields(
     last: FieldPoint | None = None
 
     def report(number: int, point: FieldPoint, predicted: float, radius: float) -> None:
-        """Record an accepted point of a start, with predicted objective and trust radius."""
         nonlocal last
         last = point
         bracket = fields.bracket(point) if run.watched else (math.nan, math.nan)
@@ -446,10 +410,7 @@ def _improve(
 
 
 def _stood(search: GeometrySearch, values: Floats, deadline: float) -> Floats | None:
-    """Return variables z (k,) at which the structure stands by faces, moved for a larger λ.
-
-    None where no such position is found in half of the time until `deadline`.
-    """
+    """Return variables z (k,) at which the structure stands by faces, found in half the time; or None."""
     now = time.perf_counter()
     until = now + 0.5 * (deadline - now)
     first = search.evaluate(values, None) or search.standing(values, until)

@@ -36,16 +36,12 @@ class Key:
     flank: float  # how much narrower its top is on each side, measured along the face
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return the outline (k, 2) of the key and side 1, along and across a face of length 1.
-
-        A tooth of side 1 reaches into the second element.
-        """
+        """Return outline (k, 2) along and across a face of length 1, and side 1: into the second element."""
         low, high = 0.5 - 0.5 * self.width, 0.5 + 0.5 * self.width
         outline = [[low, 0.0], [high, 0.0], [high - self.flank, self.depth], [low + self.flank, self.depth]]
         return [(np.array(outline), 1)]
 
     def check(self) -> None:
-        """Raise ParameterError for lengths that make no key."""
         if not (self.depth > 0.0 and 0.0 < self.width < 1.0 and 0.0 <= self.flank < 0.5 * self.width):
             problem = f"depth {self.depth:g}, width {self.width:g}, flank {self.flank:g} are no key"
             raise ParameterError("joint", problem, "depth > 0, 0 < width < 1, 0 <= flank < width/2, shares of the face")
@@ -71,7 +67,6 @@ class Sine:
         return found
 
     def check(self) -> None:
-        """Raise ParameterError for an amplitude or number that makes no wave."""
         if not (self.amplitude > 0.0 and self.waves >= 1):
             problem = f"amplitude {self.amplitude:g} with {self.waves} waves is no sine wave"
             raise ParameterError("joint", problem, "an amplitude > 0, a share of the face, and at least 1 wave")
@@ -84,23 +79,18 @@ class Incline:
     slope: float  # tangent of the angle between both; above 0 the joint rises along the face into the second element
 
     def teeth(self) -> list[tuple[Floats, int]]:
-        """Return outline (k, 2) and side of both wedges, along and across a face of length 1.
-
-        The wedge of side −1 reaches into the first element and the other, equally large, into the second.
-        """
+        """Return outline (k, 2) and side of both equal wedges, along and across a face of length 1."""
         rise, side = 0.5 * abs(self.slope), 1 if self.slope > 0.0 else -1
         first = np.array([[0.0, 0.0], [0.0, -side * rise], [0.5, 0.0]])
         second = np.array([[0.5, 0.0], [1.0, side * rise], [1.0, 0.0]])
         return [(first, -side), (second, side)]
 
     def check(self) -> None:
-        """Raise ParameterError for a slope that leaves the joint straight."""
         if not 0.0 < abs(self.slope) < np.inf:
             raise ParameterError("joint", f"slope {self.slope:g} leaves the joint straight", "a slope above or below 0")
 
 
 Shape = Key | Sine | Incline
-"""Shape of a joint."""
 
 
 _SAME: Final = 1e-9  # volume or area, relative to that of a tooth or joint, below which a difference is rounding
@@ -112,7 +102,7 @@ _PLANE: Final = 1e-9  # distance of a point from a plane, relative to the struct
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
-    """Return a spatial scene with shaped dry faces; arguments as of `shaped_scene`."""
+    """Return a spatial scene with shaped dry faces."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
@@ -145,11 +135,7 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
 
 
 class SolidJoint:
-    """Plane joint between two convex elements, with a frame along and across its shape.
-
-    assembly: spatial assembly. face: interface that is the joint. direction: (3,) unit direction along which the shape
-    runs, projected on the joint. across: True for a joint across the direction, which has no shape.
-    """
+    """Plane joint between two convex elements, with a frame along and across its shape."""
 
     def __init__(self, assembly: Assembly, face: int, direction: Floats) -> None:
         faces = assembly.interfaces
@@ -167,10 +153,7 @@ class SolidJoint:
         self._start = faces.origin[face] + places.min() * self._along
 
     def cut(self, shape: Shape, cells: list[list[ConvexCell]]) -> None:
-        """Cut each tooth of the joint out of one element's cells, and add it to the other's.
-
-        Raises InputError for a tooth that does not fit, and for elements or a joint that are not convex.
-        """
+        """Cut each tooth of the joint out of one element's cells, and add it to the other's."""
         elements = self._assembly.elements
         for outline, side in shape.teeth():
             giver, receiver = self._sides[:: 1 if side > 0 else -1]
@@ -195,10 +178,7 @@ class SolidJoint:
             cells[giver] += teeth
 
     def _profile(self, outline: Floats) -> list[Plane]:
-        """Return the planes of a tooth except its root, the one farthest from the root first.
-
-        outline: (k, 2) along and across a joint of length 1.
-        """
+        """Return the planes of a tooth (k, 2) except its root, the farthest from the root first."""
         middle, found = outline.mean(axis=0), []
         for one, other in itertools.pairwise([*outline, outline[0]]):
             if one[1] == other[1] == 0.0:
@@ -219,19 +199,13 @@ class SolidJoint:
         return [self._plane(normal, point) for normal, point in sides]
 
     def _plane(self, normal: Floats, point: Floats) -> Plane:
-        """Return a plane along the direction through a point (2,) with unit normal (2,).
-
-        Both are in shares of the length.
-        """
+        """Return a plane along the direction through a point (2,) with normal (2,), in shares of the length."""
         space = normal[0] * self._along + normal[1] * self._normal
         place = self._start + self._length * (point[0] * self._along + point[1] * self._normal)
         return space, float(space @ place)
 
     def _ends(self, receiver: int) -> list[Plane]:
-        """Return the planes over the joint's edges, and over the receiver's faces at tooth ends.
-
-        Raises InputError for a joint that is not convex.
-        """
+        """Return the planes over the joint's edges, and over the receiver's faces at tooth ends."""
         # A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it.
         elements, polygon = self._assembly.elements, self._polygon
         inner, found, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
@@ -275,7 +249,6 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
 
 
 def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    """Return the entries of the cells of an element."""
     if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
         return [own]
     whole, found = sum(cell.volume for cell in cells), []
@@ -299,11 +272,7 @@ def _state_places(loads: dict[str, Any], assembly: Assembly) -> None:
             entry["at"] = elements.centroid[elements.index[entry["element"]]].tolist()
 
 
-# Depth beyond the root of a tooth to which its outline is cut, relative to the face; it lies in the other element
-_BEYOND: Final = 1e-3
-
-# Height above the top of a key to which shoulders are cut, relative to the face; far below the reach of contacts
-_THREAD: Final = 1e-9
+_GRID: Final = 1e-12  # distance between coordinates of cells with shaped joints, relative to the structure
 
 _PLAIN: Final = {"elements", "polygon", "label"}  # keys of stated interfaces that say nothing about strengths
 
@@ -311,13 +280,9 @@ _PLAIN: Final = {"elements", "polygon", "label"}  # keys of stated interfaces th
 def shaped_scene(
     scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None = None
 ) -> Scene:
-    """Return a scene whose dry faces have a shape.
+    """Return a scene whose dry faces have a shape, with stated interfaces.
 
-    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run unchanged, projected on each
-    joint; joints across it stay straight. Planar scenes take None. Result: scene with stated interfaces; faces between
-    the cells of a block are inner, all others dry. Raises InputError: the scene has strengths or pressures of single
-    faces or slits, a tooth does not fit into its element, or an element that receives one in space is not convex.
-    Raises ParameterError: the shape is none, or the direction is missing, given in the plane or across all joints.
+    direction: (3,) in space, along which shapes run unchanged; joints across it stay straight.
     """
     # Teeth are elements of their own, joined to their block by an inner face at the root. What lies beside a key is cut
     # off its block by an inner face at the depth of the key. Crack planes elsewhere stay as they are.
@@ -329,16 +294,14 @@ def shaped_scene(
         raise InputError("interfaces", "single faces state strengths", "strengths in materials")
     if assembly.pressed:
         raise InputError("loads", "pressure on faces does not follow the shape of joints", "point loads and body loads")
-    blocks, faces, elements = blocks_of(assembly, labels), assembly.interfaces, assembly.elements
+    blocks, faces = blocks_of(assembly, labels), assembly.interfaces
     if (labels & (blocks[faces.a] == blocks[faces.b])).any():
         raise InputError("labels", "a dry face ends inside a block", "blocks without slits")
     if assembly.dimension == 3:
         return solids_with_shape(scene, assembly, labels, shape, direction)
     if direction is not None:
         raise ParameterError("direction", "the joints of a planar scene have none", "it for scenes in space alone")
-    cells = [[shapely.Polygon(outline)] for outline in elements.shape]
-    for face in np.flatnonzero(labels).tolist():
-        _shape_face(assembly, face, shape, cells)
+    cells = _planar_cells(assembly, labels, shape)
     document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
     for key in ("grid", "labels", "interfaces", "move", "search"):
         document.pop(key, None)
@@ -363,55 +326,61 @@ def shaped_scene(
     return MovedScene(found, shaped, own, mesh).at(mesh.places)
 
 
-def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
-    """Cut each tooth of a face out of one element's cells, and add it to the other's.
+def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[shapely.Polygon]]:
+    """Return the cells of each element after its joints got a shape: its body, what lies beside keys, its teeth.
 
     Raises InputError for a tooth that does not fit.
     """
-    faces = assembly.interfaces
-    first, last = faces.polygon[face][0], faces.polygon[face][1]
-    along = last - first
-    across = np.array([-along[1], along[0]])
-    inside = np.asarray(shapely.Polygon(assembly.elements.shape[faces.a[face]]).representative_point().coords[0])
-    if (inside - first) @ across > 0.0:  # positive teeth reach from the first element into the second
-        across = -across
-    for outline, side in shape.teeth():
-        giver, receiver = (int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1]
-        tooth = shapely.Polygon(first + outline @ np.array([along, across]))
-        if shapely.union_all(cells[receiver]).intersection(tooth).area < tooth.area * (1.0 - _SAME):
-            one, other = (assembly.elements.ids[k] for k in (giver, receiver))
+    # All outlines are one network of lines on a grid: whatever cells share a corner, they have the same numbers there.
+    elements, faces = assembly.elements, assembly.interfaces
+    outlines = [shapely.Polygon(outline) for outline in elements.shape]
+    teeth, owners, strips = list[shapely.Polygon](), list[tuple[int, int]](), list[tuple[shapely.Geometry, int]]()
+    for face in np.flatnonzero(labels).tolist():
+        first, last = faces.polygon[face][0], faces.polygon[face][1]
+        across = np.array([first[1] - last[1], last[0] - first[0]])
+        within = shapely.get_coordinates(outlines[faces.a[face]].representative_point())[0]
+        if (within - first) @ across > 0.0:  # positive teeth reach from the first element into the second
+            across = -across
+        axes = np.array([last - first, across])
+        for outline, side in shape.teeth():
+            owners.append((int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1])
+            teeth.append(shapely.Polygon(first + outline @ axes))
+            if isinstance(shape, Key):
+                ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
+                receiver = owners[-1][1]
+                strips.append((shapely.Polygon(first + ends @ axes) & outlines[receiver], receiver))
+    places = np.concatenate(elements.shape)
+    grid = _GRID * max(assembly.size, 1e-2 * float(abs(places).max()))
+    lines = [shapely.boundary(one) for one in [*outlines, *teeth, *(strip for strip, _ in strips)]]
+    pieces = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=grid)]))
+    points = shapely.point_on_surface(pieces)
+    owner, tooth = _first_around(outlines, points), _first_around(teeth, points)
+    groups: dict[tuple[Any, ...], list[shapely.Polygon]] = {}
+    for k, (own, bite) in enumerate(zip(owner, tooth, strict=True)):
+        if bite >= 0 and own == owners[bite][1]:
+            groups.setdefault((bite,), []).append(pieces[k])
+        elif own >= 0:
+            beside = tuple(n for n, (strip, other) in enumerate(strips) if other == own and strip.contains(points[k]))
+            groups.setdefault((own, beside), []).append(pieces[k])
+    for number, (giver, receiver) in enumerate(owners):
+        if sum(one.area for one in groups.get((number,), [])) < teeth[number].area * (1.0 - _SAME):
+            one, other = elements.ids[giver], elements.ids[receiver]
             problem = f"a tooth of {one!r} does not fit into {other!r}"
             raise InputError("joint", problem, "a smaller depth or amplitude, or fewer joints")
-        body, *others = cells[receiver]
-        if isinstance(shape, Key):
-            ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
-            strip = shapely.Polygon(first + ends @ np.array([along, across]))
-            others.append(body.intersection(strip))
-            body = body.difference(strip)
-        # a root that lies inside the receiver by rounding would leave a hole: cut a little beyond it
-        start = np.array([[outline[0, 0], 0.0], [outline[0, 0], -_BEYOND * side]])
-        stop = np.array([[outline[-1, 0], -_BEYOND * side], [outline[-1, 0], 0.0]])
-        if isinstance(shape, Key):
-            stop[:, 0] = outline[1, 0]
-        root = shapely.Polygon(first + np.concatenate([start, stop]) @ np.array([along, across]))
-        cutter = shapely.union_all([tooth, root])
-        if isinstance(shape, Key):
-            # the body ends at the top of the key; rounding there must not leave a thread between both shoulders
-            top = first + outline[2:] @ np.array([along, across])
-            above = first + (outline[:1:-1] + np.array([0.0, _THREAD])) @ np.array([along, across])
-            cutter = shapely.union_all([cutter, shapely.Polygon(np.concatenate([top, above]))])
-            kept = _pieces(body)
-        else:
-            kept = _pieces(body.difference(cutter))
-        cells[receiver] = kept + [piece for cell in others for piece in _pieces(cell.difference(cutter))]
-        cells[giver].append(tooth)
+    cells: list[list[shapely.Polygon]] = [[] for _ in outlines]
+    for key in sorted(groups, key=lambda key: (len(key) == 1, len(key[-1]) if len(key) == 2 else 0, key)):
+        own = key[0] if len(key) == 2 else owners[key[0]][0]
+        whole = shapely.coverage_union_all(groups[key])
+        cells[own] += [part for part in shapely.get_parts(whole) if part.area > _SAME * outlines[own].area]
+    return cells
 
 
-def _pieces(found: Any) -> list[shapely.Polygon]:
-    """Return the polygons in a shapely geometry, without slivers due to rounding."""
-    parts = [one for one in getattr(found, "geoms", [found]) if one.geom_type == "Polygon"]
-    most = max((one.area for one in parts), default=0.0)
-    return [one for one in parts if one.area > _SAME * most]
+def _first_around(shapes: list[shapely.Polygon], points: Any) -> list[int]:
+    """Return the first of some shapes that contains each of the points, −1 where none does."""
+    found = np.full(len(points), len(shapes))
+    number, shape = shapely.STRtree(shapes).query(points, predicate="within")
+    np.minimum.at(found, number, shape)
+    return np.where(found < len(shapes), found, -1).tolist()
 
 
 def _corners(cell: shapely.Polygon) -> list[list[float]]:
@@ -457,13 +426,7 @@ def shape_joints(
     seconds: float = math.inf,
     progress: Callable[[Shape, float], None] | None = None,
 ) -> ShapedJoints:
-    """Find the parameters of a shape, the same for all joints, with the largest λ.
-
-    labels: (m,) True = dry. direction: (3,) in space, direction along which shapes run, as for `shaped_scene`. Result:
-    best shape found, and all that were tried. Raises InputError as `shaped_scene`, for the first shape. Raises
-    KeyboardInterrupt: an interrupt before the first shape is analysed; a later one ends the search with the best so
-    far.
-    """
+    """Find the parameters of a shape, the same for all joints, with the largest λ by faces."""
     # Each parameter in turn is raised and lowered by a factor; the factor shrinks where nothing improves. Whole numbers
     # stay. λ is that of cracks by faces, with crack planes at the roots of teeth.
     trials: list[tuple[Shape, float]] = []

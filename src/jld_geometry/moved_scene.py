@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.scene import Scene, parse_scene
-from jld_geometry.convex_cells import VertexMesh
+from jld_geometry.convex_cells import VertexMesh, merged_points
 from jld_geometry.variables import SAME
 
 
 class MovedScene:
-    """Scene whose vertices move while elements, interfaces and labels stay.
-
-    Grids are written out as elements and interfaces. Points by which the key "move" names vertices move with them.
-
-    scene: planar scene. labels: (m,) True = dry. mesh: vertices of the assembly.
-    """
+    """Planar scene whose vertices, and points that name them, move; all else stays."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh) -> None:
         self._mesh = mesh
@@ -55,21 +52,14 @@ class MovedScene:
         return found if friction == 1.0 else _with_friction_factor(found, friction)
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:
-        """Return the validated scene with the vertices at the positions (v, 2).
-
-        Raises InputError where the positions make no valid scene.
-        """
+        """Return the validated scene with the vertices at (v, 2); InputError where it is none."""
         return parse_scene(self.document(places, friction), "the moved scene")
 
 
 def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: float) -> dict[str, Any]:
-    """Return the key "move" with each point at a vertex replaced by the vertex's new position.
-
-    start, places: (v, d) positions before and now.
-    """
+    """Return the key "move" with points at vertices, at `start` (v, d), moved to `places` (v, d)."""
 
     def moved(point: list[float]) -> list[float]:
-        """Return the present position of the vertex at a point, or the point if none is there."""
         distance = np.linalg.norm(start - np.array(point, dtype=float), axis=1)
         vertex = int(np.argmin(distance))
         if distance[vertex] > SAME * size:
@@ -89,7 +79,6 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
     """Return a document with the friction of dry joints multiplied by a factor."""
 
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return an entry with its friction coefficient multiplied."""
         entry = dict(entry)
         angle = entry.pop("friction_angle", None)
         if angle is not None:
@@ -111,3 +100,105 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
 def _nominal(value: Any) -> float:
     """Return the number itself, or its nominal value or mean."""
     return float(value["nominal" if "nominal" in value else "mean"] if isinstance(value, dict) else value)
+
+
+_MERGED: Final = 1e-2  # distance of two corners that are one vertex, relative to the shortest edge
+
+
+@dataclass(frozen=True)
+class SpatialMesh:
+    """Elements and interfaces of a spatial assembly by the v vertices they share."""
+
+    places: Floats  # (v, 3) positions of the vertices, scene units
+    corners: tuple[Ints, ...]  # vertex of each corner of each element
+    # vertices around each face of each element, seen from outside counter-clockwise
+    rings: tuple[tuple[Ints, ...], ...]
+    polygons: tuple[Ints, ...]  # vertices around each interface
+
+    def at(self, places: Floats) -> SpatialMesh:
+        """Return the mesh with its vertices at the places (v, 3)."""
+        return SpatialMesh(places, self.corners, self.rings, self.polygons)
+
+    @property
+    def edges(self) -> tuple[Ints, Ints]:
+        """Element (k,) and vertices (k, 2) of every edge of every face of every element."""
+        owner = [k for k, rings in enumerate(self.rings) for ring in rings for _ in ring]
+        pairs = [np.column_stack([ring, np.roll(ring, -1)]) for rings in self.rings for ring in rings]
+        return np.array(owner, dtype=np.int64), np.concatenate(pairs)
+
+
+def spatial_mesh(assembly: Assembly) -> SpatialMesh:
+    """Find the vertices that the elements and interfaces of a spatial assembly share."""
+    assembly.members.refuse("a move of joints")
+    shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
+    number, places = merged_points([*shapes, *polygons], _MERGED * shortest_edge(assembly))
+    starts = np.cumsum([0, *(len(one) for one in (*shapes, *polygons))]).tolist()
+    own = [number[a:b] for a, b in itertools.pairwise(starts)]
+    corners = tuple(own[: len(shapes)])
+    rings = tuple(
+        tuple(corner[list(ring)] for ring in faces)
+        for corner, faces in zip(corners, assembly.elements.faces, strict=True)
+    )
+    return SpatialMesh(places, corners, rings, tuple(own[len(shapes) :]))
+
+
+def shortest_edge(assembly: Assembly) -> float:
+    """Return the shortest edge of all faces of elements and interfaces."""
+    loops = [
+        shape[list(ring)]
+        for shape, rings in zip(assembly.elements.shape, assembly.elements.faces, strict=True)
+        for ring in rings
+    ]
+    loops += list(assembly.interfaces.polygon)
+    return min(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).min()) for loop in loops)
+
+
+class SpatialMovedScene:
+    """Spatial scene whose vertices move; outer faces that move become triangles."""
+
+    def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools) -> None:
+        self._mesh, self._reach = mesh, assembly.size
+        document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
+        document.pop("labels", None)
+        geometry = build_geometry(scene)
+        joints = {frozenset(polygon.tolist()) for polygon in mesh.polygons}
+        self._elements = []
+        for entry, corner, rings, faces in zip(
+            geometry.entries, mesh.corners, mesh.rings, assembly.elements.faces, strict=True
+        ):
+            own = entry.model_dump(mode="json", exclude_defaults=True)
+            if moving[corner].any():
+                own["faces"] = [
+                    list(part)
+                    for ring, face in zip(rings, faces, strict=True)
+                    for part in _parts(ring, list(face), joints, moving)
+                ]
+            self._elements.append(own)
+        ids, contacts = assembly.elements.ids, assembly.interfaces
+        self._interfaces: list[dict[str, Any]] = []
+        for k, given in enumerate(geometry.given):
+            stated = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
+            label = "dry" if labels[k] else "inner"
+            self._interfaces.append({**stated, "elements": [ids[contacts.a[k]], ids[contacts.b[k]]], "label": label})
+        self._document = document
+
+    def at(self, places: Floats, friction: float = 1.0) -> Scene:
+        found = dict(self._document)
+        found["elements"] = [
+            {**entry, "vertices": places[corner].tolist()}
+            for entry, corner in zip(self._elements, self._mesh.corners, strict=True)
+        ]
+        found["interfaces"] = [
+            {**entry, "polygon": places[polygon].tolist()}
+            for entry, polygon in zip(self._interfaces, self._mesh.polygons, strict=True)
+        ]
+        if "move" in found:
+            found["move"] = move_with_points(found["move"], self._mesh.places, places, self._reach)
+        return parse_scene(found, "the moved scene")
+
+
+def _parts(ring: Ints, face: list[int], joints: set[frozenset[int]], moving: Bools) -> list[list[int]]:
+    """Return the loops of a face: triangles if it is outer and has a vertex that moves."""
+    if frozenset(ring.tolist()) in joints or len(face) == 3 or not moving[ring].any():
+        return [face]
+    return [[face[0], face[k], face[k + 1]] for k in range(1, len(face) - 1)]

@@ -23,7 +23,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields.governing import governing_bounds
 from jld_core.fields.problem import require_fields
 from jld_core.files import write_text
-from jld_core.limit import SolveOptions, Status
+from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
@@ -70,12 +70,12 @@ class MovedLayout:
 
     @property
     def low(self) -> float:
-        """Return the largest proven lower bound on λ by fields."""
+        """Largest proven lower bound on λ by fields."""
         return max(self.fields_start[0], self.fields[0])
 
     @property
     def high(self) -> float:
-        """Return the upper bound on λ by fields of the layout in `scene`; inf if there is none."""
+        """Upper bound on λ by fields of the layout in `scene`; inf if there is none."""
         return self.fields[1] if self.moved.any() else self.fields_start[1]
 
 
@@ -83,10 +83,7 @@ class MovedLayout:
 def move_one(
     scene: Scene, assembly: Assembly, labels: Bits, number: int, row: int, seconds: float, gap: float
 ) -> MovedLayout:
-    """Move the joints of one layout, and bound λ by fields before and after.
-
-    labels: (m,) True = dry.
-    """
+    """Move the joints of one layout, and bound λ by fields before, for row 0, and after."""
     # The bounds before are computed only for the layout of the scene (row 0).
     limit = min((1.0 - _MOVING) * seconds, _FIRST)
     # the layout that the scene states is what a gain is measured by
@@ -124,10 +121,7 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Return the bounds by fields on the governing factor of one layout.
-
-    labels: (m,) True = dry.
-    """
+    """Bound the governing factor of one layout by fields."""
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
@@ -153,8 +147,7 @@ _WRITING: Final = 2.5  # time kept back from a limit for table, picture and page
 _LEAST: Final = 4.0  # shortest time in which a further round can find anything, s
 
 
-GAP: Final = 0.05
-"""Default of the relative width of brackets by fields at which their refinement ends."""
+GAP: Final = 0.05  # default of the relative width of brackets by fields at which their refinement ends
 
 
 @dataclass(frozen=True)
@@ -168,7 +161,7 @@ class MovedSearch:
 
     @property
     def best(self) -> MovedLayout:
-        """Return the layout with the largest lower bound by fields."""
+        """Layout with the largest lower bound by fields."""
         return self.layouts[0]
 
 
@@ -184,11 +177,9 @@ def explore_and_move(
     started: float | None = None,
     keep: Callable[[list[MovedLayout]], None] | None = None,
 ) -> MovedSearch:
-    """Alternate between a search of labels and the optimisation of joints.
+    """Alternate between a search of labels and the optimisation of joints, docs/method.md chapter 11.
 
-    Result: all searches and moved layouts, ranked by the lower bound by fields. Raises InputError if the scene or a
-    setting does not fit, or no layout stands by fields. Raises Interrupted: after a signal; once layouts were moved,
-    `done` is the result so far.
+    Raises Interrupted after a signal; once layouts were moved, its `done` is the result so far.
     """
     # docs/method.md, chapter 11
     settings = settings or ExploreSettings()
@@ -268,10 +259,7 @@ def _in_rounds(
 def _refined(
     found: list[MovedLayout], workers: joblib.Parallel, count: int, seconds: float, gap: float
 ) -> list[MovedLayout]:
-    """Refine the bounds of the most promising layouts, and return all layouts ranked.
-
-    Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first.
-    """
+    """Refine the bounds of layouts that may still be best, greatest upper bounds first; rank all."""
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
     promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]
@@ -280,10 +268,7 @@ def _refined(
 
 
 def _movable(scene: Scene) -> Scene:
-    """Return a scene whose key "move" is complete.
-
-    Without the key, vertices of inner faces follow. Without limits of masses, those of the search apply.
-    """
+    """Return a scene whose key "move" is complete: vertices follow, and masses are those of the search."""
     move = scene.move or Move(inner="follow")
     if move.block_mass == [None, None]:
         move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
@@ -291,7 +276,7 @@ def _movable(scene: Scene) -> Scene:
 
 
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
-    """Raise InputError for scenes and settings that exclude the movement of joints."""
+    """Raise InputError for scenes and settings that exclude a move of joints."""
     if layouts < 1:
         raise ParameterError("move", f"{layouts} is no number of layouts", "a whole number from 1")
     plain = SolveOptions(gap=settings.model.gap, solver=settings.model.solver, condense=settings.model.condense)
@@ -324,10 +309,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
 
 
 def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits]]:
-    """Return row and labels (m,) of the best `count` layouts of a round.
-
-    own: True also includes the layout that the scene states, as row 0, if it is in the search space.
-    """
+    """Return row and labels (m,) of the best layouts of a round; own: also row 0, the scene's own."""
     found: list[tuple[int, Bits]] = []
     labels = done.assembly.labels
     if own and feasible(search_space(done.scene, done.assembly), labels[None])[0]:
@@ -340,8 +322,8 @@ def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits
     return found
 
 
+# files that a search of labels and geometry adds to the folder of its first round
 FILES: Final = ("moved.csv", "moved.json", "moved.png", "moved.html")
-"""Files that a search of labels and geometry adds to the folder of its first round."""
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
@@ -387,27 +369,27 @@ def moved_table(done: MovedSearch) -> pd.DataFrame:
 
 
 def moved_facts(done: MovedSearch) -> dict[str, Any]:
-    """Return the entry "moved" of summary.json and of `jld explore --move --json`."""
+    """Return the entry "moved" of summary.json and of the terminal's JSON."""
     best = done.best
     stated = next((one for one in done.layouts if one.row == 0), None)
     bounds = best.fields if best.moved.any() else best.fields_start
     return {
         "rounds": len(done.rounds),
         "layouts": len(done.layouts),
-        "stated": None if stated is None else [_number(end) for end in stated.fields_start],
-        "fields_lo": _number(bounds[0]),
-        "fields_hi": _number(bounds[1]),
+        "stated": None if stated is None else [number(end) for end in stated.fields_start],
+        "fields_lo": number(bounds[0]),
+        "fields_hi": number(bounds[1]),
         "round": best.number,
         "row": best.row,
         "labelling": to_string(best.labels),
-        "load_factor": _number(best.load_factor),
+        "load_factor": number(best.load_factor),
         "stop": done.stop,
         "scene": FILES[1],
     }
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    """Describe the best moved layout in one sentence."""
+    """Describe the best moved layout."""
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
     found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:
@@ -417,10 +399,7 @@ def words_of_move(facts: dict[str, Any]) -> str:
 
 
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
-    """Write table, scene, picture and page of moved layouts; return the entry "moved".
-
-    pictures: False omits picture and page.
-    """
+    """Write table, scene, picture and page of moved layouts; return the entry "moved"."""
     table, facts, best = moved_table(done), moved_facts(done), done.best
     write_text(folder / FILES[0], csv_of(table))
     write_text(folder / FILES[1], best.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
@@ -448,11 +427,5 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     return facts
 
 
-def _number(value: float) -> float | None:
-    """Return a float for JSON, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
 def _said(value: float | None) -> str:
-    """Return a number as text for the page and the picture."""
     return "none" if value is None else f"{value:.5g}"

@@ -12,26 +12,265 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.files import write_text
+from jld_core.limit import LimitAnalysisResult, Status, number
 from jld_core.models import solve_by_fields, solve_rigid
 from jld_core.scene import Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
-from jld_explore.cli.cracks import Cracks, with_cracks
 from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
+from jld_explore.cli.options import AsJson, Cracks, Rank, Source, refuse_itself, with_cracks
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say, warn
+from jld_explore.report import csv_of
 from jld_explore.study_state import Interrupted
+from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
-from jld_geometry.move_output import json_number, value_text, write_move
+from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
 from jld_geometry.optimise import MovedJoints, move_joints
-from jld_geometry.proving_boxes import prove_positions
 from jld_geometry.search import GeometrySearch, Point
-from jld_geometry.shaping import move_shape
+
+
+def write_move(
+    scene: Scene,
+    table: list[dict[str, Any]],
+    before: Assembly,
+    after: Assembly | None,
+    labels: Bits,
+    places: Floats,
+    moved: Floats,
+    titles: tuple[str, str],
+    out: Path,
+) -> None:
+    """Write scene, table and picture of moved joints to files of one name."""
+    import pandas as pd  # slow to import and needed for tables only
+
+    names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
+    rows = pd.DataFrame(table)
+    write_scene(scene, out)
+    write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
+    if after is None:
+        return
+    from jld_core.views.figures import save_figure
+    from jld_core.views.moved_joints import figure_of_move
+
+    save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
+
+
+def value_text(value: float | None) -> str:
+    """Return a number as text for the terminal."""
+    return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
+
+
+# What `--joint` takes
+_FORMS: Final = "key:DEPTH,WIDTH,FLANK, sine:AMPLITUDE,WAVES (shares of the length of a face) or incline:SLOPE"
+
+_SHAPE_GAP: Final = 0.1  # relative width of the brackets by fields that check a shape
+
+_SECONDS: Final = 10.0  # time for each of them and load case, s
+
+
+def shape_of(text: str) -> Shape:
+    """Return the shape that a text states; raise InputError for anything else."""
+    kind, _, rest = text.partition(":")
+    try:
+        numbers = [float(part) for part in rest.split(",")]
+        if kind == "key" and len(numbers) == 3:
+            return Key(*numbers)
+        if kind == "sine" and len(numbers) == 2 and numbers[1] == int(numbers[1]):
+            return Sine(numbers[0], int(numbers[1]))
+        if kind == "incline" and len(numbers) == 1:
+            return Incline(numbers[0])
+    except (ValueError, OverflowError):
+        pass  # told below, with what is expected
+    raise ParameterError("joint", f"{text!r} is no shape", _FORMS)
+
+
+def direction_of(text: str | None) -> Floats | None:
+    """Return the vector (3,) that a text states; None for None."""
+    if text is None:
+        return None
+    try:
+        found = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        raise ParameterError("direction", f"{text!r} is no direction", "X,Y,Z, as 0,1,0")
+    return found
+
+
+def move_shape(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    text: str,
+    direction: str | None,
+    seconds: float,
+    out: Path,
+    as_json: bool,
+) -> None:
+    """Search the best shape of all joints, write the files and print the result."""
+
+    def progress(shape: Shape, value: float) -> None:
+        if not as_json:
+            say(f"{_named(shape)}  λ ≥ {value:.6g}")
+
+    shape, run = shape_of(text), direction_of(direction)
+    done = shape_joints(scene, assembly, labels, shape, run, seconds=seconds, progress=progress)
+    if done.end == "interrupted":
+        _write(done, out)
+        stop = Interrupted()
+        stop.words = f"stopped; the best so far is in {out}: {_named(done.shape)}, λ {_said(done.after)}"
+        raise stop
+    facts = _shape_facts(done)
+    facts["fields"] = _by_fields(assembly, labels, done)
+    _write(done, out)
+    before, after = (facts["fields"][name] for name in ("before", "after"))
+    if facts["fields"]["skipped"] is not None:
+        warn(
+            f"jld: warning: λ is that of cracks at the roots of teeth; no check by fields: {facts['fields']['skipped']}"
+        )
+    elif before is None or after is None or after <= before:
+        warn("jld: warning: blocks that crack anywhere gain nothing by the shape: see `fields`")
+    if as_json:
+        say(json.dumps(facts, indent=1))
+        return
+    values = f"λ {_said(done.before)} to {_said(done.after)}"
+    say(f"best: {_named(done.shape)}, {values}, {len(done.trials)} shapes, {done.end}")
+    if facts["fields"]["skipped"] is None:
+        say(f"by fields: λ ≥ {value_text(before)} before, λ ≥ {value_text(after)} after")
+    say(f"written to {out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}")
+
+
+def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
+    """Return the object that `jld move --joint --json` prints."""
+    return {
+        "name": done.scene.name,
+        "joint": {"kind": type(done.shape).__name__.lower(), **vars(done.shape)},
+        "start": number(done.before.load_factor),
+        "load_factor": number(done.after.load_factor),
+        "bracket": [number(end) for end in done.after.bracket],
+        "status": str(done.after.status),
+        "shapes": len(done.trials),
+        "end": done.end,
+    }
+
+
+def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str, Any]:
+    """Return lower bounds on λ by fields with straight joints and the best shape, or why there are none."""
+    found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    if assembly.dimension == 3:
+        return found | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
+    try:
+        for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
+            low = solve_by_fields(one, own, gap=_SHAPE_GAP, seconds=_SECONDS).decided.low
+            found[name] = number(low)
+    except InputError as error:
+        found["skipped"] = f"{error.where}: {error.problem}"
+    return found
+
+
+def _write(done: ShapedJoints, out: Path) -> None:
+    """Write scene, table of shapes and picture."""
+    import pandas as pd  # slow to import and needed for tables only
+
+    from jld_core.views.figures import figure_of_layouts, save_figure
+
+    rows = pd.DataFrame([{**vars(shape), "load_factor": value} for shape, value in done.trials])
+    write_scene(done.scene, out)
+    write_text(out.with_suffix(".csv"), csv_of(rows))
+    titles = [f"straight: λ = {_said(done.before)}", f"{type(done.shape).__name__.lower()}: λ = {_said(done.after)}"]
+    save_figure(figure_of_layouts([done.before, done.after], titles), out.with_suffix(".png"))
+
+
+def _named(shape: Shape) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in vars(shape).items())
+
+
+def _said(result: LimitAnalysisResult) -> str:
+    return f"{result.load_factor:.6g}" if result.status is Status.COLLAPSE else str(result.status)
+
+
+def prove_positions(
+    scene: Scene,
+    assembly: Assembly,
+    labels: Bits,
+    box: str,
+    gap: float,
+    seconds: float,
+    out: Path,
+    certificate: Path | None,
+    as_json: bool,
+) -> None:
+    """Prove a bound over a box, check the proof, write the best scene and print both bounds."""
+
+    def progress(best: float, bound: float, boxes: int) -> None:
+        if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
+            say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
+
+    done = prove_box(scene, assembly, labels, _box(box), gap=gap, seconds=seconds, progress=progress)
+    passed, spent, reason = check_proof(done)
+    facts = _proof_facts(done) | {"proof_check": {"passed": passed is True, "seconds": spent}, "warnings": []}
+    if passed is False or (passed is None and done.proven):
+        facts["proven"] = False
+        facts["warnings"].append(f"the proof did not pass its check ({reason}): nothing is proven")
+    if certificate is not None and passed:
+        write_box_certificate(done, certificate)
+    elif certificate is not None:
+        facts["warnings"].append(f"no certificate is written: {reason}")
+    row = {"start": 0, "step": 0, "value": done.load_factor, "bracket_lo": done.load_factor, "bracket_hi": done.bound}
+    titles = (f"before: {value_text(facts['start'])}", f"best in the box: {value_text(facts['load_factor'])}")
+    write_move(done.scene, [row], assembly, done.after.assembly, labels, done.places, done.moved, titles, out)
+    for sentence in facts["warnings"]:
+        warn(f"jld: warning: {sentence}")
+    if as_json:
+        say(json.dumps(facts, indent=1))
+        return
+    what = "proven" if facts["proven"] else "not proven"
+    say(f"λ {value_text(done.load_factor)} found, {value_text(done.bound)} at most, gap {done.gap:.2g}: {what}")
+    checked = f", checked in {spent:.1f} s" if passed else ""
+    say(f"{done.boxes} boxes, {done.seconds:.1f} s{checked}, written to {out}")
+    if certificate is not None and passed:
+        say(f"certificate written to {certificate}: jld verify {certificate}")
+
+
+def _box(text: str) -> float | tuple[Floats, Floats]:
+    """Convert the value of `--prove` to a length, or to both ends (p,) of a box."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not numbers or not np.isfinite(numbers).all() or (len(numbers) > 1 and len(numbers) % 2):
+        raise ParameterError("prove", f"{text!r} is no box", "a length, or LOW,HIGH for each parameter")
+    if len(numbers) == 1:
+        return numbers[0]
+    return np.array(numbers[0::2]), np.array(numbers[1::2])
+
+
+def _proof_facts(done: ProvenBox) -> dict[str, Any]:
+    """Return the object that `jld move --prove --json` prints."""
+    start = done.before.load_factor if done.before.status is Status.COLLAPSE else math.nan
+    return {
+        "name": done.scene.name,
+        "objective": "load_factor",
+        "load_factor": number(done.load_factor),
+        "bracket": [number(end) for end in done.after.bracket],
+        "status": str(done.after.status),
+        "start": number(start),
+        "steps": done.boxes,
+        "bound": number(done.bound),
+        "proven": done.proven,
+        "gap": number(done.gap),
+        "boxes": done.boxes,
+        "box": [[float(low), float(high)] for low, high in zip(done.low, done.high, strict=True)],
+        "parameters": [float(value) for value in done.parameters],
+        "seconds": done.seconds,
+    }
+
 
 _FIELD_GAP: Final = 0.1  # relative width of brackets by fields, which check a gain where blocks may crack
 
@@ -49,10 +288,7 @@ _GAP: Final = 1e-3  # default of the relative distance of both bounds at which a
 
 
 def require_movable(scene: Scene, assembly: Assembly) -> None:
-    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling.
-
-    A scene without the key is accepted.
-    """
+    """Raise InputError if the key "move" of a scene does not fit the scene's own labelling."""
     if scene.move is not None:
         GeometrySearch(scene, assembly, assembly.labels)
 
@@ -133,7 +369,6 @@ def move(
             assembly = build_robust(scene)
 
     def progress(point: Point) -> None:
-        """Print an accepted point."""
         if not as_json:
             say(f"start {point.start} step {point.step:<3} {point.value:<14.8g} {point.seconds:.1f} s")
 
@@ -173,14 +408,11 @@ def _finish(
     *,
     by_fields: bool,
 ) -> None:
-    """Check a move by fields, write table and picture, and print the result.
-
-    labels: (m,) True = dry.
-    """
+    """Check a move by fields, write table and picture, and print the result."""
     facts = _facts(done)
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
-        facts["load_factor_nominal"] = json_number(nominal)
+        facts["load_factor_nominal"] = number(nominal)
     check = _bounded if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
@@ -196,7 +428,7 @@ def _finish(
 
 
 def _check_out(source: Path, out: Path) -> None:
-    """Raise InputError for a file that cannot be written, before any work."""
+    """Raise InputError for a file that cannot be written."""
     if out.suffix in (".csv", ".png"):
         raise ParameterError("out", f"{out.name!r} is the name of a table or picture", "the name of a scene file")
     if out.is_dir() or not out.absolute().parent.is_dir():
@@ -222,10 +454,7 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
 def _check_by_fields(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any] | None:
-    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere.
-
-    labels: (m,) True = dry.
-    """
+    """Return lower bounds on λ by fields before and after, with blocks that crack anywhere."""
     if labels.all() or done.after is None or not done.moved.any():
         return None
     found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
@@ -235,7 +464,7 @@ def _check_by_fields(
         for left, name, one in ((2, "before", assembly), (1, "after", done.after.assembly)):
             seconds = min(_FIELD_SECONDS, until.remaining() / left)
             low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).decided.low
-            found[name] = json_number(low)
+            found[name] = number(low)
     except InputError as error:
         found["skipped"] = f"{error.where}: {error.problem}"
     return found
@@ -244,22 +473,19 @@ def _check_by_fields(
 def _bounded(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
-    """Put bounds by fields into the facts of a move; return the lower ones before and after.
-
-    labels: (m,) True = dry.
-    """
+    """Put bounds by fields into the facts of a move; return the lower ones before and after."""
     seconds = min(_FIELD_SECONDS, until.remaining() / 2.0)
     before = solve_by_fields(assembly, labels, gap=_FIELD_GAP, seconds=seconds).decided
     moved = assembly if done.after is None else done.after.assembly
     after = solve_by_fields(moved, labels, gap=_FIELD_GAP, seconds=seconds)
-    low, high = json_number(after.decided.low), json_number(after.decided.high)
-    facts |= {"start": json_number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
-    facts |= {"status": str(after.status), "start_bracket": [json_number(before.low), json_number(before.high)]}
+    low, high = number(after.decided.low), number(after.decided.high)
+    facts |= {"start": number(before.low), "value": low, "load_factor": low, "bracket": [low, high]}
+    facts |= {"status": str(after.status), "start_bracket": [number(before.low), number(before.high)]}
     return {"before": facts["start"], "after": low, "skipped": None}
 
 
 def _doubts(checked: dict[str, Any] | None) -> list[str]:
-    """Return the warnings of a check by fields."""
+    """List the warnings of a check by fields."""
     if checked is None:
         return []
     if checked["skipped"] is not None:
@@ -279,11 +505,11 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
     return {
         "name": done.scene.name,
         "objective": done.objective,
-        "load_factor": json_number(load_factor),
-        "bracket": [json_number(end) for end in bracket],
+        "load_factor": number(load_factor),
+        "bracket": [number(end) for end in bracket],
         "status": None if after is None else str(after.status),
-        "start": json_number(done.start),
-        "value": json_number(done.value),
+        "start": number(done.start),
+        "value": number(done.value),
         "steps": len(done.points) - len({point.start for point in done.points}),
         "solves": done.points[-1].solves if done.points else 0,
         "end": done.end,
@@ -302,7 +528,7 @@ def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
-    """Describe the result of a move for the terminal."""
+    """Describe a move for the terminal."""
     ends = {
         "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',

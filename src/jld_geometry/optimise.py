@@ -1,4 +1,4 @@
-"""Optimise joints by programs over forces and positions; every point is proven."""
+"""Optimise joints by programs over forces and positions, and derive λ by vertices; every point is proven."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.limit.mechanism import face_jumps
 from jld_core.models import solve_rigid
-from jld_core.models.sensitivity import SolvedProgram
+from jld_core.models.sensitivity import GeometrySensitivities, SolvedProgram
+from jld_core.parameters import require_kind, typed
 from jld_core.program import Template
 from jld_core.scene import Scene, parse_scene
 from jld_core.threads import one_thread
-from jld_geometry.convex_cells import VertexMesh
+from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated
 from jld_geometry.search import GeometrySearch, MoveOptions, MoveRun, Point
-from jld_geometry.spatial_rates import face_rates, length_rates, load_rates, residual_rates
+from jld_geometry.spatial_rates import face_rates, length_rates, load_rates, residual_rates, spatial_rates
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,9 @@ def move_joints(
     labels: Bits,
     **options: Unpack[MoveOptions],
 ) -> MovedJoints:
-    """Move the joints of a structure to optimise the objective that its key "move" states.
+    """Move joints to optimise the objective of the key "move", docs/method.md (11.6).
 
-    labels: (m,) True = dry. Result: best geometry found, every accepted point of all searches, and why the best one
-    ended. Raises InputError: the key "move" does not fit the structure, or neither it nor any position tried stands.
-    Raises KeyboardInterrupt: an interrupt before the first accepted point; a later one ends the search with the best so
-    far.
+    An interrupt after the first accepted point ends the search with the best so far.
     """
     # The objective is the largest λ, or the least friction or thickness at which the dead load stands. docs/method.md
     # (11.6).
@@ -81,14 +80,10 @@ def move_joints(
 def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
-    """Optimise from every start, then from the best end; return best point and reason.
-
-    Raises InputError where no position stands.
-    """
+    """Optimise from every start, then from the best end; return best point and reason."""
     best: tuple[Evaluated, str] | None = None
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
-        """Record an accepted point of a start, with predicted objective and trust radius."""
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
         if search.goal != "load_factor":
             bracket = (math.nan, math.nan)
@@ -173,12 +168,8 @@ _ALIKE: Final = 1e-6  # difference of both rates, relative to the largest rate, 
 
 
 def one_sided(result: LimitAnalysisResult, mesh: VertexMesh, rates: Floats) -> tuple[Floats, Floats]:
-    """Compute the rates (2v,) of λ for a decrease and for an increase of each coordinate.
-
-    rates: (2v,) from the forces and the mechanism of the result, per length, scene units; entry 2·vertex + axis. Both
-    results equal `rates` where forces and mechanism leave the rate unique. They also do for large programs and programs
-    with cones, in which kinks are not looked for.
-    """
+    """Compute the rates (2v,) of λ for a decrease and an increase of each coordinate, from `rates` (2v,)."""
+    # both are `rates` where forces and mechanism leave them unique, in large programs, and in those with cones
     analysis = LimitAnalysis(result.assembly)
     structure = analysis.template.structure
     if structure.cones or structure.shape[1] > _COLUMNS:
@@ -273,3 +264,46 @@ def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates
 def _size(direction: Floats, values: Floats) -> float:
     """Return the Euclidean norm of a direction over the largest absolute entry of `values`."""
     return float(np.linalg.norm(direction)) / max(float(abs(values).max(initial=0.0)), tolerances.ROUNDING)
+
+
+@typed
+@one_thread()
+def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
+    """Compute the derivatives of the governing λ by the positions of all vertices, or None."""
+    require_kind("result", result, LimitAnalysisResult)
+    if result.cases:
+        names = [case.name for case in result.assembly.cases]
+        if result.governing is None or result.status is not Status.COLLAPSE:
+            return None
+        required = float(result.assembly.required[names.index(result.governing)])
+        one = geometry_sensitivities(result.cases[result.governing], one_sided=one_sided)
+        if one is None:
+            return None
+        rates = (values / required for values in (one.derivative, one.left, one.right))
+        return GeometrySensitivities(one.vertices, *rates)
+    plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
+    plain = plain and not result.assembly.pressed and not result.assembly.members
+    plain = plain and result.assembly.members.bond is None
+    if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
+        return None
+    if result.assembly.dimension == 3:
+        found = spatial_rates(result, result.forces, result.mechanism)
+        return None if found is None else GeometrySensitivities(found[0], *[found[1]] * 3)
+    return _planar(result, result.forces, result.mechanism, one_sided)
+
+
+def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
+    """Return the rates of a planar result with its forces (m, 3) and its mechanism (n, 3)."""
+    assembly = result.assembly
+    mesh = vertex_mesh(assembly)
+    velocity = mechanism[assembly.elements.free].ravel()
+    rates = -(velocity @ residual_rates(assembly, mesh, forces, result.load_factor))
+    dissipation = -np.einsum("ij,ij->i", forces, face_jumps(assembly, mechanism))
+    rates = rates + (dissipation / assembly.interfaces.l1) @ length_rates(mesh)
+    if sided:
+        left, right = one_sided(result, mesh, rates)
+        derivative = np.where(left == right, left, np.nan)
+    else:
+        left, right, derivative = np.full_like(rates, np.nan), np.full_like(rates, np.nan), rates
+    shape = mesh.places.shape
+    return GeometrySensitivities(mesh.places, *(values.reshape(shape) for values in (derivative, left, right)))

@@ -20,10 +20,8 @@ from jld_core.scene.move import Move
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated, Evaluator
-from jld_geometry.limits import Limits
-from jld_geometry.moved_scene import MovedScene
-from jld_geometry.spatial_mesh import SpatialMesh, SpatialMovedScene, spatial_mesh
-from jld_geometry.spatial_program import SpatialLimits, require_spatial, spatial_variables
+from jld_geometry.limits import Limits, SpatialLimits, require_spatial, spatial_variables
+from jld_geometry.moved_scene import MovedScene, SpatialMesh, SpatialMovedScene, spatial_mesh
 from jld_geometry.step import Goal, StepAnswer
 from jld_geometry.variables import Variables, variables_of
 
@@ -62,13 +60,7 @@ _SHAKE: Final = 0.15  # standard deviation of the variables of further starts, r
 
 
 class GeometrySearch:
-    """Search for the best positions of the joints of one structure.
-
-    Start from `first`, or from `standing` where the structure does not stand, and improve the point by `improve`.
-
-    scene: scene; its key "move" states variables, limits and objective. assembly: its assembly; one of `build_robust`
-    has every point at the low values of materials. labels: (m,) True = dry. trust: parameters of the search.
-    """
+    """Search for the best positions of the joints of one structure, by variables z (k,)."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
         self.move, self.trust = scene.move or Move(), trust or TrustRegion()
@@ -112,7 +104,7 @@ class GeometrySearch:
         return goals.get(self.move.maximise, "load_factor")
 
     def evaluate(self, values: Floats, near: Evaluated | None) -> Evaluated | None:
-        """Evaluate the objective at variables z (k,) with a proof; None where none is found."""
+        """Evaluate the objective at variables z with a proof; None where none is found."""
         if self.goal == "friction":
             return self.evaluator.friction(values, 1.0 if near is None else near.friction)
         if self.goal == "thickness":
@@ -120,19 +112,13 @@ class GeometrySearch:
         return self.evaluator.load_factor(values, near)
 
     def value_of(self, point: Evaluated) -> float:
-        """Convert the objective of a point to the value that users read, scene units.
-
-        It is λ, the largest friction coefficient of dry faces, or the thickness.
-        """
+        """Convert an objective to λ, the largest friction coefficient, or the thickness."""
         if self.goal == "friction":
             return -point.objective * self._friction
         return point.objective if self.goal == "load_factor" else -point.objective
 
     def restored(self, values: Floats) -> Floats | None:
-        """Return variables near z (k,) that keep all limits and ties, by a few Newton steps.
-
-        None where the steps do not converge.
-        """
+        """Return variables near z that keep all limits and ties, by a few Newton steps, or None."""
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
@@ -150,7 +136,7 @@ class GeometrySearch:
         return None
 
     def bounds(self, values: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return bounds low, high (k,) on a step from z (k,) by trust region and user's box."""
+        """Return bounds low, high (k,) on a step from z by trust region and user's box."""
         low, high = np.full(len(values), -radius), np.full(len(values), radius)
         box = self.move.box
         if box is not None:
@@ -162,15 +148,11 @@ class GeometrySearch:
     # --- search -----------------------------------------------------------------------------------------
 
     def first(self) -> Evaluated | None:
-        """Return the point of the scene as it is, with its proven value; None where it has none."""
+        """Return the point of the scene as it is, with its proven value, or None."""
         return self.evaluate(np.zeros(self.variables.count), None)
 
     def standing(self, values: Floats, deadline: float) -> Evaluated | None:
-        """Move joints from variables z (k,) until the structure stands (phase one).
-
-        Returns the first point found with a proven value; None where none is found by `deadline`, a time of
-        `time.perf_counter`, s.
-        """
+        """Move joints from variables z until the structure stands (phase one), or None."""
         point, radius = self.evaluator.missing(values), self.trust.first * self.unit
         for _ in range(self.trust.points):
             if point is None or radius < self.trust.least * self.unit or time.perf_counter() > deadline:
@@ -191,10 +173,7 @@ class GeometrySearch:
     def improve(
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
-        """Improve a point until it is stationary; return the last accepted point and why it ended.
-
-        The reason is "stationary", "locked", "time" or "points".
-        """
+        """Improve a point until it is "stationary" or "locked", or "time" or "points" are over."""
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
         for _ in range(trust.points):
@@ -257,10 +236,7 @@ class GeometrySearch:
         return answer.value
 
     def _with_other_forces(self, point: Evaluated, random: np.random.Generator) -> Evaluated:
-        """Return a point with other, randomly chosen optimal forces, to look for an ascent.
-
-        The point itself is returned if the program fails.
-        """
+        """Return a point with other, randomly chosen optimal forces, to look for an ascent."""
         still = np.zeros(self.variables.count)
         objective = random.normal(size=point.states[0].forces.size)
         answer = self.evaluator.step(point, still, still, self.goal, objective)
@@ -270,10 +246,7 @@ class GeometrySearch:
         return replace(point, states=states)
 
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
-        """Draw random variables z (k,) for a further start; None if none keeps all limits.
-
-        best: (k,) best variables so far, or None. Odd numbers start around `best`, others around the scene as it is.
-        """
+        """Draw random variables z for a further start, around `best` for odd numbers; or None."""
         random = np.random.default_rng(number)
         basis = self.variables.basis
         step = basis @ random.normal(size=basis.shape[1]) * _SHAKE * self.unit
@@ -307,21 +280,13 @@ class MoveOptions(TypedDict, total=False):
     """Options that every optimisation of joints takes by keyword."""
 
     seconds: float  # time limit, s. The point in work is finished. Default: none.
-    starts: (
-        int | None
-    )  # number of starts: the scene itself, and shaken ones; None: as many as the time allows. Default: 1.
+    starts: int | None  # the scene itself, and shaken ones; None: as many as the time allows. Default: 1.
     trust: TrustRegion | None  # parameters of the search. Default: those of `TrustRegion`.
     progress: Callable[[Point], None] | None  # called with every accepted point. Default: none.
 
 
 class MoveRun:
-    """Starts of an optimisation under one time limit, and the record of their points.
-
-    deadline: end of the time limit, as `time.perf_counter` counts, s. until: end of further starts, before the best of
-    them is improved to the last. trust: parameters of the search. points: all
-    accepted points so far. best: (k,) variables of the best end so far, which the caller keeps here: later starts are
-    shaken near it. watched: True if somebody is told of every point.
-    """
+    """Starts of an optimisation under one time limit, and the record of their points."""
 
     def __init__(
         self,
@@ -341,10 +306,7 @@ class MoveRun:
         self._taken: Counter[int] = Counter()
 
     def each_start(self, search: GeometrySearch) -> Iterator[tuple[int, Floats | None]]:
-        """Return number and variables (k,) of each start until the time is over.
-
-        Variables are None where no shaken start was found.
-        """
+        """Yield number and variables (k,), None where none was found, of each start in time."""
         for number in itertools.count() if self._starts is None else range(self._starts):
             if number and time.perf_counter() > self.until:
                 return
@@ -353,7 +315,7 @@ class MoveRun:
     def record(
         self, start: int, value: float, bracket: tuple[float, float], predicted: float, radius: float, solves: int
     ) -> None:
-        """Record an accepted point of a start; arguments as the attributes of `Point`."""
+        """Record an accepted point of a start."""
         spent = time.perf_counter() - self._began
         point = Point(start, self._taken[start], value, bracket, predicted, radius, solves, spent)
         self._taken[start] += 1

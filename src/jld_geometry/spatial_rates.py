@@ -1,7 +1,4 @@
-"""Derivatives of λ by vertices of spatial structures with dry faces.
-
-Source: docs/method.md (11.5).
-"""
+"""Derivatives by vertices of lengths, areas, forces and loads, and of λ in space, docs/method.md (11.5)."""
 
 from __future__ import annotations
 
@@ -22,14 +19,11 @@ from jld_core.loads import Loads
 from jld_core.solvers.highs import highs_of
 from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.spatial_mesh import spatial_mesh
+from jld_geometry.moved_scene import spatial_mesh
 
 
 def length_rates(mesh: VertexMesh) -> sp.csr_array:
-    """Return the derivatives (m, 2v) of the lengths of interfaces by the vertices.
-
-    Column 2·vertex + axis. With ends p, q and unit direction t of an interface, dl = t·(dq − dp).
-    """
+    """Return the derivatives (m, 2v) of the lengths of interfaces by the vertices."""
     edge = mesh.places[mesh.ends[:, 1]] - mesh.places[mesh.ends[:, 0]]
     along = edge / np.linalg.norm(edge, axis=1)[:, None]
     values = np.concatenate([-along, along], axis=1)
@@ -82,12 +76,8 @@ def _by_length(loops: tuple[Ints, ...]) -> Iterator[tuple[Ints, Ints]]:
 
 
 def residual_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats, load_factor: float) -> sp.csr_array:
-    """Return the derivatives (3·free, 2v) of the equilibrium residual by the vertices.
-
-    The residual is A_eq F + b + λ b_λ, see (11.1) and (11.2). Resultants N, V and M / (l/2) are held constant, and
-    moments are taken about the present centroids. Rows are force x, force y and moment of each free element; column
-    2·vertex + axis. All is in scene units. forces: (m, 3) N, V, M.
-    """
+    """Return the derivatives (3·free, 2v) of the equilibrium residual, (11.1), (11.2), by the vertices."""
+    # N, V and M / (l/2) are held; moments are about the present centroids
     entries = face_rates(assembly, mesh, forces)
     shape = (3 * len(assembly.elements.free), mesh.places.size)
     return sp.csr_array(
@@ -109,10 +99,7 @@ class FaceRates:
 
 
 def face_rates(assembly: Assembly, mesh: VertexMesh, forces: Floats) -> FaceRates:
-    """Compute the derivatives by the vertices of the forces of interfaces on free elements.
-
-    forces: (m, 3) N, V, M, scene units.
-    """
+    """Compute the derivatives by the vertices of forces (m, 3) of interfaces on free elements."""
     # Moments are taken about the present centroids, which are held constant.
     faces, elements = assembly.interfaces, assembly.elements
     start, end = mesh.places[mesh.ends[:, 0]], mesh.places[mesh.ends[:, 1]]
@@ -172,7 +159,7 @@ def shape_loads(loads: Loads, elements: Elements) -> tuple[Floats, Floats]:
 
 
 def _columns(ends: Ints) -> Ints:
-    """Return the columns (m, 4) of the coordinates of both end vertices; ends: (m, 2)."""
+    """Return the columns (m, 4) of the coordinates of both ends (m, 2)."""
     return np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)
 
 
@@ -186,11 +173,7 @@ _ROUNDED: Final = 1e-9
 
 
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
-    """Return vertices (v, 3) and the derivatives (v, 3) of λ by their positions, scene units.
-
-    forces: (m, 6) of the result; mechanism: (n, 6), scaled to live power 1. None for a labelling with inner faces, or
-    for dry faces that crush.
-    """
+    """Return vertices (v, 3) and derivatives (v, 3) of λ; None for inner faces or crushing."""
     assembly = result.assembly
     if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).side(dry=True).crush).any():
         return None
@@ -205,10 +188,7 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
 
 
 def _element_rates(assembly: Assembly, element: int, motion: Floats, load_factor: float) -> Floats:
-    """Return minus the derivatives of an element's load power by its vertices, (k, 3).
-
-    motion: (6,) velocity of the centroid, then rotation.
-    """
+    """Return minus the derivatives (k, 3) of an element's load power; motion: (6,)."""
     loads = assembly.dead_loads + load_factor * assembly.live_loads
     growing, riding = (load[element] for load in shape_loads(loads, assembly.elements))
     volume, by_volume, by_moment = volume_rates(assembly, element)
@@ -245,10 +225,7 @@ class HeldForces:
     twist: float  # torque over the torsion length
 
     def wrench(self, polygon: Floats) -> Floats:
-        """Return force and moment about the origin (6,) of the held forces on the second element.
-
-        polygon: (k, 3) present corners of the face.
-        """
+        """Return force and moment about the origin (6,) on the second element, by corners (k, 3)."""
         vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
         normal = vector / float(np.linalg.norm(vector))
         frame = plane_frame(normal, self.normal)
@@ -281,10 +258,7 @@ def plane_frame(normal: Floats, beside: Floats) -> Floats:
 
 
 def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Floats, Floats]:
-    """Return the relative velocity (3,) at a face's origin and relative spin (3,).
-
-    Both are those of its second element less those of the first. mechanism: (n, 6) velocities of the elements.
-    """
+    """Return relative velocity (3,) at a face's origin and spin (3,), of the second element to the first."""
     faces = assembly.interfaces
     velocity, spin = np.zeros(3), np.zeros(3)
     for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
@@ -295,11 +269,7 @@ def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Float
 
 
 def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, gaps: Floats) -> HeldForces:
-    """Convert the resultants of a face to corner forces, shear and twist that are held.
-
-    polygon: (k, 3) corners about the origin of the face. forces: (6,) resultants. gaps: (k,) opening rates at the
-    corners. Where corner forces are not unique, those of least power on the gaps are taken.
-    """
+    """Convert resultants (6,) of a face to corner forces of least power on gaps (k,), shear and twist."""
     faces = assembly.interfaces
     axes = np.array([faces.e1[face], faces.e2[face]])
     corner = corner_forces(polygon @ axes.T, forces, gaps)
@@ -308,10 +278,7 @@ def held_forces(assembly: Assembly, face: int, polygon: Floats, forces: Floats, 
 
 
 def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats) -> Floats:
-    """Return the derivatives (k, 3) of a face's dissipation minus power by its k corners.
-
-    forces: (6,) of the face. mechanism: (n, 6) velocities of the elements. Both are in scene units.
-    """
+    """Return the derivatives (k, 3) of a face's dissipation minus power by its k corners."""
     faces = assembly.interfaces
     velocity, spin = face_motion(assembly, face, mechanism)
     # coordinates about the centroid keep all digits far from the origin
@@ -330,10 +297,7 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
 
 
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
-    """Return the normal forces (k,) at corners that have a face's N, M1 and M2 as resultants.
-
-    corner: (k, 2) coordinates about the centroid. forces: (6,) resultants of the face. gaps: (k,) opening rates.
-    """
+    """Return normal forces (k,) at corners (k, 2) of given N, M1, M2, of least power on gaps (k,)."""
     # Of all such forces they have the least power on the gaps.
     size = float(abs(corner).max())
     rows = np.vstack([np.ones(len(corner)), corner[:, 0] / size, corner[:, 1] / size])

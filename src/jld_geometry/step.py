@@ -1,7 +1,4 @@
-"""Program of one step of a geometry optimisation, over forces and positions.
-
-Source: docs/method.md (11.6).
-"""
+"""Program of one step of a geometry optimisation, over forces and positions, docs/method.md (11.6)."""
 
 from __future__ import annotations
 
@@ -15,13 +12,12 @@ from jld_core.arrays import Bits, Floats
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.limits import LimitValues
-from jld_geometry.spatial_mesh import SpatialMesh
-from jld_geometry.spatial_program import spatial_residual_rates
+from jld_geometry.limits import LimitValues, spatial_residual_rates
+from jld_geometry.moved_scene import SpatialMesh
 from jld_geometry.spatial_rates import length_rates, residual_rates
 
+# λ; least factor on friction or least thickness at λ = 0; the missing strength
 Goal = Literal["load_factor", "friction", "thickness", "slack"]
-"""Objective of a step: λ; the least factor on friction or the least thickness at λ = 0; the missing strength."""
 
 _TOLERANCE: Final = 1e-9  # residual and gap of the programs of steps; accepted points are proven apart
 
@@ -54,10 +50,7 @@ class StepAnswer:
 
 @dataclass(frozen=True)
 class Region:
-    """Steps allowed at the present position: derivatives, limits, ties and bounds.
-
-    There are k variables, and v vertices in d dimensions.
-    """
+    """Steps allowed at the present position: derivatives, limits, ties and bounds."""
 
     jacobian: sp.csr_array  # (d·v, k) derivatives of positions by variables
     limits: LimitValues  # values of the r limits at the present position
@@ -77,10 +70,9 @@ def solve_step(
     goal: Goal,
     kick: Floats | None = None,
 ) -> StepAnswer | None:
-    """Solve the program of one step, over forces and positions at once (11.6); None where the solver finds no answer.
+    """Solve the program of one step (11.6), unproven; None where the solver finds no answer.
 
-    labels: (m,) True = dry. kick: (columns of the first case,) objective on its forces. It replaces the goal, which
-    keeps its present value, to find other optimal forces.
+    kick: objective on the forces of the first case, in place of the goal, which keeps its value.
     """
     # The answer is not proven: positions are linearised.
     rows = _Rows(states, region.jacobian.shape[1])
@@ -110,10 +102,7 @@ def solve_step(
 
 
 class _Rows:
-    """Constraints of the program of a step, collected by group.
-
-    The columns are those of each load case in turn, then the k steps of the variables, then the goal.
-    """
+    """Constraints of the program of a step: columns of each load case, k steps, and the goal."""
 
     def __init__(self, states: list[CaseState], count: int) -> None:
         self._states, self.count = states, count
@@ -124,18 +113,11 @@ class _Rows:
         self.cones: list[int] = []
 
     def add(self, group: str, rows: sp.csr_array, right: Floats) -> None:
-        """Add rows over all columns to the group "equal", "linear" or "cones".
-
-        rows: (r, width) coefficients. right: (r,) right-hand sides.
-        """
+        """Add rows (r, width) with right-hand sides (r,) to the group "equal", "linear" or "cones"."""
         self._groups[group].append((rows, right))
 
     def placed(self, case: int, own: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
-        """Pad the rows of one load case to all columns of the program of a step.
-
-        own: (r, columns of the case), steps: (r, k) and goal: (r,) coefficients of the case, of the k shape variables
-        and of the goal. None stands for zeros. Returns (r, width).
-        """
+        """Pad coefficients of one case, of steps (r, k) and of the goal (r,) to all columns (r, width)."""
         count = own.shape[0]
         before = sp.csr_array((count, self.start[case]))
         after = sp.csr_array((count, self.start[-1] - self.start[case + 1]))
@@ -174,10 +156,7 @@ def _add_case(
     lengths: sp.csr_array,
     goal: Goal,
 ) -> None:
-    """Add the equilibrium, yield and goal rows of one load case to the program of a step.
-
-    lengths: (m, k) relative rates of the lengths of faces by the variables.
-    """
+    """Add the equilibrium, yield and goal rows of one load case; lengths: (m, k) relative rates."""
     template = state.template
     program, scaling = template.program(labels), template.scaling
     s = program.structure
@@ -219,10 +198,7 @@ def _add_case(
 
 
 def _friction_column(template: Template, labels: Bits, forces: Floats, count: int) -> Floats:
-    """Return the derivatives (count,) of yield rows by a common factor on dry friction.
-
-    forces: (m, 3) at which they are taken, scene units.
-    """
+    """Return the derivatives (count,) of yield rows by a common factor on dry friction."""
     pattern = template.yield_set.pattern
     scaled = (forces / template.scaling.face).ravel()
     own = pattern.capacity[labels[pattern.face[pattern.capacity]]]
@@ -231,11 +207,10 @@ def _friction_column(template: Template, labels: Bits, forces: Floats, count: in
 
 
 def _add_shape(rows: _Rows, region: Region) -> None:
-    """Add limits on shapes, ties and bounds of the step to the program of a step."""
+    """Add limits on shapes, ties and bounds of the step to its program."""
     count = rows.count
 
     def wide(steps: sp.csr_array) -> sp.csr_array:
-        """Pad coefficients (r, k) of the steps to all columns of the program."""
         before = sp.csr_array((steps.shape[0], rows.start[-1]))
         return sp.csr_array(sp.hstack([before, steps, sp.csr_array((steps.shape[0], 1))]))
 

@@ -14,8 +14,7 @@ from jld_core.errors import InputError
 from jld_core.scene.move import Move, Path
 from jld_geometry.convex_cells import VertexMesh
 
-SAME: Final = 1e-6
-"""Distance of a stated point from the vertex that it names, and of mirrored vertices, relative to the structure."""
+SAME: Final = 1e-6  # distance of a stated point from its vertex, and of mirrored vertices, relative to the structure
 
 _STRAIGHT: Final = 1e-6  # sine of the angle between two edges of the outline that form a straight line
 
@@ -95,10 +94,7 @@ class Variables:
 
 
 def null_space(rows: Floats, count: int) -> Floats:
-    """Return a basis (count, p) of the vectors x with rows @ x = 0.
-
-    rows: (t, count).
-    """
+    """Return a basis (count, p) of the vectors x with rows (t, count) @ x = 0."""
     # Each column has an entry 1 in a position of its own, where all others are 0. Entries below 1e-9 count as 0.
     matrix = rows.copy()
     pivots: list[int] = []
@@ -124,11 +120,7 @@ def null_space(rows: Floats, count: int) -> Floats:
 
 
 def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move, *, named: bool = False) -> Variables:
-    """Find the variables of a planar structure that the key "move" of its scene asks for.
-
-    labels: (m,) True = dry. Raises InputError for a vertex that does not exist or belongs to a support. It also does so
-    for ties that contradict one another, and where nothing is left to move.
-    """
+    """Find the variables that the key "move" asks for; InputError if they do not fit."""
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()
     circles = [path for path in move.along if path.circle is not None]
@@ -164,7 +156,7 @@ def vertex_at(places: Floats, point: list[float], size: float, where: str) -> in
 
 
 def _words(point: Floats) -> str:
-    """Format a point for messages, as in "[1, 2.5]"."""
+    """Format a point as in "[1, 2.5]"."""
     return "[" + ", ".join(f"{value:.6g}" for value in point) + "]"
 
 
@@ -196,11 +188,7 @@ class _Finder:
                 self._before.setdefault(j, []).append(i)
 
     def named(self) -> list[tuple[int, Floats, Floats]]:
-        """Return vertex, unit direction (2,) and centre (NaN) for each vertex that "along" names.
-
-        Raises InputError for a vertex that does not exist or belongs to a support, and for a direction with three
-        numbers.
-        """
+        """Return vertex, unit direction (2,) and centre (NaN) for each vertex that "along" names."""
         found = []
         for position, path in enumerate(self._move.along):
             if path.at is None or path.direction is None:
@@ -236,11 +224,7 @@ class _Finder:
         return found
 
     def _circle(self, vertex: int, around: list[int], circles: list[Path]) -> tuple[Floats, bool] | None:
-        """Find the first circle through a vertex and its neighbours on the outline; else None.
-
-        around: the neighbours. For a vertex on a support one of them suffices, if vertices of supports slide on the
-        circle. Returns centre (2,), and True if vertices of supports slide on it.
-        """
+        """Return the centre (2,) of a circle through a vertex and its neighbours, and whether supports slide."""
         for path in circles:
             centre = np.array(path.circle, dtype=float)
             radii = np.linalg.norm(self._mesh.places[[vertex, *around]] - centre, axis=1)
@@ -260,10 +244,7 @@ class _Finder:
 
 
 def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -> Variables:
-    """Return the variables with the thickness of an arch as the last.
-
-    Raises InputError where "along" states no circle.
-    """
+    """Return the variables with the thickness of an arch as the last."""
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')
@@ -278,10 +259,7 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -
 
 
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
-    """Return the ties (t, k) by which vertices without joints follow their neighbours.
-
-    followers: (v,) True for these vertices. Rows hold as ties @ z = 0.
-    """
+    """Return the ties (t, k) by which vertices without joints, followers (v,), follow their neighbours."""
     # Each follower moves by the mean of its neighbours' movements, weighted by inverse distance.
     own = np.flatnonzero(followers[found.vertex])
     if not len(own):
@@ -306,11 +284,7 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
 
 
 def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
-    """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0.
-
-    Raises InputError for a vertex that does not exist and for ties that leave one no direction. It also does so where a
-    vertex moves and its mirror image does not.
-    """
+    """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0."""
     # There are no rows for "none" and "equal-shapes".
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits
         return np.zeros((0, found.count))
@@ -343,10 +317,7 @@ def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
 
 
 def mirrored(found: Variables, assembly: Assembly) -> Ints:
-    """Return for each vertex (v,) the vertex nearest to its mirror image.
-
-    Raises InputError for a moving vertex without an image.
-    """
+    """Return for each vertex (v,) the one nearest its mirror image about the middle vertical."""
     # The axis is vertical, in the middle of the free elements.
     free = np.concatenate([assembly.elements.shape[k] for k in assembly.elements.free])
     axis = float(free[:, 0].min() + free[:, 0].max())

@@ -1,4 +1,4 @@
-"""Define `jld check-design`: utilisation of a layout with partial factors, and its page."""
+"""Provide `jld check-design`: utilisation of a layout with partial factors, and its page."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from jld_core.limit import FIELD_SECONDS
 from jld_core.scene import Scene
 from jld_core.scene.design import partial_factors
 from jld_explore.cli.check import load, warn_of
-from jld_explore.cli.cracks import Cracks, Seconds, with_cracks
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.options import AsJson, CaseSeconds, Cracks, Rank, with_cracks
 from jld_explore.cli.streams import say
 
 
@@ -31,16 +30,16 @@ def check_design(
         typer.Option("--set", help="Set of partial factors: EN 1990, EN 1990 EQU, EN 1996-1-1, or one of the scene."),
     ] = None,
     cracks: Cracks = None,
-    seconds: Seconds = None,
+    seconds: CaseSeconds = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for page (PDF, HTML) and JSON.")] = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
     as_json: AsJson = False,
 ) -> None:
     """Check a layout with partial factors: utilisation, reactions, joints near their limit.
 
-    Design values: loads times γG and γQ, strengths and tan φ over γM. Permanent loads are tried as favourable and as
-    unfavourable. Utilisation is required factor over λ, the factor of the design live load; at most 1 is verified.
-    Forces and lengths have the units of the scene. The exit code is 4 if neither result is proven.
+    Utilisation is required factor over λ at design values; at most 1 is verified. Permanent loads are tried as
+    favourable
+    and as unfavourable. The exit code is 4 if neither result is proven.
     """
     from jld_practice.design_check.check import design_check
     from jld_practice.design_check.tables import in_words, to_json

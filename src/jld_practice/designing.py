@@ -86,7 +86,7 @@ def design(
     """Design the blocks of an outline: cells tried, joints searched and moved, the best checked.
 
     The folder holds a page in plain words, a picture, the table of blocks and the scene of the best layout. After a
-    signal it holds the best that was found until then.
+    signal it holds the best so far.
     """
     from jld_practice.design.options import DesignOptions
     from jld_practice.design.page import facts_of, words_of

@@ -1,4 +1,4 @@
-"""Printed report of one layout: picture, loads, stones, moulds, laying, assumptions and what is proven."""
+"""Printed report of one layout: picture, loads, stones, moulds, laying and what is proven."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -18,11 +18,13 @@ from matplotlib.figure import Figure
 
 from jld_core._version import __version__
 from jld_core.arrays import Floats
-from jld_core.assembly_sequence import Laying
 from jld_core.build.assemble import cases_of_scene
 from jld_core.build.plausibility import weight_facts
 from jld_core.exchange import Layout
 from jld_core.files import whole_file
+from jld_core.geometry import area_vector
+from jld_core.geometry import outlines as polygons
+from jld_core.geometry.outlines import different_lines
 from jld_core.scene import Scene
 from jld_core.scene.uncertain import with_means
 from jld_core.scene.units import GRAVITY, METRES, NEWTONS
@@ -30,7 +32,142 @@ from jld_core.views.figures import draw_assembly
 from jld_core.views.look import INK, SOFT, TINTS
 from jld_core.views.writing import as_written, write_numbers
 from jld_explore.report.languages import digits, localise, phrase_in, words_in
-from jld_practice.making import Making, Stone, factor_to, making_of, stones_of
+from jld_practice.laying import Laying
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Stone:
+    """One block as a workshop sees it; lengths and masses in the units of the scene."""
+
+    number: int  # number that stands on the stone, from 1
+    name: str  # name of the block
+    shape: int  # number of its mould
+    mass: float
+    volume: float
+    # sides of the smallest cuboid around it, the longest first; planar: of those with the thickness as one side, in
+    # space along the axes of the scene
+    size: tuple[float, ...]
+    cuts: int  # sawn faces, without the two sides of a planar stone
+    set_ups: int  # directions of these faces
+    sawn: float  # area of these faces
+    outline: Floats | None  # (k, 2) outline of a planar stone about its centroid
+
+    @property
+    def stock(self) -> float:
+        """Volume of the smallest cuboid around the stone."""
+        return float(np.prod(self.size))
+
+
+def stones_of(layout: Layout) -> list[Stone]:
+    """Return the stones, numbered in the order of `blocks.csv`."""
+    found = []
+    members = {block.name: k for k, block in enumerate(layout.blocks)}
+    for number, block in enumerate((one for one in layout.blocks if one.cells), 1):
+        k = members[block.name]
+        if layout.assembly.dimension == 2:
+            rings = [ring for region in layout.regions[k] for ring in (region.shell, *region.holes)]
+            edges = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
+            lengths = np.hypot(*edges.T)
+            directions, sawn = edges / lengths[:, None], float(lengths.sum()) * layout.thickness
+            outline: Floats | None = layout.regions[k][0].shell - np.array(block.centroid)
+            flat = smallest_rectangle(np.concatenate([region.shell for region in layout.regions[k]]))
+            sides = [*flat, layout.thickness]
+        else:
+            surface = layout.surfaces[k][0]
+            areas = np.array([area_vector(surface.points[list(face)]) for face in surface.faces])
+            directions, sawn = (
+                areas / np.linalg.norm(areas, axis=1)[:, None],
+                float(np.linalg.norm(areas, axis=1).sum()),
+            )
+            outline = None
+            sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
+        own = (len(directions), different_lines(directions), sawn, outline)
+        size = tuple(sorted(sides, reverse=True))
+        found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
+    return found
+
+
+def smallest_rectangle(points: Floats) -> tuple[float, float]:
+    """Return the sides of the rectangle of least area around points (k, 2)."""
+    # one side lies along an edge of the hull (Freeman and Shapira 1975, Communications of the ACM 18, 409–413)
+    hull = polygons.hull(points)
+    edges = np.roll(hull, -1, axis=0) - hull
+    along = edges / np.hypot(*edges.T)[:, None]
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    spans = np.ptp(hull @ along.T, axis=0), np.ptp(hull @ across.T, axis=0)
+    best = int(np.argmin(spans[0] * spans[1]))
+    return float(spans[0][best]), float(spans[1][best])
+
+
+@dataclass(frozen=True)
+class Making:
+    """Sums over all stones of a layout, in the units of the scene."""
+
+    # stones, moulds: numbers of stones and of different shapes
+    stones: int
+    moulds: int
+    # cuts, set_ups: sawn faces, and set-ups of the saw where equal stones are sawn together
+    cuts: int
+    set_ups: int
+    # sawn, volume, stock: sawn area, volume of stone, and volume of the smallest cuboids, one for each stone
+    sawn: float
+    volume: float
+    stock: float
+    # mass, heaviest: mass of all stones, and of the heaviest
+    mass: float
+    heaviest: float
+
+    @property
+    def waste(self) -> float:
+        """Share of the stock that is lost; for planar stones the least of any choice of cuboids."""
+        return 1.0 - self.volume / self.stock
+
+
+def making_of(stones: list[Stone]) -> Making:
+    first = {stone.shape: stone for stone in reversed(stones)}
+    return Making(
+        len(stones),
+        len(first),
+        sum(stone.cuts for stone in stones),
+        sum(stone.set_ups for stone in first.values()),
+        sum(stone.sawn for stone in stones),
+        sum(stone.volume for stone in stones),
+        sum(stone.stock for stone in stones),
+        sum(stone.mass for stone in stones),
+        max((stone.mass for stone in stones), default=0.0),
+    )
+
+
+def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
+    """Return the cutting list: one row per stone, as numbered in the report."""
+    import pandas as pd  # slow to import and needed for tables only
+
+    factor, metres = (factor_to(one, layout.scene.units.length) for one in (unit, "m"))
+    rows = [
+        {
+            "stone": stone.number,
+            "block": stone.name,
+            "mould": stone.shape,
+            "mass": stone.mass,
+            **{f"side_{k}_{unit}": factor * side for k, side in enumerate(stone.size, 1)},
+            "cuts": stone.cuts,
+            "set_ups": stone.set_ups,
+            "sawn_area": metres**2 * stone.sawn,
+            "waste": 1.0 - stone.volume / stone.stock,
+        }
+        for stone in stones_of(layout)
+    ]
+    # twelve digits: sums have rounding errors in the last ones
+    return pd.DataFrame(rows).map(lambda x: float(f"{x:.12g}") if isinstance(x, float) else x)
+
+
+def factor_to(unit: str, own: str) -> float:
+    """Return the factor from a scene's unit of length to another; 1 if the scene's is unknown."""
+    return METRES[own] / METRES[unit] if own in METRES else 1.0
+
 
 _PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are printed as one
 
@@ -76,7 +213,7 @@ def _groups(layout: Layout, entries: list[dict[str, Any]]) -> list[list[dict[str
 
 
 def _parallel(layout: Layout, one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return True if two loads are forces on elements in one direction, without a moment."""
+    """Return whether two loads are forces on elements in one direction, without a moment."""
     if not all("force" in entry and "moment" not in entry and _element(layout, entry) >= 0 for entry in (one, other)):
         return False
     a, b = (np.array(entry["force"], dtype=float) for entry in (one, other))
@@ -225,7 +362,7 @@ class Printed:
 
     @property
     def load_factor(self) -> float:
-        """Return the load factor that is proven from below: by fields if known, 0 for a fall, else by faces."""
+        """λ proven from below: by fields if known, 0 for a fall, else by faces."""
         if self.fields[1] < 0.0:
             return 0.0
         return self.fields[0] if math.isfinite(self.fields[0]) else min(self.faces[0], self.fields[1])
@@ -245,16 +382,14 @@ class _Book:
 
     @property
     def scene(self) -> Scene:
-        """Return the scene of the layout."""
         return self.content.layout.scene
 
     @property
     def length(self) -> float:
-        """Return the factor from the scene's lengths to the unit of the report."""
+        """Factor from the scene's lengths to those of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:
-        """Begin a page with a title."""
         figure = Figure(figsize=_PAPER)
         figure.text(_MARGIN, 0.955, title, fontsize=15, color=INK, va="top")
         self.pages.append(figure)
@@ -281,10 +416,7 @@ class _Book:
 
 
 def write_printed(content: Printed, path: Path, *, language: str = "en", unit: str = "mm") -> int:
-    """Write the printed report of a layout as PDF; return its number of pages.
-
-    The file is written completely or not at all.
-    """
+    """Write the report as PDF, completely or not at all; return its number of pages."""
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
     with mpl.rc_context({"pdf.fonttype": 42}), whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
@@ -397,7 +529,7 @@ def _making_words(book: _Book) -> str:
 
 
 def _moulds(book: _Book) -> None:
-    """Make the page with a drawing of every mould, with the lengths of its edges."""
+    """Make the page of moulds with the lengths of their edges."""
     figure = book.new(book.words["moulds"].format(unit=book.unit))
     shapes = sorted({stone.shape for stone in book.stones})
     across = 4
@@ -457,10 +589,7 @@ def _laying_table(book: _Book, figure: Figure, top: float) -> float:
 
 
 def _way(book: _Book, motion: Floats) -> str:
-    """Say from where a stone comes, or along which vector where that is no axis of the picture.
-
-    motion: (d,) unit vector of its movement.
-    """
+    """Say from where a stone comes, or along which vector; motion: (d,) of its movement."""
     words, axes = book.words, np.eye(len(motion))
     ways = [(words["from_above"], -axes[-1]), (words["from_below"], axes[-1])]
     if len(motion) == 2:
@@ -475,7 +604,7 @@ def _way(book: _Book, motion: Floats) -> str:
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
-    """Return the numbers of the stones that are the given blocks of an order of laying."""
+    """Return the numbers of the stones that are given blocks of an order of laying."""
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
     own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core.assembly_sequence import Laying, assembly_order
-from jld_core.assembly_sequence.order import LayingStart
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
@@ -26,12 +24,14 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
 from jld_core.scene import load_scene
 from jld_core.scene.units import METRES
-from jld_explore.cli.layout import best_of_design, start_of_design
+from jld_explore.cli.layout import best_of_design
 from jld_explore.cli.options import Rank, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import csv_of, read_folder
-from jld_practice.making import Stone, factor_to, stones_of, stones_table
-from jld_practice.printed import Printed, write_printed
+from jld_practice.laying import Laying, assembly_order
+from jld_practice.laying.command import start_of_design
+from jld_practice.laying.order import LayingStart
+from jld_practice.printed import Printed, Stone, factor_to, stones_of, stones_table, write_printed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,22 +63,18 @@ class Stock:
 
     @property
     def waste(self) -> float:
-        """Return the share of the stock that is lost."""
         return 1.0 - self.volume / (self.cuboids * math.prod(self.size))
 
     @property
     def least_waste(self) -> float:
-        """Return the share of the stock that any cutting of these stones loses."""
+        """Share of the stock that any cutting of these stones loses."""
         return 1.0 - self.volume / (self.least * math.prod(self.size))
 
 
 def stock_of(
     stones: list[Stone], size: tuple[float, float, float], kerf: float = 0.0, said: tuple[float, str] = (1.0, "")
 ) -> Stock:
-    """Place the smallest cuboids of stones in stock cuboids by guillotine cuts.
-
-    Raises ParameterError if a size is wrong or a stone does not fit.
-    """
+    """Place the smallest cuboids of stones in stock cuboids by guillotine cuts."""
     # Each cut passes through a whole piece. Stones are placed from the largest to the smallest, in the free piece that
     # they fill best, turned about the axes as they fit (guillotine cuts; the least leftover side decides).
     if not all(0.0 < side < math.inf for side in size):
@@ -126,7 +122,6 @@ def least_number(volumes: list[float], stock: float) -> int:
 
 
 def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
-    """Return three numbers as a tuple of three."""
     return values[0], values[1], values[2]
 
 
@@ -255,11 +250,7 @@ _TRIANGLES: Final = 500
 
 
 def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
-    """Return the sides of stock cuboids that a user states, None for none.
-
-    pdf: True if the cutting list is written. Raises ParameterError for a text that is not three numbers, and for
-    options that say nothing without each other.
-    """
+    """Return the sides of stock cuboids that a user states, None for none."""
     if stock is None:
         if kerf:
             raise ParameterError("kerf", "it is given without `stock`", "both")
@@ -283,7 +274,6 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    """Return the content of the report of a scene or a results folder."""
     design = best_of_design(source)
     if design != source:
         if rank is not None:
@@ -351,7 +341,7 @@ def _printed(
 
 
 def _by_fields(layout: Layout) -> tuple[float, float]:
-    """Return bounds by fields on the governing factor of a layout; raise InputError where fields do not apply."""
+    """Return bounds by fields on the governing factor; InputError where fields do not apply."""
     require_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
@@ -370,7 +360,7 @@ def _bounds(values: tuple[float | None, ...]) -> tuple[float, float]:
 
 
 def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
-    """Write all files of a project into an archive, and return their number."""
+    """Write all files of a project into an archive; return their number."""
     if source.is_dir():
         files = sorted(path for path in source.rglob("*") if path.is_file() and path != archive)
         named = {path.relative_to(source).as_posix(): path for path in files}

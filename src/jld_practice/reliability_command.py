@@ -14,8 +14,8 @@ from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank, Source
 from jld_explore.cli.streams import say
 from jld_practice.reliability.analysis import SAMPLES, Reliability, ReliabilityOptions, analyse, structure_of
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison, compare
+from jld_practice.reliability.structure import SampleBounds
 
 _SHOWN = 12  # number of variables of the printed table, those of largest importance first
 
@@ -35,7 +35,7 @@ def reliability(
     """Compute the reliability index of a layout, by the first-order method and by simulation.
 
     Values of the scene with a distribution ({"mean", "cov", "kind"}) are random. The structure fails where its load
-    factor is below --required; each sample is decided by proven bounds. The exit code is 4 if samples stay undecided.
+    factor is below --required. The exit code is 4 if samples stay undecided.
     """
     options = ReliabilityOptions(required, samples, seed, jobs or os.cpu_count() or 1)
     scene, assembly, labels, model = layout_of(source, rank, uncertain=True)
@@ -67,7 +67,6 @@ def reliability(
 
 
 def _lines(name: str, found: Reliability, compared: Comparison | None, against: int | None) -> list[str]:
-    """Describe the results in lines."""
     form, simulation = found.form, found.simulation
     first = f"β = {form.beta:.4f}, probability {form.probability:.3g}" if form.found else f"none: {form.problem}"
     first += ", at a kink of λ" if form.found and form.kink else ""

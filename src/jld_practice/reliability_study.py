@@ -18,32 +18,27 @@ from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string
 from jld_explore.steps import Step, StepContext, with_entries
 
-FILE: Final = "reliability.csv"
-"""Name of the table of reliability indices in a results folder."""
+FILE: Final = "reliability.csv"  # table of reliability indices in a results folder
 
 # Keys of an analysis that become columns of the table
 _KEPT: Final = ("beta_form", "beta_monte_carlo", "probability", "failures", "samples", "undecided")
 
 COLUMNS: Final = ("row", "labelling", "load_factor", *_KEPT)
-"""Columns of the table."""
 
-SAMPLES: Final = 10_000
-"""Samples of each layout: less than `jld reliability` draws, since it ranks alone."""
+SAMPLES: Final = 10_000  # samples of each layout: less than `jld reliability` draws, since it ranks alone
 
 _SHARE: Final = 0.25  # share of a time limit that is kept back for the ranking
 
 
 class ReliabilityStep(Step):
-    """Ranking of the best layouts of a search by reliability; columns `beta_form` and `beta_monte_carlo`."""
+    """Ranking of the best layouts of a search by reliability."""
 
     name = "reliability"
 
     def wanted(self, settings: ExploreSettings) -> bool:
-        """Return whether a number of layouts is to be ranked."""
         return settings.reliability is not None
 
     def refuse(self, scene: Scene, assembly: Assembly, settings: ExploreSettings) -> None:
-        """Raise InputError for settings or scenes without a ranking by reliability."""
         for name, asked in (
             ("objective", settings.model.friction != "associative" or settings.own_objective is not None),
             ("robust", settings.robust),
@@ -61,11 +56,9 @@ class ReliabilityStep(Step):
         random_structure(scene)
 
     def seconds(self, settings: ExploreSettings) -> float:
-        """Return the part of the time limit that is kept back for the ranking, s."""
         return _SHARE * (settings.seconds or 0.0)
 
     def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
-        """Return the rows of the ranking, most reliable first."""
         rows, asked = _ranked(done, context.settings, context.deadline)
         return {
             "layouts": rows,
@@ -74,7 +67,6 @@ class ReliabilityStep(Step):
         }
 
     def run(self, done: Exploration, context: StepContext) -> Exploration:
-        """Write the table of indices, and return the search with its columns and entries."""
         import pandas as pd  # slow to import and needed for tables only
 
         entries = self.entries(done, context)
@@ -88,7 +80,7 @@ class ReliabilityStep(Step):
 
 
 def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) -> tuple[list[dict[str, Any]], int]:
-    """Return the rows of the best layouts, most reliable first, and how many layouts were to be ranked."""
+    """Return rows of the best layouts, most reliable first, and how many were to be ranked."""
     from jld_practice.reliability.analysis import ReliabilityOptions, analyse
     from jld_practice.reliability.structure import random_structure
 
@@ -107,10 +99,7 @@ def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) ->
 
 
 def _index(row: dict[str, Any]) -> float:
-    """Return the index that ranks a layout, by simulation or of first order.
-
-    It is +inf where no sample fails.
-    """
+    """Return the index that ranks a layout, by simulation or of first order; inf where no sample fails."""
     for name in ("beta_monte_carlo", "beta_form"):
         if row[name] is not None:
             return float(row[name])

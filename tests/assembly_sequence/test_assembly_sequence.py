@@ -11,8 +11,8 @@ from cases import dry_and_inner, grid_assembly
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.order import locked_blocks
+from jld_practice.laying import assembly_order
+from jld_practice.laying.order import locked_blocks
 
 
 def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:

@@ -12,8 +12,8 @@ from PIL import Image
 
 from command import Command
 from jld_core import build_assembly, load_scene, samples
-from jld_core.assembly_sequence import assembly_order
-from jld_explore.cli.assembly import words_of
+from jld_practice.laying import assembly_order
+from jld_practice.laying.command import words_of
 
 
 @pytest.fixture

@@ -10,11 +10,11 @@ import pytest
 
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.solids import stations_below
-from jld_core.assembly_sequence.standing import Parts
 from jld_core.errors import ParameterError
 from jld_core.scene.units import force_in_words
+from jld_practice.laying import assembly_order
+from jld_practice.laying.solids import stations_below
+from jld_practice.laying.standing import Parts
 
 
 def corbel(scale: float = 1.0, turn: float = 0.0) -> Scene:

@@ -11,10 +11,10 @@ import pytest
 
 from command import Command
 from jld_core import Scene, build_assembly, samples
-from jld_core.assembly_sequence.freedom import Freedom, blocks_of_labelling
-from jld_core.assembly_sequence.quick import order_without_stages
-from jld_core.assembly_sequence.standing import Parts
 from jld_core.deadline import DeadlinePassed
+from jld_practice.laying.freedom import Freedom, blocks_of_labelling
+from jld_practice.laying.quick import order_without_stages
+from jld_practice.laying.standing import Parts
 
 
 @pytest.mark.parametrize("make", [samples.wall, samples.arch])

@@ -10,7 +10,7 @@ import pytest
 from cases import grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, build_assembly, samples
-from jld_core.assembly_sequence import Laying, assembly_order
+from jld_practice.laying import Laying, assembly_order
 
 
 def places(laying: Laying) -> list[float]:

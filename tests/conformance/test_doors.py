@@ -22,11 +22,11 @@ import jld_core as jc
 import jld_experiment
 from cases import dry_and_inner
 from jld_core import Result
-from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import ExploreSettings, explore
 from jld_practice.design_check.check import design_check
+from jld_practice.reactions import thrust_ranges
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, structure_of
 from jld_studio.evaluation import evaluate
 from jld_studio.notebook import make_page

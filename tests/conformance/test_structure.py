@@ -25,6 +25,7 @@ ORDER = [
     ["jld_geometry"],
     ["jld_experiment"],
     ["jld_formats"],
+    ["jld_dilation"],
     ["jld_explore.cli"],
     ["jld_explore"],
     ["jld_explore.explore"],
@@ -45,7 +46,6 @@ ORDER = [
     ["jld_core.exchange"],
     ["jld_core.views"],
     ["jld_core.models"],
-    ["jld_core.assembly_sequence"],
     ["jld_core.limit"],
     ["jld_core.solvers"],
     ["jld_core.fields"],
@@ -75,7 +75,7 @@ ORDER = [
 FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
 
 # packages that are one wing: add-ons, which core and explore never import
-FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_formats"]
+FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_dilation", "jld_formats"]
 
 # modules that load what is slow are imported by name, also where their package exports the name
 SLOW = ["jld_core.views.", "jld_explore.report.pictures"]

@@ -234,7 +234,7 @@ def test_bad_bond_is_one_line(dry: Document, inner: Document | None, words: str)
 
 
 def test_models_without_tension_refuse_bond() -> None:
-    from jld_core.assembly_sequence import assembly_order
+    from jld_practice.laying import assembly_order
 
     assembly = build_assembly(parse_scene(wall()))
     with pytest.raises(InputError, match=r"materials\.dry\.tensile_strength: an assembly sequence does not model it"):

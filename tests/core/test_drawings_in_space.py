@@ -16,15 +16,17 @@ import pytest
 from matplotlib.figure import Figure
 
 import jld_core.views
+import jld_practice.laying
+import jld_practice.reactions
 from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.assembly_sequence import assembly_order
 from jld_core.build.settlements import settlements_of
-from jld_core.limit.force_range import settle
-from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import solve_by_fields
 from jld_core.views.path import PathValue
+from jld_practice.laying import assembly_order
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.force_range import settle
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 SIDES = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
@@ -62,10 +64,11 @@ def tower(dimension: int) -> dict[str, Any]:
 
 
 def drawings() -> dict[str, Any]:
-    """Return the functions of `jld_core.views` that make a figure or write a file, by name."""
+    """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
     found = {}
-    for module in pkgutil.iter_modules(jld_core.views.__path__):
-        code = import_module(f"jld_core.views.{module.name}")
+    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
+    for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
+        code = import_module(f"{package.__name__}.{module.name}")
         for name, one in vars(code).items():
             made = inspect.isfunction(one) and one.__module__ == code.__name__ and not name.startswith("_")
             if made and name.startswith(("figure_of", "save_")):
@@ -103,7 +106,7 @@ def made(request: pytest.FixtureRequest) -> Made:
 PATH = [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
 CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "animation.save_animation": lambda draw, made, folder: draw(made.result, folder / "motion.gif"),
-    "laying_animation.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
+    "animation.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
     "figures.figure_of_assembly": lambda draw, made, _: draw(made.assembly, ids=True, values=True),
     "figures.figure_of_mechanism": lambda draw, made, _: draw(made.result)[0],
     "figures.figure_of_result": lambda draw, made, _: draw(made.result, ids=True, values=True),
@@ -118,10 +121,10 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
     "path.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
-    "settled.figure_of_settled": lambda draw, made, _: draw(made.settled),
+    "settled_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
-    "thrust.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
+    "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
 }
 
 

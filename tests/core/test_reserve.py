@@ -10,8 +10,8 @@ import pytest
 
 from cases_spatial import box
 from jld_core import LimitAnalysis, build_assembly, parse_scene
-from jld_core.limit.thrust import Reserve, least_share, shrunk
 from jld_core.samples import arch
+from jld_practice.reactions.thrust import Reserve, least_share, shrunk
 
 
 def share_of(document: dict[str, Any]) -> Reserve | None:

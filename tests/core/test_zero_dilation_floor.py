@@ -17,10 +17,10 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_core.models.zero_dilation.modes import (
+from jld_dilation.certificate import Certifier
+from jld_dilation.fixed_point_search import ProximalOptions
+from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
+from jld_dilation.modes import (
     BoundedModes,
     Modes,
     Statics,
@@ -29,9 +29,9 @@ from jld_core.models.zero_dilation.modes import (
     has_opening,
     modes_of,
 )
-from jld_core.models.zero_dilation.range import LowerBoundSearch
-from jld_core.models.zero_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
-from jld_core.models.zero_dilation.sweep import BlockSweep, MultiStartSearch
+from jld_dilation.range import LowerBoundSearch
+from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
+from jld_dilation.sweep import BlockSweep, MultiStartSearch
 from nondilatant import block
 
 

@@ -20,15 +20,16 @@ from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_explore import ExploreSettings, explore
-from jld_explore.cli import layout
 from jld_explore.study_state import Interrupted
-from jld_practice.design import checks, run, tessellations
+from jld_practice.design import run, tessellations
+from jld_practice.design import trials as checks
 from jld_practice.design.loads import with_loads
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
 from jld_practice.design.tessellations import Tessellation
 from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.laying.command import start_of_design
 from solids import solid_of
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
@@ -329,7 +330,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(run, "tessellations", first)
     monkeypatch.setattr(run, "_MOVED", 1e9)
-    monkeypatch.setattr("jld_practice.design.checks._LEAST_EXPERIMENT", 1e9)
+    monkeypatch.setattr("jld_practice.design.trials._LEAST_EXPERIMENT", 1e9)
 
 
 @pytest.mark.usefixtures("small")
@@ -590,8 +591,8 @@ def test_every_command_takes_the_folder_of_a_design(jld: Command, tmp_path: Path
     scene = samples.arch(voussoirs=5)
     (folder / "best.json").write_text(scene.model_dump_json(exclude_defaults=True))
     (folder / "summary.json").write_text(json.dumps({"options": {"laid": "right-to-left"}}))
-    assert layout.start_of_design(folder) == "right"
-    assert layout.start_of_design(folder / "best.json") == "ground"
+    assert start_of_design(folder) == "right"
+    assert start_of_design(folder / "best.json") == "ground"
     told = json.loads(jld("solve", folder, "--json").out)
     assert told["load_factor"] == pytest.approx(solve(scene).load_factor)
     for command in (

@@ -16,12 +16,20 @@ from matplotlib.figure import Figure
 from cases import grid_document
 from command import Command
 from jld_core import build_assembly, parse_scene, samples, solve
-from jld_core.assembly_sequence import assembly_order
 from jld_core.exchange import Layout
 from jld_core.views.figures import draw_assembly
 from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
-from jld_practice.making import Stone, making_of, smallest_rectangle, stones_of, stones_table
-from jld_practice.printed import Printed, draw_mould, pages_of
+from jld_practice.laying import assembly_order
+from jld_practice.printed import (
+    Printed,
+    Stone,
+    draw_mould,
+    making_of,
+    pages_of,
+    smallest_rectangle,
+    stones_of,
+    stones_table,
+)
 
 
 def layout(rows: list[str]) -> Layout:

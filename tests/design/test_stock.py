@@ -14,7 +14,7 @@ from cases import grid_document
 from command import Command
 from jld_core import parse_scene
 from jld_core.errors import ParameterError
-from jld_practice.making import Stone
+from jld_practice.printed import Stone
 from jld_practice.printing import Placed, least_number, stock_of
 
 

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from jld_core import InputError, build_assembly, parse_scene
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, specimen_of
-from jld_experiment.restart import read_push, write_push
+from jld_experiment.driving import read_push, write_push
 
 FRICTION, WEIGHT = 0.3, 3.0
 

@@ -10,7 +10,7 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from jld_core import build_assembly, parse_scene
 from jld_experiment import Joints, Push, Settings, push, run_experiment, specimen_of
-from jld_experiment.solids import angle_seen, triangles_of
+from jld_experiment.moving_spatial import angle_seen, triangles_of
 
 
 @pytest.mark.long

@@ -11,13 +11,12 @@ import pytest
 
 from cases import every_layout, grid_document
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.assembly_sequence import assembly_order
-from jld_core.assembly_sequence.constraint import SequenceConstraint
-from jld_core.assembly_sequence.order import locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
+from jld_practice.laying import SequenceConstraint, assembly_order
+from jld_practice.laying.order import locked_blocks
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
@@ -167,7 +166,7 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
     settings = ExploreSettings(pictures=False, driver="enumeration", jobs=1)
     for limit, decided in ((400, True), (0, False)):
         for module in ("order", "constraint"):
-            monkeypatch.setattr(f"jld_core.assembly_sequence.{module}.MOST_STAGES", limit)
+            monkeypatch.setattr(f"jld_practice.laying.{module}.MOST_STAGES", limit)
         asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
         lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))
         assert lock is not None

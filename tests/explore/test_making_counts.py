@@ -14,7 +14,7 @@ from jld_core.exchange import Layout
 from jld_explore import explore, search_space
 from jld_explore.space.counts import counts
 from jld_explore.space.search_space import feasible
-from jld_practice.making import making_of, stones_of
+from jld_practice.printed import making_of, stones_of
 
 ROWS = ["aaa", "aaa", "###"]
 

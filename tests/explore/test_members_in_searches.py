@@ -166,7 +166,7 @@ def _experiment() -> None:
 
 
 def _sequence() -> None:
-    from jld_core.assembly_sequence import assembly_order
+    from jld_practice.laying import assembly_order
 
     assembly = build_assembly(parse_scene(wall([STRAP])))
     assembly_order(assembly, assembly.labels)
@@ -184,7 +184,7 @@ def _void() -> None:
 
 def _settlement() -> None:
     from jld_core.build.settlements import settlements_of
-    from jld_core.limit.force_range import settle
+    from jld_practice.reactions.force_range import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))
@@ -193,7 +193,7 @@ def _settlement() -> None:
 
 
 def _thrust() -> None:
-    from jld_core.limit.thrust import thrust_ranges
+    from jld_practice.reactions import thrust_ranges
 
     thrust_ranges(build_assembly(parse_scene(wall([STRAP]))))
 

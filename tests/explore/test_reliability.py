@@ -19,10 +19,15 @@ from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
 from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
-from jld_practice.reliability.structure import RandomStructure, Variables, random_structure
+from jld_practice.reliability.structure import (
+    GoverningBounds,
+    RandomStructure,
+    SampleBounds,
+    Variables,
+    random_structure,
+)
 
 WEIGHT = 2000.0 * 9.81
 """Weight of the sliding block, N."""

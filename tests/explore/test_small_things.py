@@ -15,7 +15,7 @@ from command import Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.cli import overview
-from jld_explore.cli.progress import ProgressBar
+from jld_explore.cli.explore import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
 from paths import ROOT
@@ -51,7 +51,7 @@ def test_commands_import_slow_modules_on_demand() -> None:
     """
     slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "numba", "joblib", "rich", "psutil")
     slow += ("scipy.spatial", "highspy", "jld_core.fields", "jld_geometry", "jld_core.samples")
-    slow += ("jld_core.models.zero_dilation", "jld_core.refinement")
+    slow += ("jld_dilation", "jld_core.refinement")
     ours = ("jld_explore.drivers", "jld_explore.evaluation", "jld_explore.report", "jld_explore.space")
     modules = "jld_explore.cli.command, jld_explore.cli.solve, jld_explore.cli.check"
     asked = f"import sys, {modules}; print([name for name in {slow + ours} if name in sys.modules]); "

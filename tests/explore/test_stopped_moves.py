@@ -78,7 +78,7 @@ def test_an_interrupt_before_any_result_is_one_line(
 
     file = tmp_path / "arch.json"
     file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
-    monkeypatch.setattr("jld_explore.cli.assembly.assembly_order", interrupted)
+    monkeypatch.setattr("jld_practice.laying.command.assembly_order", interrupted)
     done = jld("assembly", file)
     assert (done.code, done.out) == (3, "")
     assert done.err.strip() == "stopped; nothing more is written"

@@ -19,8 +19,9 @@ from command import Command
 from jld_core import parse_scene
 from jld_experiment import experiments
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import csv_of, result_files, tables
-from jld_explore.report.result_files import write_results
+from jld_explore.report import csv_of, tables
+from jld_explore.report import tables as result_files
+from jld_explore.report.tables import write_results
 from jld_explore.space.labelling import to_strings
 from jld_practice import reliability_study
 from paths import ROOT

@@ -16,12 +16,10 @@ from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene
-from jld_geometry.box_bound import ProvenBox, prove_box
+from jld_geometry.box_bound import ProvenBox, box_claim, check_proof, prove_box, write_box_certificate
 from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, read
-from jld_geometry.box_proof import box_claim, check_proof, write_box_certificate
-from jld_geometry.box_structure import BoxStructure
+from jld_geometry.box_structure import BoxStructure, is_at_least_zero
 from jld_geometry.boxes import check_boxes, verify_box
-from jld_geometry.polynomials import is_at_least_zero
 
 ENDS = ((1.2, HEIGHT), (0.2, HEIGHT))
 """Tops of the springing and of the key's joint of the flat arch."""

@@ -13,10 +13,10 @@ from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
 from command import Command
 from jld_core import build_assembly, geometry_sensitivities, parse_scene, samples, solve
+from jld_geometry.limits import spatial_residual_rates
+from jld_geometry.moved_scene import spatial_mesh
 from jld_geometry.optimise import move_joints
 from jld_geometry.search import GeometrySearch, TrustRegion
-from jld_geometry.spatial_mesh import spatial_mesh
-from jld_geometry.spatial_program import spatial_residual_rates
 
 
 def extruded(document: Document, depth: float = 1.0, **move: Any) -> Document:

@@ -16,7 +16,7 @@ from jld_core import Assembly, build_assembly, geometry_sensitivities, parse_sce
 from jld_core.arrays import Floats
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.moved_scene import MovedScene
-from jld_geometry.sensitivity import GeometrySensitivities
+from jld_geometry.optimise import GeometrySensitivities
 
 
 def rates_of(document: Document) -> GeometrySensitivities:

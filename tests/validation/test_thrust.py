@@ -15,14 +15,14 @@ from cases_spatial import box
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.errors import ParameterError
-from jld_core.limit.thrust import (
+from jld_core.samples import arch
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.thrust import (
     ResultantRange,
     reactions_of_supports,
     resultant_of_joint,
     resultant_of_section,
-    thrust_ranges,
 )
-from jld_core.samples import arch
 from transforms import as_elements, rotated
 
 

@@ -25,7 +25,7 @@ from jld_core import (
     build_assembly,
     load_scene,
 )
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
+from jld_dilation.fixed_point_search import ProximalOptions
 from nondilatant import block, certify
 from paths import SCENES
 

@@ -32,9 +32,9 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.models.zero_dilation.certificate import BinaryFractions
-from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-from jld_core.models.zero_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
+from jld_dilation.certificate import BinaryFractions
+from jld_dilation.fixed_point_search import ProximalOptions
+from jld_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
 from jld_explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly_sequence import assembly_order
 from jld_core.build.assemble import build_geometry
 from jld_core.build.pressure import Boundary
 from jld_core.errors import InputError
 from jld_core.exchange.formats import formats
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
+from jld_core.plugins import part
 from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads
 from jld_core.scene.uncertain import with_means
@@ -318,7 +318,7 @@ def _order(layout: Layout) -> dict[int, int]:
     sideways = layout.scene.search.assemble_out_of_plane
     try:
         # groups of blocks that move together take minutes to find in space: jld assembly looks for them
-        laying = assembly_order(layout.assembly, layout.labels, sideways=sideways, group=1)
+        laying = part("assembly_order")(layout.assembly, layout.labels, sideways=sideways, group=1)
     except InputError:  # of what an assembly sequence does not model, as members and bond
         return {}
     return {

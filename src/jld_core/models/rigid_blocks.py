@@ -34,6 +34,7 @@ from jld_core.limit.result import element_velocities
 from jld_core.loads import Loads
 from jld_core.mechanics.bending import local_hulls
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
+from jld_core.plugins import part
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, RawStatus, is_large
 from jld_core.strengths import ADHESION, STANDARD, Route
@@ -548,7 +549,7 @@ def solve_labelling(
         Also decide whether the structure stands at λ = 0.
     pruning_threshold : float, optional
         λ in scene units at or below which the labelling is irrelevant. Only zero dilation uses this value, see
-        `prove_zero_dilation`.
+        `jld_dilation.prove`.
 
     Returns
     -------
@@ -570,15 +571,8 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, 
     labels: (m,) True = dry.
     """
     if options.friction == "zero-dilation":
-        # Local imports: most labellings are solved with dilation, and `jld solve` is to start quickly.
-        from jld_core.models.zero_dilation.fixed_point_search import ProximalOptions
-        from jld_core.models.zero_dilation.range import prove_zero_dilation
-
-        proximal = ProximalOptions(effective_area=options.effective_area)
-        seconds = options.floor_seconds if options.range else None
-        return prove_zero_dilation(
-            analysis, labels, proximal, stands=stands, pruning_threshold=pruning_threshold, range=seconds
-        )
+        proof: Proof = part("dilation")(analysis, labels, options, stands, pruning_threshold)
+        return proof
     if options.effective_area:
         return prove_effective_area(analysis, labels, stands=stands)
     return analysis.prove(labels, FALLBACKS_BY_CONDENSE[options.condense], stands=stands)

@@ -1,9 +1,12 @@
-"""Define `jld check`, and the checks of a scene that other commands share."""
+"""Provide `jld check` and `jld verify`, and checks of a scene that other commands share."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from jld_core import plugins
 from jld_core.assembly import Assembly
@@ -14,19 +17,17 @@ from jld_core.mechanics import require_materials
 from jld_core.models import require_memory, rigid
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene import Scene, load_scene
-from jld_explore.cli.model_options import Strict
-from jld_explore.cli.options import SceneFile
+from jld_explore.cli.options import AsJson, SceneFile, Strict
 from jld_explore.cli.streams import say, warn
+from jld_explore.verification import verify
+from jld_explore.verification.verify import Verified
 
 if TYPE_CHECKING:
     from jld_explore.space import SearchSpace
 
 
 def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
-    """Read a scene file and return its scene and assembly.
-
-    Raises InputError for a scene that is invalid, or needs more memory than there is.
-    """
+    """Read a scene file and return scene and assembly; InputError if invalid or too large."""
     scene = load_scene(path)
     with error_context(path):
         require_memory(scene)  # before contacts are built, which may take minutes
@@ -39,10 +40,7 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write warnings and notes of an assembly to stderr, each with the file's name.
-
-    Call it after all checks that may refuse the scene.
-    """
+    """Write warnings and notes of an assembly to stderr, after all checks that may refuse it."""
     for warning in assembly.warnings:
         warn(f"jld: warning: {path}: {warning}")
     for note in assembly.notes:
@@ -50,10 +48,7 @@ def warn_of(path: Path, assembly: Assembly) -> None:
 
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
-    """Return the search space of a scene; check it as `jld explore` does if the scene has one.
-
-    Raises InputError for a search that is impossible.
-    """
+    """Return the search space of a scene; InputError for an impossible search."""
     from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
 
     asked = "search" in scene.model_fields_set
@@ -77,3 +72,55 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
             plugins.part("require_movable")(parsed, assembly)
     warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))
+
+
+def verify_command(
+    certificate: Annotated[
+        Path, typer.Argument(help="File of jld explore or jld move --certificate.", show_default=False)
+    ],
+    scene: Annotated[
+        Path | None, typer.Option(help="Scene file that it is to be of; default: the one it holds.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check the certificate of a proof: no layout or position carries more than its bound.
+
+    Print the proven bound. The exit code is 2, with the first reason that does not hold, if the certificate is wrong.
+    """
+    given = None if scene is None else load_scene(scene)
+    box = plugins.part("box_certificate")
+    if box.is_box_certificate(certificate):
+        proven = box.verify_box(certificate, given)
+        say(json.dumps(box.box_facts(proven), indent=1) if as_json else box.box_words(proven))
+        return
+    done = verify(certificate, given)
+    say(json.dumps(facts(done), indent=1) if as_json else words(done))
+
+
+def facts(done: Verified) -> dict[str, object]:
+    """Return the outcome of a successful check of a certificate as JSON data."""
+    claim = done.claim
+    return {
+        "scene": done.scene.name,
+        "bound": claim.bound,
+        "found": claim.load_factor,
+        "labelling": claim.labelling,
+        "mechanisms": done.mechanisms,
+        "rules": done.rules,
+        "lemmas": done.lemmas,
+        "bytes": done.size,
+        "seconds": done.seconds,
+    }
+
+
+def words(done: Verified) -> str:
+    """Describe the outcome of a successful check of a certificate for the terminal."""
+    claim = done.claim
+    lines = [
+        f"verified: no labelling of {done.scene.name!r} carries more than λ = {claim.bound:.9g}",
+        f"  by {done.mechanisms} mechanisms, {done.rules} rules of a segmentation and {done.lemmas} lemmas",
+        f"  in {done.size / 1e3:.0f} kB, checked in {done.seconds:.2f} s",
+    ]
+    if claim.load_factor is not None:
+        lines.append(f"  found (by the search; not part of what is checked): λ = {claim.load_factor:.9g}")
+    return "\n".join(lines)

@@ -65,11 +65,7 @@ def raise_on_signals() -> None:
 
 
 def interrupt_on_signals() -> None:
-    """Make SIGTERM and SIGHUP raise KeyboardInterrupt, as SIGINT does.
-
-    Commands then end with one line. Signals that the process ignores stay ignored, and other threads than the main one
-    change nothing.
-    """
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt, as SIGINT does."""
     if threading.current_thread() is not threading.main_thread():
         return
     for name in _SIGNALS:
@@ -132,11 +128,7 @@ def ignore_signals() -> None:
 
 
 def run(app: typer.Typer, started: float) -> NoReturn:
-    """Run the command line; every error ends in one line on stderr and an exit code.
-
-    started: start of the process on the clock `time.perf_counter`, s; commands find it as `context.obj`. The function
-    always raises SystemExit.
-    """
+    """Run the command line and exit; started: of the process, s by `time.perf_counter`."""
     interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)

@@ -1,55 +1,48 @@
-"""Define `jld explore`."""
+"""Provide `jld explore`."""
 
 from __future__ import annotations
 
+import inspect
 import json
+import math
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Annotated, Any, Self, get_type_hints
 
 import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from jld_core import plugins
 from jld_core.errors import ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.scene import Scene, load_scene
 from jld_core.tolerances import GAP
-from jld_explore import Exploration, explore
-from jld_explore.cli.cracks import Cracks, with_cracks
-from jld_explore.cli.driver_options import with_driver_options
+from jld_explore import Exploration, explore, study_state
 from jld_explore.cli.ending import raise_on_signals
-from jld_explore.cli.model_options import (
+from jld_explore.cli.options import (
+    AsJson,
     Bending,
     Blocks,
     Contact,
+    Cracks,
     EffectiveArea,
     First,
     Gap,
     Robust,
+    SceneFile,
     Strict,
-)
-from jld_explore.cli.options import AsJson, SceneFile, refuse_itself
-from jld_explore.cli.progress import ProgressBar
-from jld_explore.cli.search_options import (
-    AllPictures,
-    Budget,
-    CertificateFile,
-    CheckFields,
-    Cluster,
-    DriverName,
-    ExperimentOf,
-    Jobs,
-    MoveBest,
-    Objective,
-    OutFolder,
-    ReliabilityOf,
-    Resume,
-    Seconds,
-    Seed,
-    WriteCsv,
+    refuse_itself,
+    with_cracks,
 )
 from jld_explore.cli.streams import say
+from jld_explore.drivers import driver_kinds
+from jld_explore.drivers.registry import owners
 from jld_explore.report import check_folder, words
+from jld_explore.report.words import speed
 from jld_explore.settings import (
     BudgetSettings,
     ExploreSettings,
@@ -59,6 +52,118 @@ from jld_explore.settings import (
     SearchMethod,
 )
 from jld_explore.study_state import Interrupted
+
+OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for tables and pictures.", show_default=False)]
+DriverName = Annotated[
+    str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
+]
+Objective = Annotated[
+    str,
+    typer.Option(
+        metavar="[associative|zero-dilation|zero-dilation-floor|experiment|reliability|PLUG-IN]",
+        help="Value to maximise: λ; the lowest λ found without dilation, or a proven bound below it (-floor); the "
+        "load carried in a virtual experiment; or the reliability index of the best by λ.",
+    ),
+]
+ExperimentOf = Annotated[
+    int | None,
+    typer.Option("--experiment", min=1, help="Test the best K layouts in the virtual experiment; adds a column."),
+]
+ReliabilityOf = Annotated[
+    int | None,
+    typer.Option("--reliability", min=1, help="Rank the best K by their reliability index; default 10 as objective."),
+]
+CheckFields = Annotated[int, typer.Option(min=0, help="Check the best K by faces with stress fields, 0 for none.")]
+MoveBest = Annotated[
+    int | None,
+    typer.Option("--move", min=1, help="Move joints of the best K, search labels anew there, rank by fields."),
+]
+Budget = Annotated[int | None, typer.Option(min=1, help="Most layouts evaluated; those equal by symmetry count once.")]
+Seconds = Annotated[float | None, typer.Option(min=0.0, help="Time limit, s.")]
+Jobs = Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the driver.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue the search in the folder.")]
+WriteCsv = Annotated[bool, typer.Option("--csv", help="Write results.csv for more than 100 000 layouts too.")]
+AllPictures = Annotated[
+    bool, typer.Option("--pictures", help="Draw distribution, frequency of dry faces and convergence too.")
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(help="URL of a dask scheduler, tcp://host:8786, whose workers evaluate layouts."),
+]
+CertificateFile = Annotated[
+    Path | None, typer.Option(help="File for the proof of the exact driver; jld verify checks it.")
+]
+
+
+def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Decorate a command so that it also has the options of all search drivers."""
+    # The command gets their values, texts or None, as further keyword arguments. The help texts come from the drivers,
+    # which also validate the values.
+    kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
+    types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
+    stated = inspect.signature(command).parameters
+    parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]
+    for name, drivers in kinds.items():
+        field = drivers[0].Options.model_fields[name]
+        spoken = " and ".join(sorted(kind.name for kind in drivers))
+        words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
+        types[name] = Annotated[str | None, typer.Option(help=words)]
+        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=types[name]))
+
+    def run(**given: Any) -> None:
+        command(**given)
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__, run.__doc__ = types, command.__doc__
+    return run
+
+
+class ProgressBar:
+    """Progress bar of a search on stderr, if that is a terminal; call it with each report."""
+
+    def __init__(self, label: str) -> None:
+        console = Console(file=sys.stderr)
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TextColumn("{task.fields[best]}"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+        )
+        self._task = self._bar.add_task(label, total=None, rate="", best="", left="")
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def __call__(self, now: study_state.Progress) -> None:
+        best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
+        if math.isfinite(now.bound):
+            best += f" ≤ {now.bound:.6g}"
+        if math.isfinite(now.gap):
+            best += f", gap {now.gap:.2%}"
+        rates = speed(now.solved / now.seconds if now.seconds > 0.0 else None).lstrip(", ")
+        left = _time_left(now)
+        self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
+
+
+def _time_left(now: study_state.Progress) -> str:
+    """Return in words how long a search goes on at most; "" if nothing is known."""
+    rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
+    left = min(rest, now.left)
+    return f"{left:.0f} s left" if math.isfinite(left) else ""
+
 
 _JOBS = 16  # Largest number of worker processes per core.
 
@@ -104,7 +209,9 @@ def explore_command(
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
-    _check_jobs(jobs)
+    most = _JOBS * (os.cpu_count() or 1)
+    if jobs is not None and jobs > most:
+        raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
     raise_on_signals()
     model = SolveOptions(
         effective_area=effective_area,
@@ -160,13 +267,5 @@ def _move(
     say(search.words_of_move(facts))
 
 
-def _check_jobs(jobs: int | None) -> None:
-    """Raise InputError for more worker processes than the machine can serve."""
-    most = _JOBS * (os.cpu_count() or 1)
-    if jobs is not None and jobs > most:
-        raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
-
-
 def _say_found(done: Exploration, as_json: bool) -> None:
-    """Print the results of a search."""
     say(json.dumps(done.summary.to_json(), indent=1) if as_json else words.exploration(done))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.assembly_sequence.order import LAID, LayingStart
 from jld_core.build import build_assembly
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
@@ -31,14 +29,6 @@ def best_of_design(source: Path) -> Path:
     return best if source.is_dir() and best.exists() else source
 
 
-def start_of_design(source: Path) -> LayingStart:
-    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
-    if best_of_design(source) == source:
-        return "ground"
-    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
-    return LAID[facts.get("options", {}).get("laid", "translation")][1]
-
-
 class LaidOut(NamedTuple):
     """Layout that a command refers to, and the model that its source states."""
 
@@ -50,10 +40,7 @@ class LaidOut(NamedTuple):
 
 
 def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> LaidOut:
-    """Return the layout that a command refers to.
-
-    Raises InputError for a rank without results, or a rank that the folder does not have.
-    """
+    """Return the layout that a command refers to; InputError for a rank that is not there."""
     source = best_of_design(source)
     if source.is_dir():
         from jld_explore.report import read_folder  # slow to import; `jld solve` of a scene needs it not
@@ -83,10 +70,7 @@ def require_whole_faces(model: Model, what: str) -> None:
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
-    """Draw layouts of a results folder side by side, and return the file written.
-
-    Raises InputError for invalid rows, an unknown ending, or a source that is no results folder.
-    """
+    """Draw layouts of a results folder side by side, and return the file written."""
     if not source.is_dir():
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     try:

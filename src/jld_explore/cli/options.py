@@ -1,4 +1,4 @@
-"""Define arguments, options and error handling shared by the commands."""
+"""Define arguments and options shared by the commands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from typing import Annotated, Any, Literal
 import typer
 
 from jld_core.errors import InputError
+from jld_core.limit import Condense, Contacts
+from jld_core.mechanics import InnerBending
+from jld_core.scene import Scene, parse_cracks
+from jld_core.solvers import SOLVERS
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 Source = Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)]
@@ -45,3 +49,59 @@ def refuse_itself(source: Path, out: Path) -> None:
     """Raise InputError if the output file is the input file."""
     if out.exists() and source.exists() and out.samefile(source):
         raise InputError(str(out), "it is the file that is read", "another file")
+
+
+EffectiveArea = Annotated[
+    bool, typer.Option("--effective-area", help="Base torsion on the area in compression (spatial).")
+]
+
+Contact = Annotated[
+    Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
+]
+
+Bending = Annotated[
+    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
+]
+
+Blocks = Annotated[
+    Condense, typer.Option(help="Rigid blocks that crack where needed; auto: where inner faces are very strong.")
+]
+
+First = Annotated[
+    str,
+    typer.Option(help="First solver: " + ", ".join(SOLVERS) + "; others follow where it proves nothing."),
+]
+
+Gap = Annotated[float, typer.Option(help="Relative width of the bracket to aim at.")]
+
+Strict = Annotated[bool, typer.Option("--strict", help="Treat plausibility warnings as errors.")]
+
+Robust = Annotated[
+    bool, typer.Option("--robust", help="Use the low values of materials; λ at nominal values is stated as well.")
+]
+
+
+def asked(context: typer.Context, values: dict[str, Any]) -> dict[str, Any]:
+    """Return those values, by name of the option, that the command line states itself."""
+    sources = {name: context.get_parameter_source(f"{name}_" if name == "range" else name) for name in values}
+    # by name, since typer may bring a click of its own
+    return {name: value for name, value in values.items() if getattr(sources[name], "name", "") == "COMMANDLINE"}
+
+
+Cracks = Annotated[
+    str | None,
+    typer.Option(
+        help="How blocks crack: faces, cells:SIZE or fields[:GAP]; default: as the scene says, or along its faces."
+    ),
+]
+CaseSeconds = Annotated[
+    float | None,
+    typer.Option(
+        "--seconds", min=0.0, help="Time after which nothing further is tried, of each load case, s; 60 by fields."
+    ),
+]
+
+
+def with_cracks(scene: Scene, text: str | None) -> Scene:
+    """Return a scene with the crack model that the option --cracks names."""
+    return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})

@@ -75,10 +75,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
 
 
 def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Path:
-    """Write an animation of a layout's mechanism under associative friction; return the file.
-
-    Raises ParameterError for a wrong rank, and InputError if blocks crack beside the faces.
-    """
+    """Write an animation of a layout's mechanism under associative friction; return the file."""
     try:
         number = None if rank is None else int(rank)
     except ValueError:

@@ -34,10 +34,7 @@ _CELLS = 4  # Without a limit the strongest layout is often a single block.
 
 
 def write_scene(scene: Scene, out: Path) -> None:
-    """Write a scene file, completely or not at all; keys with default values are left out.
-
-    Raises InputError if the path is a folder, or its folder does not exist.
-    """
+    """Write a scene file, completely or not at all; keys with default values are left out."""
     if out.is_dir():
         raise InputError(str(out), "it is a folder", "the name of a scene file")
     if not out.absolute().parent.is_dir():
@@ -59,10 +56,7 @@ def commands() -> typer.Typer:
 
 
 def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
-    """Return a command whose options are the parameters of a sample.
-
-    The help texts come from the sample's docstring.
-    """
+    """Return a command whose options, with help texts, are the parameters of a sample."""
     hints = get_type_hints(make)
     said = dict(re.findall(r"^(\w+): (.+)$", inspect.getdoc(make) or "", flags=re.M))
     parameters: list[inspect.Parameter] = []

@@ -1,4 +1,4 @@
-"""Define `jld solve`."""
+"""Provide `jld solve`."""
 
 from __future__ import annotations
 
@@ -7,49 +7,108 @@ import math
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import numpy as np
 import typer
 
 from jld_core.build import build_robust
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import FLOOR_SECONDS, LimitAnalysisResult, Model, Result, Status
+from jld_core.limit import FLOOR_SECONDS, Friction, LimitAnalysisResult, Model, Result, Status
 from jld_core.mechanics import require_materials
-from jld_core.models import cost_estimate, require_model, rigid, solve_cracked, solve_rigid, under
+from jld_core.models import (
+    cost_estimate,
+    geometry_sensitivities,
+    require_model,
+    rigid,
+    sensitivities,
+    solve_cracked,
+    solve_rigid,
+    under,
+)
 from jld_core.models.crack_models import require_cracks
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP
 from jld_core.views.notebook import aligned, facts_of_result
 from jld_explore.cli.check import check_search, load, warn_of
-from jld_explore.cli.cracks import Cracks, Seconds
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.model_options import (
+from jld_explore.cli.options import (
+    AsJson,
     Bending,
     Blocks,
+    CaseSeconds,
     Contact,
+    Cracks,
     EffectiveArea,
     First,
     Gap,
+    Rank,
     Robust,
     Strict,
     asked,
-)
-from jld_explore.cli.options import AsJson, Rank
-from jld_explore.cli.rates import draw_rates, with_rates
-from jld_explore.cli.solve_options import (
-    FloorSeconds,
-    FrictionModel,
-    ResultFolder,
-    Sensitivities,
-    SolutionRange,
-    SolvedFile,
 )
 from jld_explore.cli.streams import say, warn
 
 if TYPE_CHECKING:
     from jld_explore.cli.layout import LaidOut
+
+
+_KINKS: Final = 40  # number of faces up to which `jld solve` looks for kinks of the derivatives by vertices
+_UNASKED: Final = 128  # number of faces up to which `jld solve` computes rates that nobody asked for: .3 s
+
+
+def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: bool) -> LimitAnalysisResult:
+    """Add the derivatives of λ to `facts` of a result, by vertices too if asked.
+
+    asked: compute rates by strengths and weight; None: where there are few faces.
+    """
+    start = time.perf_counter()
+    faces = len(result.assembly.interfaces)
+    wanted = faces <= _UNASKED if asked is None else asked
+    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()} if wanted else {}
+    why = f"{faces} faces: ask for them with --sensitivities" if asked is None else "--no-sensitivities"
+    facts: dict[str, Any] = {"sensitivities": rates} if wanted else {"sensitivities": {"not_computed": why}}
+    if vertices:
+        moves = geometry_sensitivities(result, one_sided=wanted and faces <= _KINKS)
+        facts["geometry_sensitivities"] = None if moves is None else moves.to_json()
+    took = time.perf_counter() - start
+    seconds = dict(result.seconds)
+    seconds |= {"sensitivities": took, "total": seconds.pop("total") + took}
+    return replace(result, facts=result.facts | facts, seconds=seconds)
+
+
+def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
+    """Write `vertices.png`, the derivatives of λ by vertices, into a folder."""
+    # Nothing is written for a result without them.
+    rates = result.facts.get("geometry_sensitivities")
+    if rates is None:
+        return
+    from jld_core.views.figures import save_figure
+    from jld_core.views.moved_joints import figure_of_vertex_rates
+
+    places, values = (np.array(rates[name], dtype=float) for name in ("vertices", "derivative"))
+    save_figure(figure_of_vertex_rates(result.assembly, result.labels, places, values), out / "vertices.png")
+
+
+SolvedFile = Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)]
+FrictionModel = Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")]
+SolutionRange = Annotated[
+    bool, typer.Option("--range", help="With --friction zero-dilation: search the lowest and the highest λ.")
+]
+FloorSeconds = Annotated[
+    float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
+]
+ResultFolder = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result.json and pictures.")]
+Sensitivities = Annotated[
+    bool | None,
+    typer.Option(
+        "--sensitivities/--no-sensitivities",
+        help="Rates of λ with strengths and weight; default: up to 128 faces.",
+        show_default=False,
+    ),
+]
 
 
 def solve(
@@ -69,7 +128,7 @@ def solve(
     strict: Strict = False,
     robust: Robust = False,
     cracks: Cracks = None,
-    seconds: Seconds = None,
+    seconds: CaseSeconds = None,
     sensitivities: Sensitivities = None,
     as_json: AsJson = False,
 ) -> None:
@@ -96,7 +155,7 @@ def solve(
     }
     Model(**values)  # before any file is read
     own = not (scene.is_dir() or rank is not None)
-    laid = _own_layout(scene, strict) if own else _layout_of(scene, rank)
+    laid = _laid_out(scene, rank, strict, own)
     model = _model(laid.model, asked(context, values))
     assembly = build_robust(laid.scene) if robust and not laid.assembly.has_low_values else laid.assembly
     assembly = under(assembly, model)
@@ -134,19 +193,14 @@ def solve(
         raise typer.Exit(UNCERTIFIED)
 
 
-def _own_layout(path: Path, strict: bool) -> LaidOut:
-    """Return the layout that a scene file states."""
-    from jld_explore.cli.layout import LaidOut
+def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:
+    """Return the layout that a scene states (own), or one of a folder of results."""
+    from jld_explore.cli.layout import LaidOut, layout_of
 
+    if not own:
+        return layout_of(path, rank)
     scene, assembly = load(path, strict)
     return LaidOut(scene, assembly, assembly.labels, Model())
-
-
-def _layout_of(folder: Path, rank: int | None) -> LaidOut:
-    """Return a layout of a results folder."""
-    from jld_explore.cli.layout import layout_of  # reading a folder needs pandas, a scene does not
-
-    return layout_of(folder, rank)
 
 
 def _model(model: Model, options: dict[str, Any]) -> Model:

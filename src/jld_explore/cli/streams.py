@@ -1,7 +1,4 @@
-"""Write to stdout and stderr safely: closed, full or unread streams and limited encodings.
-
-This module imports only the standard library, since it is used before any other module is loaded.
-"""
+"""Write safely to closed, full or unread streams and limited encodings, by the standard library alone."""
 
 from __future__ import annotations
 
@@ -13,11 +10,10 @@ import sys
 from io import TextIOWrapper
 from typing import Final
 
-STOPPED: Final = 3
-"""Exit code after a signal."""
+STOPPED: Final = 3  # exit code after a signal
 
+# message of a command that a signal ended, where the command has nothing to say itself
 STOPPED_WORDS: Final = "stopped; nothing more is written"
-"""Message of a command that a signal ended, where the command has nothing to say itself."""
 
 # ASCII replacements of symbols, for encodings that lack them
 _SPELLED: Final = {
@@ -38,10 +34,7 @@ _HANDLER: Final = "jld"  # name of the registered error handler for encodings
 
 
 def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Replace a character that an encoding lacks.
-
-    Known symbols are spelt out, raw bytes of file names are kept, and other characters are escaped.
-    """
+    """Replace a character that an encoding lacks: symbols are spelt out, raw bytes of names kept."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     letter = error.object[error.start]
@@ -68,10 +61,7 @@ def open_streams() -> None:
 
 
 def say(text: object) -> None:
-    """Write a line to stdout and flush it.
-
-    Raises OSError with the file name "standard output" if writing fails otherwise.
-    """
+    """Write a line to stdout and flush it; OSError names "standard output" if it is full."""
     # A closed pipe is ignored, and later output with it.
     try:
         sys.stdout.write(f"{text}\n")

@@ -1,16 +1,4 @@
-"""Simulated annealing of segmentations, guided by collapse mechanisms, with a population.
-
-A labelling fails where its mechanism moves, so changes elsewhere rarely help. A change merges blocks across a face
-that moves, or cuts a block without moving faces, which makes room for others to merge. Some changes cross a labelling
-with that of another chain or with its own mirror image. Several chains run at the same time, each with several
-changes of its labelling. Labellings are therefore evaluated in large batches, and mechanisms are computed rarely. A
-chain always accepts its best change if that is stronger. It accepts a weaker one with probability exp(−Δλ / (T λ)).
-The temperature T decreases over a cycle. Every cycle is twice as long as the one before. Half of the chains start a
-cycle at the best labelling known.
-
-A genetic population takes every other turn while it is ahead, and every eighth otherwise. The population quickly
-finds an optimum that combines parts of labellings; chains find those that need many small steps.
-"""
+"""Simulated annealing of segmentations, guided by collapse mechanisms, beside a genetic population."""
 
 from __future__ import annotations
 
@@ -72,29 +60,23 @@ class _Chain:
     changes: list[tuple[float, int, Bits]] = field(default_factory=list)
 
     def move_to(self, labelling: Bits, energy: float, case: int) -> None:
-        """Move the chain to a labelling."""
         self.labelling, self.energy, self.case, self.parts, self.moving = labelling, energy, case, None, None
 
 
 class AnnealOptions(DriverOptions):
-    """Options of the anneal driver on the command line."""
-
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 
 class Anneal(Searcher):
-    """Driver that runs simulated annealing in several chains, with a genetic population.
-
-    Changes are made at faces that move in the collapse mechanism. The batch solver computes mechanisms, or another
-    solver where it has none.
-
-    chains: number of chains.
-    """
+    """Driver that anneals several chains at faces that move in the collapse mechanism."""
 
     name = "anneal"
     Options = AnnealOptions
 
     def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16) -> None:
+        # A layout fails where its mechanism moves: a change merges blocks across a moving face, cuts a block without
+        # one, or crosses labellings. Each cycle is twice as long as the one before. The population finds optima that
+        # combine parts; chains find those that need many small steps.
         super().__init__(space, seed, _TRIES * chains)
         self._follow = Following(space, self.operators)
         self._movements = [Movements(LimitAnalysis(case)) for case in space.assembly.by_case]
@@ -112,11 +94,9 @@ class Anneal(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Number of chains, and the settings of the population."""
         return {"chains": self._chain_count, **self._population.settings}
 
     def propose(self) -> Bits:
-        """Return new canonical labellings (k, m), True = dry, registered as proposed."""
         # Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
         # population gives a generation instead.
         self._accept_changes()
@@ -129,13 +109,13 @@ class Anneal(Searcher):
         return rows if len(rows) >= self.size // 8 else np.concatenate([rows, self._generation()])
 
     def _generation(self) -> Bits:
-        """Return a generation (k, m) of the population, and remember that it comes from there."""
+        """Return a generation (k, m) of the population, and remember its origin."""
         rows = self._population.propose()
         self._of_population.update(keys(rows))
         return rows
 
     def _changed(self) -> Bits:
-        """Return new changes of every chain (k, m); a chain without any restarts at random."""
+        """Return new changes (k, m) of every chain; a chain without any restarts at random."""
         with_labelling = [number for number, chain in enumerate(self._chains) if chain.labelling is not None]
         batches = [self._none]
         if with_labelling:
@@ -185,10 +165,7 @@ class Anneal(Searcher):
         return rows, chain_of_row
 
     def _partner(self, number: int) -> Bits:
-        """Return an image under symmetry of a labelling to cross with that of chain `number`.
-
-        The labelling is that of this chain or of a random one. Raises ValueError if the chain has none.
-        """
+        """Return a symmetric image (m,) of a labelling to cross with that of chain `number`."""
         own, group = self._chains[number].labelling, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN_IMAGE_SHARE:
             other = own
@@ -212,6 +189,7 @@ class Anneal(Searcher):
 
     def _accept_changes(self) -> None:
         """Move every chain to its best evaluated change, or reject that change."""
+        # a weaker change is accepted with probability exp(−Δλ / T)
         for chain in self._chains:
             if chain.changes:
                 energy, case, row = min(chain.changes, key=lambda one: one[0])
@@ -221,7 +199,7 @@ class Anneal(Searcher):
                 chain.changes = []
 
     def _advance_cycle(self) -> None:
-        """Start the next cycle if the current one is over."""
+        """Start the next cycle if the current one is over, half of the chains at the best labelling."""
         if self._evaluated - self._cycle_start < self._cycle_length:
             return
         self._cycle_start, self._cycle_length, self._cycle = self._evaluated, 2 * self._cycle_length, self._cycle + 1
@@ -241,7 +219,6 @@ class Anneal(Searcher):
         return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m) for the chains and the population."""
         # Chains accept or reject their changes at the next call of `propose`.
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):

@@ -1,11 +1,4 @@
-"""Interface of all drivers: ask for labellings, tell their evaluations.
-
-A **driver** proposes labellings and evaluates none. `ask` returns labellings that the driver has not returned before;
-`tell` passes their evaluations to the driver. A labelling is **new** to a driver until `ask` has returned it. Two
-labellings are **distinct** if no symmetry of the scene maps one onto the other. A labelling is **canonical** if it is
-the smallest of its symmetric images. A driver is **exhausted** when it has nothing more to propose, because its space
-is used up or because it gave up.
-"""
+"""Interface of all drivers: ask for labellings, tell their evaluations."""
 
 from __future__ import annotations
 
@@ -14,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.models.solve_many import BatchResult
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.evaluation.protocol import evaluations_of
 from jld_explore.space import SearchSpace
@@ -28,66 +22,42 @@ from jld_explore.space import SearchSpace
 if TYPE_CHECKING:
     import pandas as pd
 
-Aim = Literal["best", "front"]
-"""Aim of a search: the largest λ, or the largest λ for every value of a count."""
+Aim = Literal["best", "front"]  # the largest λ, or the largest λ for every value of a count
 
 
 class DriverOptions(BaseModel):
     """Base class of the options of a driver besides space and seed.
 
-    A subclass has one field per option, with type, default and description. The command line derives its options,
-    their help and the messages about wrong values from these fields.
+    A subclass has one field per option, with type, default and description, from which the command line follows.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Driver(ABC):
-    """Search strategy over the labellings of a search space (abstract base class).
+    """Search strategy over the labellings of a space (abstract base class).
 
-    A subclass defines `name`, `ask` and `tell`. The proposals depend on the space, the seed and the evaluations,
-    never on time or on the number of workers, except for long proofs in several processes. The limits given to `ask`
-    may decide how far a driver looks ahead, so a study can be repeated only with the same limits.
+    A subclass defines `name`, `ask` and `tell`; what it proposes must follow from space, seed and evaluations alone.
 
     Parameters
     ----------
     space : SearchSpace
-        The search space.
+        Also an attribute.
     seed : int
-        Seed of the random choices.
-
-    Attributes
-    ----------
-    space : SearchSpace
-        As the parameter.
-    seed : int
-        As the parameter.
-
-    Notes
-    -----
-    A driver in `DRIVERS` takes the fields of its `Options` as further keyword arguments.
+        Seed of the random choices; also an attribute. Fields of `Options` are further keyword arguments.
     """
 
     remembers: ClassVar[bool] = False
     """True if `restore` has an effect."""
 
     ahead: ClassVar[int] = 0
-    """Number of calls of `ask` before the evaluations of an earlier one arrive.
-
-    A positive number lets asking and evaluating overlap.
-    """
+    """Calls of `ask` before the evaluations of an earlier one arrive."""
 
     checks: ClassVar[bool] = False
-    """True if the driver checks its proof at the end.
-
-    Nothing is then called proven without the check.
-    """
+    """True if the driver checks its proof at the end; without that nothing is called proven."""
 
     modular: ClassVar[bool] = False
-    """True if the driver uses bounds on labellings without an evaluation.
-
-    Such bounds are valid for convex contact on whole faces only.
-    """
+    """True if bounds replace evaluations, valid for convex contact on whole faces only."""
 
     name: ClassVar[str]
     """Name of the driver on the command line and in tables."""
@@ -102,34 +72,37 @@ class Driver(ABC):
         self.space, self.seed = space, seed
 
     def __init_subclass__(cls, **others: Any) -> None:
-        """Let `tell` of a driver take a `BatchResult` in place of evaluations."""
+        """Let `tell` of a driver take a `BatchResult` in place of evaluations, and check what it is given."""
         super().__init_subclass__(**others)
+        if "ask" in cls.__dict__:
+            setattr(cls, "ask", typed(cls.ask))  # noqa: B010 – mypy refuses the assignment of a method
         own: Any = cls.__dict__.get("tell")
         if own is not None:
 
             @wraps(own)
             def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
-                own(self, labellings, evaluations_of(evaluations))
+                rows, found = np.asarray(labellings), evaluations_of(evaluations)
+                if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
+                    given = f"they are of shape {rows.shape}, with {len(found)} evaluations"
+                    raise ParameterError("labellings", given, "those that `ask` returned, one row for each evaluation")
+                own(self, rows, found)
 
-            setattr(cls, "tell", tell)  # noqa: B010 – mypy refuses the assignment of a method
+            setattr(cls, "tell", tell)  # noqa: B010
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
-        """Make a driver of this class from options by name, and check these.
+        """Make a driver of this class from options by name.
 
         Parameters
         ----------
         space : SearchSpace
-            The search space.
         seed : int
-            Seed of the random choices.
         given : mapping of str to object
             Values of fields of `Options`; the others keep their defaults.
 
         Returns
         -------
         Driver
-            A new driver.
 
         Raises
         ------
@@ -147,15 +120,12 @@ class Driver(ABC):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Values that the proposals depend on besides space, seed and evaluations, by name.
-
-        They are recorded with a study; a resumed study must have the same values.
-        """
+        """Values that the proposals depend on beside space and seed; a resumed study must have the same."""
         return {}
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on λ over the whole space, scene units; None without such a bound."""
+        """Proven upper bound on λ over the whole space, scene units; None without one."""
         return None
 
     @property
@@ -187,13 +157,11 @@ class Driver(ABC):
 
     @property
     def complaints(self) -> list[str]:
-        """Problems of the proof, one line each, for the warnings of the summary; may be empty."""
+        """Problems of the proof, one line each, for the warnings of the summary."""
         return []
 
     def withdraw(self, reason: str) -> None:  # noqa: B027
-        """Forget every bound on labellings that were not evaluated, because one is contradicted.
-
-        Called where an evaluation exceeds a proven bound. Without such bounds nothing happens.
+        """Forget every bound on labellings, because an evaluation exceeds one.
 
         Parameters
         ----------
@@ -212,38 +180,34 @@ class Driver(ABC):
         Parameters
         ----------
         deadline : Deadline or None
-            Deadline of the study. After it has passed, loops that call `jld_core.deadline.checkpoint` raise
-            DeadlinePassed, and the driver is not asked again.
+            After it, `jld_core.deadline.checkpoint` raises DeadlinePassed.
         heartbeat : callable
             Reports progress and processes signals; to be called during long work.
         records : Records, optional
-            Records of the study, for data that the driver must not lose.
+            Data that the driver must not lose.
         """
 
     def close(self) -> None:  # noqa: B027
         """Release files and workers; called once after the last `ask`."""
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
-        """Take over the evaluations of a resumed study.
-
-        `tell` passes the same evaluations again when `ask` returns their labellings.
+        """Take over the evaluations of a resumed study, which `tell` passes again.
 
         Parameters
         ----------
         labellings : (k, m) bool array
-            Labels, True = dry.
         evaluations : sequence of Evaluation
-            Their evaluations, in the same order.
+            One of each labelling.
         """
 
     @abstractmethod
     def ask(self, limit: int | None = None) -> Bits:
-        """Return new, distinct, canonical and feasible labellings.
+        """Return labellings that are new, canonical, feasible and distinct under symmetry.
 
         Parameters
         ----------
         limit : int, optional
-            Largest number of labellings; by default the driver chooses the number.
+            Most labellings; by default the driver chooses the number.
 
         Returns
         -------
@@ -258,10 +222,8 @@ class Driver(ABC):
         Parameters
         ----------
         labellings : (k, m) bool array
-            Labels, True = dry.
         evaluations : sequence of Evaluation, or BatchResult
-            Their evaluations, in the same order, or what `jld_core.solve_many` returned for them. A subclass that
-            defines `tell` is given evaluations in either case.
+            One of each labelling; a subclass is always given evaluations.
         """
 
 

@@ -1,11 +1,4 @@
-"""Choose the default driver, and describe options that would prove or narrow its result.
-
-A space that is known to hold few classes is enumerated. A space of at most `REACH` faces that may be dry or inner is
-given to the exact driver. It proves such spaces within seconds, whatever the size of blocks and the strength of the
-material. Of somewhat larger spaces it proves most, but not those of weak material or of beams (docs/notes/tried.md).
-It begins with labellings of the genetic driver. Larger spaces are searched by the genetic driver alone, which proves
-nothing.
-"""
+"""Choose the default driver, and name the search that would prove or narrow a result."""
 
 from __future__ import annotations
 
@@ -33,29 +26,20 @@ from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 
-REACH: Final = 50
-"""Largest number of faces, dry or inner, for which the exact driver is the default."""
+REACH: Final = 50  # most faces, dry or inner, for which the exact driver is the default
 
+# labellings of the genetic driver, per face of two labels, before a proof by default (docs/notes/tried.md)
 STARTED: Final = 60
-"""Labellings of the genetic driver, per face that may be dry or inner, which a proof by default begins with.
 
-A search that ends before the proof is then as good as that of the genetic driver (docs/notes/tried.md).
-"""
-
-BOUNDED: Final = 1500
-"""Largest number of faces of a structure for which a bound on all labellings is computed.
-
-Up to this number the bound takes about as long as a few evaluations.
-"""
+BOUNDED: Final = 1500  # most faces for which a bound on all labellings is computed: about the time of a few evaluations
 
 
 def driver_for(
     space: SearchSpace, seed: int, model: SolveOptions, known: int | None, options: Mapping[str, Any], *, many: bool
 ) -> Driver:
-    """Make the default driver for a space.
-
-    Raises InputError if the chosen driver lacks an option, or a value is wrong.
-    """
+    """Make the default driver for a space; InputError if it lacks an option."""
+    # Small spaces are enumerated, those up to REACH faces go to the exact driver, which proves most of them, and larger
+    # ones to the genetic driver (docs/notes/tried.md).
     if known is not None:
         return make_driver("enumeration", space, seed, **options)
     given = {key for key, value in options.items() if value is not None}
@@ -76,11 +60,7 @@ def driver_for(
 
 
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
-    """Compute a λ that no labelling of a space exceeds, by one relaxation of all faces.
-
-    Result: the bound, scene units; None if there is no finite bound, if cells may be left out, if the model does not
-    support such bounds, or above `BOUNDED` faces.
-    """
+    """Compute a λ, scene units, that no labelling exceeds by one relaxation; None where there is none."""
     # Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
@@ -96,10 +76,7 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
 def what_would_prove(
     space: SearchSpace, model: SolveOptions, summary: Mapping[str, Any], *, whole: bool, finite: bool
 ) -> str | None:
-    """Describe in one line the search that would prove or narrow the result of another one.
-
-    Result: the line; None if nothing is left to prove, or no driver can prove more.
-    """
+    """Name in one line the search that would prove or narrow a result; None if none would."""
     if summary["proven"]:
         return None
     tally, reason = summary["counts_by_status"], summary["stop_reason"]
@@ -137,10 +114,9 @@ _SHARE: Final = 0.2  # largest share of the time left for these batches
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
-    """Return a labelling of the space: that of the scene, a random or a constructed one.
+    """Return a labelling (1, m) of the space, or (0, m) if it has none.
 
-    space: search space with m faces. Result: (k, m) canonical labels, True = dry; k = 1, or 0 if no labelling is in the
-    space. Call it inside `Deadline.enforced`. Raises DeadlinePassed if the deadline passes first.
+    That of the scene comes first, then random ones, then a constructed one.
     """
     # Few random labellings keep tight limits. One is then constructed from the formula of the limits, which also finds
     # out where no labelling keeps them.
@@ -170,11 +146,7 @@ def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
 
 
 def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
-    """Construct a labelling of a space, or prove that there is none.
-
-    Result: (1, m) canonical labels, True = dry; None if the space has no labelling, or none with all cells. Call it
-    inside `Deadline.enforced`. Raises DeadlinePassed if the deadline passes first.
-    """
+    """Construct a labelling (1, m) with all cells; None if the space has none."""
     # Where cells may be left out only labellings with all cells are sought.
     low, high = space.search.block_cells
     least, most = max(1, int(low or 1)), len(space.assembly.elements.free) if high is None else int(high)

@@ -1,11 +1,4 @@
-"""Enumerate every labelling of a search space, one class after the other, face by face.
-
-No labelling is filtered out of 2^m. Faces are decided in an order that completes one element after the other. A row
-of a frontier is a partial labelling, stored as the block of each element so far. In a segmentation a face inside a
-block is inner. A face between two blocks is dry, or it merges them, unless a dry face decided before lies between the
-two. Without limits on sizes every row therefore has a completion, and the work is proportional to the number of
-labellings found.
-"""
+"""Enumerate every labelling of a space, one class after the other, face by face."""
 
 from __future__ import annotations
 
@@ -59,8 +52,7 @@ def breadth_first(space: SearchSpace) -> Ints:
 
 Names = NDArray[np.unsignedinteger[Any]]
 
-PORTION: Final = 16384
-"""Largest number of labellings that one call of `ask` returns."""
+PORTION: Final = 16384  # most labellings that one call of `ask` returns
 
 _BYTES: Final = 256 << 20  # memory for the stack of frontiers, bytes
 
@@ -97,22 +89,18 @@ class _Frontier:
     dry: Ints  # (c, r) number of dry faces that each limit on a number of faces counts
 
     def take(self, rows: Ints | slice) -> _Frontier:
-        """Return some of the rows."""
         return _Frontier(self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[:, rows])
 
 
 class Enumeration(Driver):
-    """Driver that enumerates all classes of a space.
-
-    The order of the classes depends on the space alone.
-
-    seed: ignored. rows: largest number of partial labellings extended at once, which changes memory and speed but not
-    the order.
-    """
+    """Driver that enumerates all classes of a space, in an order of the space alone."""
 
     name = "enumeration"
 
     def __init__(self, space: SearchSpace, seed: int = 0, *, rows: int | None = None) -> None:
+        # Faces are decided so that one element after the other is complete. In a segmentation a face within a block is
+        # inner; one between two blocks is dry, or merges them unless a dry face lies between. Without limits on sizes
+        # every row has a completion, so work is proportional to labellings found.
         super().__init__(space, seed)
         self.search = space.search
         graph, elements = space.graph, space.assembly.elements
@@ -155,14 +143,9 @@ class Enumeration(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Always True: every class is proposed."""
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next classes (k, m), at most `limit` or `PORTION`; k = 0 at the end.
-
-        Raises DeadlinePassed if the time passed before any was found.
-        """
         wanted = PORTION if limit is None else min(limit, PORTION)
         while len(self._unreturned) < wanted and not self._interrupted:
             try:
@@ -183,27 +166,20 @@ class Enumeration(Driver):
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set the deadline of the study."""
         self._deadline = deadline
 
     @property
     def working(self) -> bool:
-        """True if classes are left to propose."""
         return not self._ended
 
     @property
     def _late(self) -> bool:
-        """True if the deadline has passed."""
         return self._deadline is not None and self._deadline.passed()
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Do nothing: the order of the classes does not depend on evaluations."""
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
 
     def batches(self) -> Iterator[tuple[Bits, Ints]]:
-        """Yield canonical labellings (k, m), True = dry, and how many labellings each stands for.
-
-        The numbers are (k,). Each call starts anew. Raises DeadlinePassed after an enforced deadline.
-        """
+        """Yield canonical labellings (k, m), and how many labellings each stands for (k,)."""
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
@@ -213,7 +189,7 @@ class Enumeration(Driver):
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
     def count(self) -> Tally:
-        """Count the labellings and classes of the space by a complete enumeration."""
+        """Count labellings and classes by a complete enumeration."""
         labellings = classes = 0
         for _, multiplicity in self.batches():
             labellings += int(multiplicity.sum())
@@ -221,11 +197,7 @@ class Enumeration(Driver):
         return Tally(labellings, classes)
 
     def size_up_to(self, limit: int, work: int = 2000) -> int | None:
-        """Count the classes of the space, up to a limit.
-
-        Result: number of classes; None above `limit` or if the count was given up. A space with few labellings behind
-        many dead ends does not count as small.
-        """
+        """Count classes up to a limit; None above it, or if `work` frontiers do not suffice."""
         # With assembly sequences to check the limit is at most `space.laying.counted`, since the time per frontier
         # grows with the number of elements.
         work = min(work, _MOST_ELEMENTS_EXAMINED // max(len(self._start), 1))
@@ -275,7 +247,7 @@ class Enumeration(Driver):
         return labels
 
     def _decide(self, rows: _Frontier) -> _Frontier:
-        """Decide one more face: return each row with the face inner and dry, if limits can still hold."""
+        """Decide one more face: return each row with it inner and dry, if limits can still hold."""
         level, search = rows.level, self.search
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]
@@ -288,6 +260,7 @@ class Enumeration(Driver):
         for number, (counted, bounds) in zip(rows.dry, self._counted, strict=True):
             dry = dry & ~bounds.above(number + counted[level])
             inner = inner & ~bounds.below(number + counted[level + 1 :].sum())
+        # child 2r is row r with the face inner, child 2r + 1 with it dry
         child = np.flatnonzero(np.column_stack([inner, dry]))
         parent, is_dry = child >> 1, (child & 1).astype(bool)
         new = rows.take(parent)
@@ -295,7 +268,7 @@ class Enumeration(Driver):
         if not search.segmentation:
             label[level] = is_dry
         p, q, apart = p[parent], q[parent], apart[parent]
-        low = np.minimum(p, q)
+        low = np.minimum(p, q)  # an inner face merges both blocks, under the smaller name
         merged = np.where(is_dry, p, np.maximum(p, q))
         into = np.where(is_dry, p, low)
         block = np.where(new.block == merged, into, new.block)
@@ -310,10 +283,7 @@ class Enumeration(Driver):
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
 
     def _violates_limit(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
-        """Return (r,) True where the union of the named blocks violates a limit.
-
-        names: arrays (r,), one block of each row in each. most: True for upper limits, False for lower ones.
-        """
+        """Return (r,) True where the union of named blocks, (r,) each, is too large, or too small."""
         limits, free = self._limits, rows.block[: self._free]
         # a block that is too large may still merge with an exempt one
         if (not limits.has_most or limits.mendable) if most else not limits.has_least:
@@ -331,7 +301,8 @@ class Enumeration(Driver):
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
         """Remove rows that no completion can bring within the limits.
 
-        p, q: (r,) these blocks. apart: (r,) True where they differed before. is_dry: (r,) label of the face.
+        p, q: (r,) blocks beside the face just decided. apart: (r,) True where they differed before. is_dry: (r,) its
+        label.
         """
         # A block beside the face just decided may be closed and too small, or the number of blocks out of bounds.
         small, greatest = self._limits.has_least, self._greatest
@@ -359,10 +330,7 @@ class Enumeration(Driver):
 
 
 def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | None:
-    """Count the classes of a space, up to a limit.
-
-    Result: number of classes; None above `limit` or if the count takes too long.
-    """
+    """Count the classes of a space; None above a limit, or if the count takes too long."""
     if quick:
         return Enumeration(space, rows=_QUICK_ROWS).size_up_to(limit, work=_QUICK_FRONTIERS)
     return Enumeration(space).size_up_to(limit)

@@ -1,8 +1,4 @@
-"""Aims of a proof by fields: the best layout, the front, or the best count.
-
-A proof has one **target** after the other: labellings whose count lies in some range, and the governing factor above
-which no labelling of the target may be left unrefuted.
-"""
+"""Aims of a proof by fields: the best layout, the front, or the best count."""
 
 from __future__ import annotations
 
@@ -25,9 +21,8 @@ _BELOW: Final = 1e-9  # relative amount by which the goal lies below best / (1 �
 class ProofAim(Protocol):
     """Aim of a proof by fields: which labellings to refute, above which governing factor.
 
-    The proof asks for `target` and `goal`, refutes, and calls `next` with the bound it reached. When `next` returns
-    None, the `claims` are checked. `best` maps each count to the largest governing factor that a layout of that count
-    is proven to carry.
+    The proof asks for `target` and `goal`, refutes, and calls `next` until that returns None; then the `claims` are
+    checked. `best` maps each count to the largest governing factor that a layout of that count is proven to carry.
     """
 
     count: Count | None  # count whose values are the targets; None where all labellings are one target
@@ -35,10 +30,7 @@ class ProofAim(Protocol):
     in_steps: bool  # whether a bound far above the goal is lowered in steps
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the count of the labellings to refute now.
-
-        A Range stands for all counts within it, None for all labellings.
-        """
+        """Return the count, or range of counts, of the labellings to refute now; None for all."""
         ...
 
     def goal(self, best: Mapping[int, float]) -> float:
@@ -46,10 +38,7 @@ class ProofAim(Protocol):
         ...
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the governing factor that a lower bound must exceed to be of use.
-
-        The lower bound is that of a labelling of the target; the proof does not compute smaller ones.
-        """
+        """Return the governing factor that a lower bound of a labelling must exceed to be of use."""
         ...
 
     def restart(self) -> None:
@@ -57,10 +46,9 @@ class ProofAim(Protocol):
         ...
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the bound on the current target, and go to the next target.
+        """Record the bound on the target; return the known bound of the next one, None at the end.
 
-        left: (k,) counts of labellings of the target that are neither refuted nor refined any more. Result: known bound
-        of the next target; None where the proof ends.
+        left: (k,) counts of labellings of the target that are neither refuted nor refined any more.
         """
         ...
 
@@ -69,37 +57,26 @@ class ProofAim(Protocol):
         ...
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return entries of the summary of the study.
-
-        sure: False where the proof was contradicted or failed its check; its bounds are then left out.
-        """
+        """Return entries of the summary, without bounds unless they are `sure`."""
         ...
 
 
 def goal_of(best: float, gap: float) -> float:
-    """Return the factor above which labellings must be refuted: best / (1 − gap)."""
+    """Return best / (1 − gap), less rounding: the factor above which labellings must be refuted."""
     if best <= 0.0:
         return 0.0
     return best / (1.0 - gap) * (1.0 - _BELOW) if gap < 1.0 else math.inf
 
 
 def holds(target: int | Range | None, counts: Floats) -> Bools:
-    """Return True for each count that belongs to a target, (k,).
-
-    counts: (k,).
-    """
+    """Return for each count (k,) whether it belongs to a target."""
     if target is None:
         return np.ones(len(counts), dtype=bool)
     return ~target.outside(counts) if isinstance(target, Range) else np.asarray(counts == target)
 
 
 class StrongestAim:
-    """Aim: prove the strongest layout to a gap. The only target is all labellings.
-
-    Attributes are those of `ProofAim`.
-
-    gap: relative gap at which the proof ends.
-    """
+    """Aim to prove the strongest layout to a gap, with all labellings as the only target."""
 
     count: Count | None = None
     in_steps = True
@@ -109,37 +86,30 @@ class StrongestAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the bound that `next` recorded."""
         self._bound = math.inf
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return None for all labellings."""
         return None
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the best factor / (1 − gap), 0 where no layout stands."""
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the largest factor in `best`, −inf without any."""
         return max(best.values(), default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the bound and return None, which ends the proof."""
         self._bound = bound
         return None
 
     def claims(self) -> list[Claim]:
-        """Return one claim: no labelling exceeds the recorded bound."""
         return [Claim(None, max(self._bound, 0.0))]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return no entries: the driver reports the bound itself."""
         return {}
 
 
 def _count_of_formula(space: SearchSpace) -> Count:
-    """Return the count of the front of a space; raise InputError where no formula expresses it."""
+    """Return the count of the front of a space; InputError where no formula expresses it."""
     count, asked = front_count(space), space.search.front
     if asked.counts:
         raise InputError(
@@ -152,19 +122,13 @@ def _count_of_formula(space: SearchSpace) -> Count:
 
 
 class FrontAim:
-    """Aim: prove to a gap the strongest layout of every count of the front.
-
-    All labellings are bounded first. Then labellings of one count after the other are refuted, best count first. The
-    goal is the best λ of layouts with this count or a better one: a weaker layout is not on the front. Attributes are
-    as for `ProofAim`.
-
-    gap: relative gap at which a target is reached. Raises InputError if the scene asks for two counts, or for a count
-    that is no sum of binary terms.
-    """
+    """Aim to prove to a gap the strongest layout of every count of the front."""
 
     in_steps = True
 
     def __init__(self, space: SearchSpace, gap: float) -> None:
+        # All labellings are bounded first, then those of one count after the other, best count first. The goal is the
+        # best λ of this count or a better one: a weaker layout is not on the front.
         self.gap = gap
         count = _count_of_formula(space)
         self.count: Count | None = count
@@ -173,27 +137,17 @@ class FrontAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the bounds of all counts; all labellings are the target again."""
         self._left = list(self._all)
         self._now: int | None = None
         self.bounds: dict[int | None, float] = {}
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the count whose labellings are refuted now; None for all labellings at first.
-
-        Counts follow each other from the best to the worst.
-        """
         return self._now
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return `enough` / (1 − gap), above which labellings of the target must be refuted.
-
-        It is 0 where no layout of these counts stands.
-        """
         return goal_of(self.enough(best), self.gap)
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the best proven factor among counts at least as good as the target's."""
         return self._no_worse(self._now, best)
 
     def _no_worse(self, value: int | None, best: Mapping[int, float]) -> float:
@@ -202,16 +156,11 @@ class FrontAim:
         return max(known, default=-math.inf)
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the bound of the current target and go to the next count; see `ProofAim`.
-
-        The first target is all labellings; counts follow, best first.
-        """
         self.bounds[self._now] = bound
         self._now = self._left.pop(0) if self._left else None
         return None if self._now is None else self.bounds[None]
 
     def claims(self) -> list[Claim]:
-        """Return one claim per recorded bound: of all labellings, then of each count."""
         return [Claim(count, max(bound, 0.0)) for count, bound in self.bounds.items()]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
@@ -234,13 +183,7 @@ class FrontAim:
 
 
 class RequirementAim:
-    """Aim: prove the best count of the front among layouts that carry a required factor.
-
-    Only better counts than that of the best such layout are refuted. Attributes are those of `ProofAim`.
-
-    space: the search space, with `search.require`. gap: kept as attribute; this proof needs no gap. Raises InputError
-    if the count of the front is no sum of binary terms, or the space requires no factor.
-    """
+    """Aim to prove the best count of the front among layouts that carry a required factor."""
 
     in_steps = False
 
@@ -256,39 +199,32 @@ class RequirementAim:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the claim and the counts left open."""
         self._claim: Claim | None = None
         self.open_counts: Floats = np.empty(0)
 
     def met(self, best: Mapping[int, float]) -> int | None:
-        """Return the best count in `best` whose factor is at least the required one, or None."""
+        """Return the best count whose factor is at least the required one, or None."""
         found = [count for count, low in best.items() if low >= self._threshold]
         return None if not found else min(found) if self._sense == "min" else max(found)
 
     def target(self, best: Mapping[int, float]) -> int | Range | None:
-        """Return the range of counts better than `met`; None for all while none is met."""
         return self._better(self.met(best))
 
     def _better(self, value: int | None) -> Range | None:
-        """Return the range of better counts, None for any."""
+        """Return the range of counts better than `value`, None for any."""
         if value is None:
             return None
         return Range.of((None, value - 1) if self._sense == "min" else (value + 1, None), whole=True)
 
     def goal(self, best: Mapping[int, float]) -> float:
-        """Return the required factor, less rounding; `best` is not used."""
         return self._goal
 
     def enough(self, best: Mapping[int, float]) -> float:
-        """Return the required factor; `best` is not used."""
         return self._threshold
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the proven count and return None, which ends the proof.
-
-        Without open labellings no count better than `met` carries the factor. Otherwise the best count in `left` takes
-        the place of `met`.
-        """
+        # without open labellings no count better than `met` carries the factor; else the best open count takes its
+        # place
         value = self.met(best)
         self.open_counts = left
         if len(left):
@@ -297,15 +233,10 @@ class RequirementAim:
         return None
 
     def claims(self) -> list[Claim]:
-        """Return the claim that no better count carries the factor; none before `next`."""
         return [] if self._claim is None else [self._claim]
 
     def facts(self, best: Mapping[int, float], sure: bool) -> dict[str, Any]:
-        """Return the proven bound on the count, and the number of labellings left open.
-
-        "count_bound": best count that may still carry the factor; None where none does, or where nothing is proven.
-        "open_layouts": number of labellings that no mesh decided.
-        """
+        """Return the best count that may still carry the factor, and the number of open layouts."""
         value = self.met(best)
         if len(self.open_counts):
             value = int(self.open_counts.min() if self._sense == "min" else self.open_counts.max())
@@ -316,10 +247,7 @@ class RequirementAim:
 
 
 def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
-    """Make the aim of a proof from the option of the driver and the scene.
-
-    Raises InputError if a front is aimed at beside a required factor, or its count is no sum of binary terms.
-    """
+    """Make the aim of a proof from the option of the driver and the scene."""
     if space.search.require is not None:
         if aim != "best":
             raise ParameterError("aim", "a front is not what search.require asks for", "best")

@@ -1,12 +1,4 @@
-"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration.
-
-A velocity field bounds λ of every labelling by a sum over faces. A labelling that is proven too weak is therefore
-minimised to a conflict, as by rigid blocks (`drivers.exact`), and a formula is asked for labellings that no conflict
-rules out. On the coarsest mesh a labelling costs some hundredths of a second. One that this mesh does not refute is
-evaluated and joins a pool, whose meshes are refined until its own velocity field refutes it, or its own stress field
-makes it the strongest. A labelling whose bracket is as narrow as the gap is always refuted above best / (1 − gap), so
-that a formula without a model there proves the best to the gap. The proof is checked when it ends (`proof_check`).
-"""
+"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration."""
 
 from __future__ import annotations
 
@@ -42,8 +34,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-CONFLICTS_FILE: Final = "conflicts.npz"
-"""Name of the file of conflicts in the folder of a study."""
+CONFLICTS_FILE: Final = "conflicts.npz"  # name of the file of conflicts in the folder of a study
 
 _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
@@ -75,11 +66,7 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
 
 
 def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
-    """Read the conflicts that an earlier run of a study stored, and compute their bounds again.
-
-    Result: conflicts with the bounds that weighing gives; those without a finite bound are left out. Empty without a
-    file, or where it has another number of load cases. Raises InputError if the file cannot be read.
-    """
+    """Read stored conflicts and weigh them again; those without a finite bound are left out."""
     # The meshes of the file are added to the proof. The caller adds the conflicts.
     path = folder / CONFLICTS_FILE
     if not path.exists():
@@ -95,10 +82,7 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
-    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
-
-    Adds the meshes of the file to `proof`. Empty where the number of load cases differs.
-    """
+    """Add the meshes of a file to `proof`; return its conflicts of finite bounds, weighed again."""
     if int(content["shared"]) != proof.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -138,14 +122,7 @@ _ANNEALED: Final = 0.25  # largest share of a time limit for the labellings eval
 
 
 class FieldExact(Driver):
-    """Driver that proves, to a gap, the largest λ of a space whose blocks crack anywhere.
-
-    space: the search space, of a planar assembly. aim: prove the strongest layout, or that of every count of the front.
-    Where the scene requires a load factor the best count among layouts that carry it is proven instead. gap: relative
-    distance between the best lower bound and the bound on all labellings at which the proof ends. search: labellings
-    evaluated before the proof, per face that can change. Raises InputError if cells may be left out, a front is aimed
-    at beside a required factor, or no formula expresses the count of the front or one that the scene limits.
-    """
+    """Driver that proves, to a gap, the largest λ of a planar space whose blocks crack anywhere."""
 
     name = "exact"
     remembers = True
@@ -155,6 +132,10 @@ class FieldExact(Driver):
     def __init__(
         self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, gap: float = 0.05, search: int = 30
     ) -> None:
+        # A labelling that a velocity field proves too weak is minimised to a conflict, as by rigid blocks; a formula
+        # gives labellings that no conflict rules out. What the coarsest mesh does not refute is evaluated and refined
+        # until its own fields refute it or make it the strongest. A bracket as narrow as the gap is always refuted
+        # above best / (1 − gap).
         super().__init__(space, seed)
         aimed = aim_of(space, aim, gap)
         blocks = _listed(space)
@@ -170,10 +151,7 @@ class FieldExact(Driver):
 
     @classmethod
     def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
-        """Make a driver that proves to a gap.
-
-        Raises InputError if an option is unknown or has a wrong value, and as the class.
-        """
+        """Make a driver that proves to a gap; InputError for a wrong option."""
         options = {key: value for key, value in given.items() if value is not None}
         for key in options:
             if key not in cls.Options.model_fields:
@@ -186,7 +164,7 @@ class FieldExact(Driver):
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings that are refined one by one, with their bounds; see `FieldPool`."""
+        """Labellings that are refined one by one, with their bounds."""
         return self._proof.pool
 
     @property
@@ -195,45 +173,32 @@ class FieldExact(Driver):
         return self._proof.best
 
     def bounds_above(self, labellings: Bits) -> Floats:
-        """Return upper bounds on the governing factor of labellings that conflicts prove, (k,).
-
-        labellings: (k, m), True = dry. inf where nothing is proven, and for all where the proof was contradicted or
-        failed its check.
-        """
+        """Return upper bounds (k,) on governing factors; inf where nothing is proven."""
         if self.complaints:
             return np.full(len(labellings), np.inf)
         return self._proof.bounds_above(labellings)
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on the governing factor of all labellings, scene units.
-
-        None before there is one, after a failed check, and after a second contradiction.
-        """
+        """Proven upper bound on all governing factors; None after a failed check or two contradictions."""
         failed = self._proof.check is not None and not self._proof.check.passed
         return None if failed or self._given_up or not math.isfinite(self._proof.bound) else self._proof.bound
 
     @property
     def finished(self) -> bool:
-        """True if the proof ended and passed its check."""
         return self._proof.check is not None and self._proof.check.passed
 
     @property
     def open_layouts(self) -> int:
-        """Number of layouts of better count whose refinement ended without a decision.
-
-        They may carry the required factor, so the best count is not proven. 0 for other aims.
-        """
+        """Number of layouts of better count that may carry the required factor."""
         return int(self._proof.aim.facts({}, False).get("open_layouts", 0))
 
     @property
     def settings(self) -> dict[str, Any]:
-        """{"aim": "front"} where a front is proven, else empty."""
         return {"aim": self._aim} if self._aim == "front" else {}
 
     @property
     def working(self) -> bool:
-        """True until the proof has ended or was contradicted twice."""
         return not self._proof.settled and not self._given_up
 
     @property
@@ -243,12 +208,10 @@ class FieldExact(Driver):
 
     @property
     def complaints(self) -> list[str]:
-        """Contradictions, then the problem of a failed check, a line each; empty for none."""
         check = self._proof.check
         return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return entries of the summary: cost of the proof, facts of its aim, and its check."""
         # "conflicts": number of conflicts. "relaxations": number of programs solved. "proof_check": result of the
         # check, only after the proof has ended.
         proof = self._proof
@@ -261,22 +224,14 @@ class FieldExact(Driver):
         return found if proof.check is None else {**found, "proof_check": proof.check.to_dict()}
 
     def withdraw(self, reason: str) -> None:
-        """Note a contradiction, forget all conflicts and start the proof again.
-
-        Evaluations are kept. After a second contradiction the proof is given up.
-        """
+        # evaluations stay, conflicts do not; a second contradiction ends the proof
         self._contradictions.append(reason)
         self._proof.restart()
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that refute and refine."""
         self._proof.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set deadline and heartbeat, and load the conflicts of a resumed study.
-
-        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts.
-        """
         own = Deadline() if deadline is None else deadline.earlier(0.3)
         self._proof.deadline = self._proof.pool.deadline = own
         self._before = own.within(_ANNEALED * own.remaining())
@@ -286,22 +241,16 @@ class FieldExact(Driver):
             self._proof.take(load_conflicts(self._folder, self._proof))
 
     def close(self) -> None:
-        """Stop the worker processes, and save the conflicts in the folder of the study."""
         self._proof.pool.tasks.close()
         if self._folder is not None and self._folder.is_dir():
             save_conflicts(self._folder, self._proof)
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over the bounds of evaluations of a resumed study."""
         self._learn(labellings, evaluations)
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings to evaluate, (k, m), True = dry.
-
-        Empty if the proof ended, was given up, or has no time left.
-        """
         # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
         if not self._asked:
             self._asked = True
@@ -325,15 +274,11 @@ class FieldExact(Driver):
         return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
-
-        The evaluations hold both bounds on the coarsest mesh.
-        """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep the bounds of evaluated labellings."""
+        """Keep the bounds of evaluated labellings (k, m)."""
         low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
         high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
         self._proof.learn(labellings, low, high)
@@ -349,10 +294,7 @@ def _listed(space: SearchSpace) -> PossibleBlocks | None:
 
 
 def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
-    """Raise InputError if cells may be left out, or if no formula expresses a count.
-
-    The limited counts and the count of the aim must have a formula.
-    """
+    """Raise InputError if cells may be left out, or if a count has no formula."""
     if space.void is not None:
         raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
     for count in [count for count, _ in space.limits.on_counts] + ([] if aim.count is None else [aim.count]):

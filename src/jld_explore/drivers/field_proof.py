@@ -35,22 +35,13 @@ from jld_explore.space.limits import Range
 
 
 def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
-    """Return True for labellings that a conflict, or its mirror image, rules out, (k,).
-
-    labellings: (k, m), True = dry. group: (g, m) permutations of faces, the symmetries of the scene.
-    """
+    """Return (k,) whether a conflict, or an image under the group (g, m), rules out each labelling (k, m)."""
     images = labellings[:, group[:, conflict.faces]]
     return np.asarray((images == conflict.labels).all(axis=2).any(axis=1))
 
 
 class FieldIncumbents:
-    """Bounds of all evaluated labellings, and a pool of those that are refined.
-
-    A proof by fields asks it for the best lower bounds, and for labellings to refine.
-
-    aim: aim of the proof, whose count tells labellings apart. pool: labellings that are refined, with their bounds.
-    counts: (k,) counts of the labellings of the pool, 0 where the aim has none.
-    """
+    """Bounds of all evaluated labellings, and the pool of those that are refined."""
 
     def __init__(self, space: SearchSpace, aim: ProofAim) -> None:
         self._space, self._aim = space, aim
@@ -60,37 +51,26 @@ class FieldIncumbents:
         self._rows: dict[bytes, int] = {}
 
     def counts_of(self, labellings: Bits) -> Floats:
-        """Return the value (k,) of the aim's count for each labelling.
-
-        labellings: (k, m), True = dry. All are 0 where the aim has no count.
-        """
+        """Return the value (k,) of the aim's count for labellings (k, m); 0 without a count."""
         count = self._aim.count
         if count is None or not len(labellings):
             return np.zeros(len(labellings))
         return np.asarray(values_of(count, self._space.assembly, labellings, self._space.graph), dtype=float)
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Store the bounds on the governing factor of evaluated labellings.
-
-        labellings: (k, m), canonical, True = dry.
-        """
+        """Store bounds on the governing factor of canonical labellings (k, m)."""
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        """Return True if `learn` has stored bounds of exactly this labelling (m,)."""
+        """Return whether bounds of this labelling (m,) are stored."""
         return labels.tobytes() in self._known
 
     def in_pool(self, labels: Bits) -> bool:
-        """Return True if exactly this labelling (m,) is in the pool."""
         return labels.tobytes() in self._rows
 
     def join(self, labellings: Sequence[Bits]) -> Bits:
-        """Add labellings to the pool with their stored bounds, and return the new ones (k, m).
-
-        labellings: (m,) each, distinct; those in the pool already are skipped. Raises KeyError for one without bounds
-        from `learn`.
-        """
+        """Add labellings (m,) with stored bounds to the pool; return the new ones (k, m)."""
         new = [labels for labels in labellings if not self.in_pool(labels)]
         added = np.array(new, dtype=bool).reshape(len(new), len(self._space.fixed))
         known = np.array([self._known[labels.tobytes()] for labels in new]).reshape(-1, 3)
@@ -101,10 +81,7 @@ class FieldIncumbents:
         return added
 
     def best(self) -> dict[int, float]:
-        """Return the largest proven governing factor of a layout of each count.
-
-        Counts of evaluated labellings are the keys. −inf: no such layout is proven to stand.
-        """
+        """Return the largest proven factor of each count; −inf where no layout is proven to stand."""
         found: dict[int, float] = {}
         for low, _, count in self._known.values():
             found[count] = max(low, found.get(count, -math.inf))
@@ -127,11 +104,7 @@ class FieldIncumbents:
         return chosen[:number]
 
     def strongest(self, number: int) -> tuple[Bits, Floats]:
-        """Return at most `number` labellings (k, m) of greatest lower bounds, with these (k,).
-
-        Only finite bounds count, those of the pool included; the greatest is first. The check of a proof compares its
-        claims with them.
-        """
+        """Return at most `number` labellings (k, m) of greatest finite lower bounds, with these (k,)."""
         lows = {key: low for key, (low, *_) in self._known.items()}
         for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
             lows[key] = max(low, lows.get(key, -math.inf))
@@ -150,7 +123,7 @@ _SHORT: Final = 5  # number of faces of a conflict up to which finer meshes are 
 
 
 class _Kept(threading.local):
-    """Relaxations that a thread keeps, by proof and level; the one used last is at the end."""
+    """Relaxations that a thread keeps, by proof and level, the latest at the end."""
 
     def __init__(self) -> None:
         self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
@@ -171,7 +144,7 @@ class ProofSetup:
     levels: tuple[tuple[Mesh, ...], ...]
 
     def problems(self, level: int) -> list[FieldProblem]:
-        """Return one problem for each load case, on the meshes of `levels[level]`."""
+        """Return one problem for each load case, on the meshes of a level."""
         triples = zip(self.settings, self.levels[level], self.required, strict=True)
         return [FieldProblem(*one) for one in triples]
 
@@ -189,10 +162,7 @@ class LevelConflict:
 
 @one_thread()
 def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tuple[int, ...]) -> LevelConflict:
-    """Refute a factor for a labelling, and minimise the labelling to a conflict.
-
-    labels: (m,) True = dry. Result: the last conflict that has fewer faces than the one before.
-    """
+    """Refute a factor for a labelling (m,), and minimise it to the conflict of fewest faces."""
     # The first level that refutes it gives a conflict; finer levels then try to shorten it.
     solves, last = 0, len(setup.levels) - 1
     first, level, found = -1, -1, None
@@ -226,11 +196,7 @@ def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
 def refuting_step(
     setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float, free: Bools, over: float
 ) -> FieldStep:
-    """Bound a labelling on one mesh, and minimise it if its velocity field refutes a factor.
-
-    labels: (m,) True = dry. free: (m,) faces that may take either label. Result: as of `refined_step`, with a conflict
-    in `more`: that of a refuted labelling, else the bound of the labelling alone, or None.
-    """
+    """Bound a labelling (m,) on one mesh; `more` holds a conflict if its velocity field refutes `over`."""
     start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough * required)
     conflict = None
@@ -241,10 +207,7 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
-
-    None without a field or a finite bound.
-    """
+    """Return the bound of a field on its labelling, as a conflict of all free faces, or None."""
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)
@@ -263,16 +226,7 @@ _AGAIN: Final = 8  # A mesh that is left out is still tried once in this number 
 
 
 class FieldRefuter:
-    """Refuter of the labellings of one search space by velocity fields on common meshes.
-
-    `refute` solves for a velocity field on the coarsest mesh of each load case and on those added by `refute_on`. It
-    returns a conflict for each refuted labelling. `weigh` recomputes the bound that the mechanism of a conflict proves,
-    without a solver. A **problem** is one mesh of one load case.
-
-    space: the search space, of a planar assembly. blocks: possible blocks; None where they are not listed: all
-    candidates are then free. free: (m,) faces that may take either label in some labelling. relaxation: evaluates
-    mechanisms on all problems. programs: number of programs solved for conflicts.
-    """
+    """Refuter of the labellings of one space by velocity fields on common meshes."""
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
         self._space, self._blocks = space, blocks
@@ -303,25 +257,15 @@ class FieldRefuter:
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:
-        """Return the index of the load case of a problem.
-
-        The setting of the problem must be one of this object; else StopIteration is raised.
-        """
+        """Return the index of the load case of a problem."""
         return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
 
     def add_problem(self, case: int, mesh: Mesh) -> int:
-        """Add a mesh (scene units) of load case number `case`, to weigh mechanisms on it.
-
-        Returns the position of the problem, for `Mechanism.case`. No labelling is refuted on it.
-        """
+        """Add a mesh, scene units, to weigh mechanisms on; return the position of the problem."""
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Compute the bound that the mechanism of a conflict proves, without a solver.
-
-        Result: the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
-        or where it proves none.
-        """
+        """Return the factor that no labelling with a conflict exceeds, by its mechanism; inf for none."""
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
@@ -332,7 +276,7 @@ class FieldRefuter:
         )
 
     def common(self, case: int) -> CommonMeshes:
-        """Make new meshes of load case number `case`, to bound all labellings on."""
+        """Make new meshes of a load case, to bound all labellings on."""
         return CommonMeshes(self._setup.settings[case], self._setup.required[case], self._labels, self.free)
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
@@ -347,10 +291,7 @@ class FieldRefuter:
                 self.relaxation.add(problem)
 
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
-        """Prove that labellings carry less than a factor, and minimise each refuted one to a conflict.
-
-        threshold: governing factor. Result: one conflict for each labelling, None where no mesh refutes it.
-        """
+        """Prove that labellings carry less than a governing factor: a conflict each, None if unproven."""
         levels = self._levels()
         found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
         self.programs += sum(one.solves for one in found)
@@ -369,16 +310,13 @@ class FieldRefuter:
         return conflicts
 
     def _levels(self) -> tuple[int, ...]:
-        """Return the levels of meshes to try first; levels that rarely refute are tried at intervals only."""
+        """Return the levels of meshes to try first; those that rarely refute only at intervals."""
         self._batches += 1
         again = not self._batches % _AGAIN
         return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
 
     def context(self) -> FieldProofContext:
-        """Return the data that the check of a proof needs, and forget stored results of weighing.
-
-        All mechanisms are therefore weighed again by the check.
-        """
+        """Return the data for the check of a proof, which weighs all mechanisms again."""
         self.relaxation.forget()
         return FieldProofContext(self.relaxation, self._space, self._blocks, self.free)
 
@@ -411,14 +349,7 @@ _CAUTION: Final = 1.5  # least time left for another batch of labellings, over t
 
 
 class FieldProof:
-    """Proof of upper bounds on the governing factor of labellings, one target after another.
-
-    space: the search space, of a planar assembly. blocks: possible blocks, where they are listed. refuter: meshes on
-    which labellings are refuted. incumbents: labellings that were evaluated, and the pool of those that the meshes of
-    all labellings do not refute. state: conflicts of the proof. bound: governing factor that no labelling exceeds, inf
-    before the first bound. check: check of the proof, None before its end. waiting: labellings that wait for their
-    evaluation on the coarsest mesh. stopped: whether time ended the proof before its targets were settled.
-    """
+    """Proof of upper bounds on the governing factor of labellings, one target after another."""
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, seed: int, aim: ProofAim) -> None:
         self.space, self.aim, self._blocks, self._seed = space, aim, blocks, seed
@@ -447,7 +378,6 @@ class FieldProof:
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings that are refined one by one, with their bounds."""
         return self.incumbents.pool
 
     @property
@@ -464,7 +394,7 @@ class FieldProof:
         return found
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Store bounds on the governing factor of evaluated labellings (k, m), True = dry."""
+        """Store bounds on the governing factor of evaluated labellings (k, m)."""
         self.incumbents.learn(labellings, low, high)
         if self._begun:
             self._join(list(labellings))
@@ -474,7 +404,7 @@ class FieldProof:
         self._refuted = np.concatenate([self._refuted, self.bounds_above(self.incumbents.join(labellings))])
 
     def take(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts of an earlier run, weighed again, to the proof; see `load_conflicts`."""
+        """Add conflicts of an earlier run, weighed again."""
         self._add(conflicts)
 
     # --- the proof --------------------------------------------------------------------------------------
@@ -524,7 +454,7 @@ class FieldProof:
             self._bound_by(self.refuter.common(case), case)
 
     def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
-        """Bound all labellings on the next mesh of load case `case`; store a lower bound."""
+        """Bound all labellings on the next mesh of a load case; store a lower bound."""
         start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
         found = meshes.step()
         if found is not None and found.bound < self.bound:
@@ -595,7 +525,6 @@ class FieldProof:
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
     def _refine_lower(self, rows: Ints) -> None:
-        """Refine `rows` of the pool by one mesh for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
     def _enough(self) -> Floats:
@@ -681,7 +610,7 @@ class FieldProof:
             self._end_target()
 
     def _end_target(self) -> None:
-        """Record the bound of a target; begin the next that has a labelling, or `_settle`."""
+        """Record the bound of a target; begin the next that has a labelling, or end the proof."""
         self._cut |= self.pool.late and self._left_open > self._goal
         open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
         known = self.aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
@@ -696,7 +625,7 @@ class FieldProof:
         self._aim()
 
     def _exists(self) -> bool:
-        """Return True if the target has any labelling, however weak."""
+        """Return whether the target has any labelling, however weak."""
         self._formula = self._formula or self._stated()
         self._formula.aim(-math.inf, self.aim.target(self.incumbents.best()))
         return self._formula.next() is not None

@@ -1,9 +1,4 @@
-"""Refute load factors of partial labellings by velocity fields.
-
-A velocity field bounds λ of every labelling by a sum over faces, as mechanisms of rigid blocks do (docs/method.md
-(9.13), (9.15) and (9.16)). Conflicts, their minimisation and the check of a proof are therefore those of
-`drivers.exact`.
-"""
+"""Refute load factors of partial labellings by velocity fields, docs/method.md (9.13), (9.15) and (9.16)."""
 
 from __future__ import annotations
 
@@ -44,12 +39,8 @@ class FieldProblem:
 class FieldRelaxation:
     """Upper bounds on the governing factor of partial labellings by velocity fields.
 
-    Bounds and thresholds are governing factors in scene units. A mechanism belongs to a **problem**: a load case on one
-    mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
-    later only weigh mechanisms.
-
-    problems: problems that are asked, at least one; the attribute holds all problems, and `Mechanism.case` and
-    `DualBound.case` are their positions. solves: number of programs solved.
+    A problem is a load case on one mesh. Those given first are asked for refutations, the most successful first; added
+    ones only weigh mechanisms.
     """
 
     many = False
@@ -68,10 +59,7 @@ class FieldRelaxation:
         return sum(one.solves for one in self._asked)
 
     def restart(self) -> None:
-        """Ask the problems in their first order again.
-
-        `refute` moves successful problems to the front; after a restart its answers do not depend on earlier calls.
-        """
+        """Ask the problems in their first order again, so that answers depend on no earlier call."""
         self._order = list(range(len(self._asked)))
 
     def add(self, problem: FieldProblem) -> int:
@@ -80,12 +68,7 @@ class FieldRelaxation:
         return len(self.problems) - 1
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
-        """Refute a governing factor for all labellings that agree on the decided faces.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: mechanism of the first problem that proves it; None where no proof is found. Raises DeadlinePassed:
-        after an enforced deadline.
-        """
+        """Refute a factor for all labellings (m,) that agree where decided; None without a proof."""
         # A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
         # succeeds is asked first the next time.
         for place, number in enumerate(self._order):
@@ -106,19 +89,11 @@ class FieldRelaxation:
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors of many partial labellings one by one; see `refute`.
-
-        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
-        factors to refute. thorough: (k,) ignored: there is one solver. Result: one entry for each labelling.
-        """
+        """Refute thresholds (k,) of partial labellings (k, m) one by one."""
         return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Find the least bound for a partial labelling over the problems that are asked.
-
-        labels: (m,) True = dry, ignored where undecided. undecided: (m,). The result has an infinite excess, as no
-        threshold is given. None: no problem has a finite bound.
-        """
+        """Find the least bound for a partial labelling (m,) over the problems asked, or None."""
         best: DualBound | None = None
         for number, partial in enumerate(self._asked):
             found = partial.field(labels, undecided)
@@ -130,12 +105,7 @@ class FieldRelaxation:
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Compute again, without a solver, the bounds that mechanisms of one problem prove.
-
-        velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m) labels, True = dry, and faces that
-        may have either. Returns (k,): governing factors that no labelling exceeds that agrees where decided; inf where
-        a mechanism proves none. Raises ValueError if the problem does not exist.
-        """
+        """Recompute, without a solver, the bounds (k,) that mechanisms (k, t, 3, 2) prove."""
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
         required = self.problems[case].required
@@ -144,11 +114,7 @@ class FieldRelaxation:
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
-        """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
-
-        velocity: (t, 3, 2), scaled. None where it proves nothing. Results are stored, since several conflicts rest on
-        one mechanism.
-        """
+        """Return the dissipation of a scaled mechanism (t, 3, 2), stored; None if it proves nothing."""
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:
             self._known[key] = self._of(number).weigh(velocity)
@@ -187,7 +153,7 @@ class FieldProofContext:
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,), True = dry, of all faces that are not free; free ones are undecided."""
+        """Labels (m,) of all faces that are not free; free ones are undecided."""
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
 
 
@@ -210,13 +176,7 @@ class CommonBound:
 
 
 class CommonMeshes:
-    """Sequence of meshes of one load case, each refined where all labellings dissipate most.
-
-    `step` bounds all labellings on one mesh; `shared` chooses those on which single labellings are refuted.
-
-    required: required factor of the load case; a governing factor is λ over it. labels, undecided: (m,) labels, True =
-    dry, and the faces that may have either. meshes: meshes that were bounded, the coarsest first.
-    """
+    """Sequence of meshes of one load case, each refined where all labellings dissipate most."""
 
     def __init__(self, setting: FieldSetting, required: float, labels: Bits, undecided: Bools) -> None:
         self._setting, self._required = setting, required
@@ -227,17 +187,11 @@ class CommonMeshes:
 
     @property
     def ended(self) -> bool:
-        """True if `step` has no further mesh.
-
-        No finite bound was found, or the next mesh would be no finer or too large.
-        """
+        """True if no further mesh would be finer, small enough and bounded."""
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it for another step.
-
-        None if no mesh is left, or no field with a finite bound was found; the sequence then ends.
-        """
+        """Bound all labellings on the next mesh, and refine it; None at the end of the sequence."""
         mesh, self._next = self._next, None
         if mesh is None:
             return None
@@ -254,11 +208,8 @@ class CommonMeshes:
 
     @property
     def shared(self) -> tuple[int, ...]:
-        """Positions in `meshes` of those on which labellings are refuted, the coarsest first.
-
-        They are chosen by their numbers of triangles. Where refinement ended earlier, the last mesh stands for finer
-        ones, so that all load cases have as many. Positions may repeat.
-        """
+        """Positions in `meshes` of those on which labellings are refuted, the coarsest first."""
+        # the last mesh stands for finer ones, so that all load cases have as many
         sizes = np.array([len(mesh) for mesh in self.meshes])
         least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
         return 0, *(min(place, len(sizes) - 1) for place in least)

@@ -1,12 +1,4 @@
-"""Genetic search: non-dominated sorting, operators on blocks, and a surrogate.
-
-With two or three objectives the algorithm is NSGA-II: λ and the counts of the front of the scene. With one objective
-only λ counts. The driver makes far more children than it evaluates. New children wait in a **pool**; the surrogate
-selects the most promising ones, whatever their generation. If generations bring no progress, a new random population
-is started. The surrogate is kept, so the new population converges elsewhere.
-
-Labellings without a number rank below all others, in the order of `ranking.ORDER`.
-"""
+"""Genetic search (NSGA-II): operators on blocks, and a surrogate that selects among many children."""
 
 from __future__ import annotations
 
@@ -29,10 +21,9 @@ _PAIRS: Final = 1 << 22  # largest number of pairs compared in one step; limits 
 
 
 def fronts_of(values: Floats, enough: int) -> list[Ints]:
-    """Sort objective values into non-dominated fronts until enough rows are ranked.
+    """Sort values (k, c), to be minimised, into non-dominated fronts until enough rows are ranked.
 
-    values: (k, c) objective values, to be minimised. Result: positions of the rows of each front in ascending order,
-    best front first.
+    Each front is an ascending array of row numbers, the best front first.
     """
     # A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
     # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
@@ -88,11 +79,7 @@ def _dominators(values: Floats, rivals: Ints) -> Ints:
 
 
 def crowding_of(values: Floats, front: Floats) -> Floats:
-    """Return the crowding distance (k,) of each labelling on its front.
-
-    values: (k, c) objective values. front: (k,) front number of each labelling. Distances are means over the objectives
-    of that between both neighbours, in widths of the front.
-    """
+    """Return the crowding distance (k,) of values (k, c) on the front (k,) of each row."""
     # Selection prefers labellings of large distance. It is infinite at the ends of a front, and 0 for labellings of
     # equal values between others. Deb et al. 2002, section III.B, for all fronts at once.
     found = np.zeros(len(values))
@@ -110,26 +97,17 @@ def crowding_of(values: Floats, front: Floats) -> Floats:
     return found
 
 
-CROSSING_SHARE: Final = 0.5
-"""Share of children with two parents; the others are mutations of one parent."""
+CROSSING_SHARE: Final = 0.5  # share of children with two parents; the others are mutations of one parent
 
-IMMIGRANT_SHARE: Final = 0.05
-"""Share of random labellings among the proposals of a generation."""
+IMMIGRANT_SHARE: Final = 0.05  # share of random labellings among the proposals of a generation
 
-LOAD_FACTOR_SHARE: Final = 0.5
-"""Share of tournaments that λ alone decides.
+LOAD_FACTOR_SHARE: Final = 0.5  # share of tournaments that λ alone decides
 
-With several objectives λ alone also selects half of the evaluated children. `Genetic._chosen` fixes that half.
-"""
+PATIENCE: Final = 8  # evaluations without progress, per face that can change, before a population restarts
 
-PATIENCE: Final = 8
-"""Evaluations without progress, per face that can change, before a population restarts."""
+GENERATION: Final = 48  # number of children evaluated per generation
 
-GENERATION: Final = 48
-"""Number of children evaluated per generation."""
-
-POOL: Final = 200
-"""Largest number of children that remain in the pool."""
+POOL: Final = 200  # largest number of children that remain in the pool
 
 _PER_KEY: Final = 1.5  # default population size per face that can change
 _SIZES: Final = (32, 48)  # smallest and largest default population size
@@ -141,21 +119,13 @@ _RESOLUTION: Final = 2.0**20  # reciprocal of the relative resolution that disti
 
 
 class GeneticOptions(DriverOptions):
-    """Options of the genetic driver."""
-
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="population size")
     # search for the largest λ, or for the largest λ for every value of the count
     aim: Aim = Field("front", description="best, or front (the best for every count)")
 
 
 class Genetic(Searcher):
-    """Driver that runs a genetic algorithm with a surrogate.
-
-    Each generation evaluates `GENERATION` children.
-
-    population: population size. Default: by the number of faces that can change. aim: "best" or "front": λ alone, or λ
-    and the counts of the front. objective_count: number of objectives.
-    """
+    """Driver that breeds many children, and evaluates the most promising of a pool."""
 
     name = "genetic"
     Options = GeneticOptions
@@ -178,7 +148,7 @@ class Genetic(Searcher):
         self._start_population()
 
     def _start_population(self) -> None:
-        """Start an empty population with the proposals from now on."""
+        """Start an empty population with the proposals from now on; the surrogate stays."""
         self._first = self._proposed
         self._rows, self._status_rank, self._values = (
             self._none,
@@ -190,11 +160,9 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Population size and aim by name."""
         return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:
-        """Return the next generation: new canonical labellings (k, m), registered as proposed."""
         # Labellings are random while the population has fewer than two. A population without progress is given up
         # first, and another one started.
         self._learn()
@@ -227,10 +195,6 @@ class Genetic(Searcher):
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Store evaluations of labellings (k, m), True = dry, until the next call of `propose`.
-
-        Nothing is stored once the remaining classes are enumerated.
-        """
         if len(labellings) and self._enumeration is None:
             self._pending.append(
                 (labellings, objectives(self.space, labellings, evaluations), status_ranks(evaluations))

@@ -32,21 +32,11 @@ class _Run:
 
 
 class HillClimbOptions(DriverOptions):
-    """Options of the hillclimb driver."""
-
     start: str | None = Field(None, description="letters d and i of the labelling at which all runs start")
 
 
 class HillClimb(Searcher):
-    """Driver that runs hill climbing several times side by side, with restarts.
-
-    In each round a run tries `neighbours` changes of its labelling, and moves to the best one if that is better.
-    After `rounds` rounds without improvement it restarts from a random labelling.
-
-    climbers: number of runs. neighbours: changes per run and round. rounds: rounds without improvement before a
-    restart. start: letters d and i of the labelling at which all runs start; default: random ones. Raises InputError if
-    `start` is no labelling of the space.
-    """
+    """Driver that climbs in several runs, which restart from random labellings."""
 
     name = "hillclimb"
     Options = HillClimbOptions
@@ -61,7 +51,7 @@ class HillClimb(Searcher):
         rounds: int = 4,
         start: str | None = None,
     ) -> None:
-        """Set up the runs; see the class for the parameters."""
+        """Set up `climbers` runs of `neighbours` changes a round, which restart after `rounds` without gain."""
         super().__init__(space, seed, climbers * neighbours)
         self.neighbours, self.rounds, self.begin_at = neighbours, rounds, start
         self._runs = [_Run() for _ in range(climbers)]
@@ -77,11 +67,9 @@ class HillClimb(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Letters of the labelling at which all runs start; empty where none is given."""
         return {} if self.begin_at is None else {"start": self.begin_at}
 
     def propose(self) -> Bits:
-        """Return new changes of the labelling of every run, (k, m), registered as proposed."""
         # Runs that restart give one random labelling. The first call has the given start, if any, and changes of it.
         if self._first is not None:
             return self._beginning(self._first)
@@ -108,7 +96,7 @@ class HillClimb(Searcher):
         return np.concatenate(batches)
 
     def _beginning(self, first: Bits) -> Bits:
-        """Return the given start, shared by all runs, and neighbours that fill the round."""
+        """Return the given start, shared by all runs, and neighbours that fill the round: (k, m)."""
         self._first = None
         start = self.register.admit(first[None])
         near = self.fresh(lambda count: self.operators.vary(np.repeat(start, count, axis=0), self.rng), self.size - 1)
@@ -117,11 +105,7 @@ class HillClimb(Searcher):
         return np.concatenate([start, near])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Move each run to the best evaluated change, if that is better than its labelling.
-
-        labellings: (k, m), True = dry. Labellings of no run are ignored. A move resets the count of rounds without
-        improvement.
-        """
+        # each run moves to its best change, if that is better; labellings of no run are ignored
         values = objective_values(self.space, labellings, evaluations).tolist()
         for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
             number = self._owner.pop(key, None)

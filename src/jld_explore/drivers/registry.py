@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
-from jld_core.parameters import near
+from jld_core.parameters import near, typed
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
@@ -26,12 +26,11 @@ DRIVERS: Final[dict[str, type[Driver]]] = {
 
 
 def driver_kinds() -> dict[str, type[Driver]]:
-    """Return all driver classes by name: those of jld, then those of installed plug-ins.
+    """Return all driver classes by name: those of jld, then those of plug-ins.
 
     Returns
     -------
     dict of str to type
-        Subclasses of `Driver`.
 
     Raises
     ------
@@ -46,46 +45,39 @@ def driver_kinds() -> dict[str, type[Driver]]:
 
 
 def owners(option: str) -> Iterator[type[Driver]]:
-    """List the drivers that have an option.
-
-    Result: driver classes with a field of that name in `Options`.
-    """
+    """List the driver classes that have an option."""
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 
 def driver_named(name: str) -> type[Driver]:
-    """Return the class of a driver; raise ParameterError with the name most like an unknown one."""
+    """Return the class of a driver; ParameterError names the closest one."""
     kinds = driver_kinds()
     if name not in kinds:
         raise ParameterError("driver", f"no driver is named {name!r}", near(str(name), kinds))
     return kinds[name]
 
 
+@typed
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
     """Make a driver by its name.
-
-    With a required load factor (`search.require`) the name "exact" gives `MinimumCount`.
 
     Parameters
     ----------
     name : str
-        A name of `driver_kinds`.
+        A name of `driver_kinds`; "exact" gives `MinimumCount` where `search.require` is set.
     space : SearchSpace
-        The search space.
     seed : int
-        Seed of the random choices.
     **options
         Options of the driver; None for the default.
 
     Returns
     -------
     Driver
-        A new driver.
 
     Raises
     ------
     InputError
-        If no driver has the name, or an option has a wrong value or belongs to another driver.
+        If no driver has the name, or an option is wrong or another driver's.
     """
     kind = driver_named(name)
     given = {key: value for key, value in options.items() if value is not None}

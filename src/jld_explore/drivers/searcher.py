@@ -1,8 +1,4 @@
-"""Base of the drivers with random proposals: no class twice, and enumeration at the end.
-
-When a driver finds hardly any new labellings, enumeration adds the remaining classes one by one. A space smaller than
-the budget is then evaluated completely, whatever the driver.
-"""
+"""Base of the drivers with random proposals: no class twice, and enumeration once proposals become rare."""
 
 from __future__ import annotations
 
@@ -26,8 +22,7 @@ from jld_explore.space import SearchSpace, keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 
-PATIENCE: Final = 12
-"""Proposals per new labelling wanted after which `Searcher.fresh` gives up."""
+PATIENCE: Final = 12  # proposals per new labelling wanted after which `Searcher.fresh` gives up
 
 _ROUND: Final = 16  # least number of proposals per batch; the cost of a check hardly depends on its size
 
@@ -38,12 +33,10 @@ class Register:
     Parameters
     ----------
     space : SearchSpace
-        The search space.
+        Also an attribute.
 
     Attributes
     ----------
-    space : SearchSpace
-        As the parameter.
     seen : set of bytes
         Keys of the canonical labellings proposed.
     """
@@ -58,11 +51,10 @@ class Register:
         Parameters
         ----------
         rows : (k, m) bool array
-            Labels, True = dry.
         most : int, optional
             Largest number of classes; the first ones are taken.
         all_feasible : bool
-            Whether all rows are known to be feasible (see `Operators.always_feasible`).
+            Whether all rows are known to be feasible.
 
         Returns
         -------
@@ -74,22 +66,7 @@ class Register:
     def admitted(
         self, rows: Bits, most: int | None = None, *, all_feasible: bool = False
     ) -> tuple[Bits, list[bytes], Ints]:
-        """Register new classes as `admit` does, and also return their keys and row numbers.
-
-        Parameters
-        ----------
-        rows, most, all_feasible
-            As in `admit`.
-
-        Returns
-        -------
-        (j, m) bool array
-            Canonical labels of the new classes.
-        list of j bytes
-            Their keys.
-        (j,) int array
-            The row of each among the k rows, ascending.
-        """
+        """Register new classes as `admit` does; return them, their keys, and their rows (j,) among k."""
         rows = canonical(rows, self.space.group)
         fresh: dict[bytes, int] = {}
         # A converging search proposes mostly known classes. They are not checked again.
@@ -106,20 +83,12 @@ class Register:
         return rows[places], named, places
 
     def forget(self, names: Iterable[bytes]) -> None:
-        """Remove classes by their keys, so that they may be proposed again.
-
-        names: keys of canonical labellings that `ask` has not returned. Unknown keys are ignored.
-        """
+        """Remove classes by their keys, so that they may be proposed again."""
         self.seen.difference_update(names)
 
 
 class Searcher(Driver):
-    """Driver with random proposals (abstract base class).
-
-    Each call of `propose` gives about `size` labellings, independent of the limits given to `ask`.
-
-    size: number of labellings per batch.
-    """
+    """Driver with random proposals, about `size` at a time (abstract base class)."""
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
         super().__init__(space, seed)
@@ -132,7 +101,6 @@ class Searcher(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """Always True, because the remaining classes are enumerated."""
         return True
 
     @property
@@ -141,7 +109,6 @@ class Searcher(Driver):
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m), True = dry: the rest of the last batch, or a new one."""
         if limit is not None and limit <= 0:
             return self._none
         if not len(self._unreturned):
@@ -164,19 +131,10 @@ class Searcher(Driver):
 
     @abstractmethod
     def propose(self) -> Bits:
-        """Propose up to `size` new labellings, (k, m) bool array, True = dry.
-
-        They are canonical and in `register`. A driver returns fewer where new labellings have become rare; below an
-        eighth of `size`, enumeration follows.
-        """
+        """Propose up to `size` new canonical labellings (k, m), and register them."""
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
-        """Collect up to `count` new classes from proposals, and register them as proposed.
-
-        make: called with a number n; returns at most n labellings, (j, m) bool array, True = dry. count: number of
-        classes wanted. Returns (k, m): canonical labellings. k < count if about `PATIENCE` × max(count, 16) proposals
-        give no more. Raises DeadlinePassed: after an enforced deadline.
-        """
+        """Register up to `count` new classes (k, m) out of batches that `make` returns for a number."""
         found = self._none
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
@@ -190,7 +148,7 @@ class Searcher(Driver):
         return found
 
     def draw(self, count: int) -> Bits:
-        """Draw at most `count` random labellings (j, m), True = dry; pass this method to `fresh`."""
+        """Draw at most `count` random labellings (j, m)."""
         return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:
@@ -205,19 +163,11 @@ class Searcher(Driver):
             yield waiting
 
 
-Names = NDArray[Any]
-"""Array of keys (bytes objects) of labellings."""
+Names = NDArray[Any]  # keys (bytes objects) of labellings
 
 
 class Pool:
-    """Labellings that wait for evaluation, with keys and counts.
-
-    The covariances with the labellings that the surrogate remembers are stored. Only those with newly remembered
-    labellings are computed again.
-
-    surrogate: predicts the rank of the labellings. rows: (k, m) True = dry. counts: (k, c) counts of the front, signed
-    so that less is better. names: (k,) keys of the labellings.
-    """
+    """Labellings that wait for evaluation, with keys, counts and covariances."""
 
     def __init__(self, space: SearchSpace, surrogate: Surrogate) -> None:
         self._space, self._surrogate = space, surrogate
@@ -232,7 +182,7 @@ class Pool:
         return len(self.rows)
 
     def add(self, rows: Bits, names: list[bytes]) -> None:
-        """Add labellings (k, m), True = dry, with their keys (k of bytes), at the end."""
+        """Add labellings (k, m) with their k keys at the end."""
         own = np.empty(len(names), dtype=object)
         own[:] = names
         self._refresh()
@@ -252,10 +202,7 @@ class Pool:
         self._signs, self._covariances = self._signs[places], self._covariances[places]
 
     def predict(self) -> Floats:
-        """Predict the rank of each labelling of the pool, (k,).
-
-        Covariances with labellings learned since the last call are computed first.
-        """
+        """Predict the rank of each labelling of the pool, (k,)."""
         self._refresh()
         return self._surrogate.predict_from(self._covariances)
 
@@ -272,11 +219,7 @@ _MOST_LABELS: Final = 1 << 17
 
 
 class Random(Searcher):
-    """Driver that draws labellings at random, each class once.
-
-    size: largest number of labellings per batch; large spaces have smaller batches, so that the first one is soon
-    there.
-    """
+    """Driver that draws labellings at random, each class once."""
 
     name = "random"
     ahead: ClassVar[int] = 4  # evaluations have no influence, so asking ahead is free
@@ -285,8 +228,6 @@ class Random(Searcher):
         super().__init__(space, seed, min(size, max(1, _MOST_LABELS // max(1, len(space.candidates)))))
 
     def propose(self) -> Bits:
-        """Return at most `size` new random labellings (k, m), canonical and registered."""
         return self.fresh(self.draw, self.size)
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Do nothing: evaluations have no influence on the draws."""
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...

@@ -1,10 +1,4 @@
-"""Gaussian process that predicts the rank of labellings before they are solved.
-
-The covariance of two labellings is exp(−d / CORRELATION_LENGTH), where d is the share of candidate faces that differ.
-It is summed over the symmetric images of one of them. The predicted value is the share of known labellings that a
-labelling exceeds, so units and outliers of λ do not matter. Predictions only decide the order of evaluation and never
-a result.
-"""
+"""Predict the rank of labellings before they are solved; predictions only decide the order of evaluation."""
 
 from __future__ import annotations
 
@@ -17,14 +11,11 @@ from scipy.linalg.lapack import sposv
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.space import SearchSpace
 
-CORRELATION_LENGTH: Final = 0.1
-"""Share of differing candidate faces at which the covariance is 1 / e."""
+CORRELATION_LENGTH: Final = 0.1  # share of differing candidate faces at which the covariance is 1 / e
 
-NOISE: Final = 0.01
-"""Noise variance added to the diagonal of the covariance matrix."""
+NOISE: Final = 0.01  # noise variance on the diagonal of the covariance matrix
 
-SLOTS: Final = 192
-"""Number of labellings remembered: half the best ones known, half the latest ones."""
+SLOTS: Final = 192  # number of labellings remembered: half the best ones known, half the latest ones
 
 _DIGITS: Final = 4  # decimal digits of a prediction, so that rounding errors do not decide an order
 
@@ -34,15 +25,11 @@ Single = NDArray[np.float32]
 
 
 class Surrogate:
-    """Gaussian process that predicts the rank of labellings from evaluated ones.
-
-    A remembered labelling keeps its slot among `SLOTS` slots until another one replaces it.
-
-    space: space whose candidate faces and symmetries define the covariance. filled_at: (SLOTS,) value of
-    `batches_learned` when each slot was filled, 0 for empty slots. batches_learned: number of batches learned.
-    """
+    """Gaussian process that predicts which share of known labellings a labelling exceeds."""
 
     def __init__(self, space: SearchSpace) -> None:
+        # The covariance of two labellings is exp(−d / CORRELATION_LENGTH), d the share of candidate faces that differ,
+        # summed over symmetric images of one. Shares in place of λ make units and outliers irrelevant.
         self._faces = np.flatnonzero(space.candidates)
         self._group = space.group
         self._images = np.zeros((len(space.group), SLOTS, len(self._faces)), dtype=np.float32)
@@ -55,11 +42,7 @@ class Surrogate:
         self.batches_learned = 0
 
     def learn(self, labellings: Bits, values: Floats) -> None:
-        """Remember labellings with their objective values, for later predictions.
-
-        Where the `SLOTS` slots are full, the worst of the older labellings are replaced. labellings: (k, m) True = dry.
-        values: (k,) objective values, larger is better; any monotonic scale.
-        """
+        """Remember labellings (k, m) with objective values (k,), larger is better."""
         for low in range(0, len(labellings), _SHARE):
             self._take_in(labellings[low : low + _SHARE], values[low : low + _SHARE])
 
@@ -94,28 +77,17 @@ class Surrogate:
         return len(self._order)
 
     def share_below(self, values: Floats) -> Floats:
-        """Return the share of remembered labellings below given objective values.
-
-        Ties count half. All shares are 0 where nothing is remembered. values: (k,) objective values. Returns (k,).
-        """
+        """Return the share of remembered labellings below each value (k,); ties count half."""
         known = np.sort(self._values[: len(self)])
         below = np.searchsorted(known, values, "left") + np.searchsorted(known, values, "right")
         return np.asarray(below / (2.0 * max(1, len(known))))
 
     def predict(self, labellings: Bits) -> Floats:
-        """Predict for each labelling the share of remembered labellings below it.
-
-        labellings: (k, m) True = dry. Result: (k,) predictions, not limited to [0, 1].
-        """
+        """Predict the share of remembered labellings below each labelling: (k,), not limited to [0, 1]."""
         return self.predict_from(self.covariance(self.signs(labellings), np.arange(len(self))))
 
     def predict_from(self, covariance: Single) -> Floats:
-        """Predict from stored covariances, without computing them again; see `predict`.
-
-        covariance: (k, ≥ n) covariances with the n remembered labellings by slot, from `covariance`; further columns
-        are ignored. Result: (k,) predictions, not limited to [0, 1]; 0 where nothing is remembered. Raises
-        ArithmeticError if the matrix of covariances is not positive definite.
-        """
+        """Predict from covariances (k, ≥ n) with the n remembered labellings: (k,)."""
         if not len(self):
             return np.zeros(len(covariance))
         weights = self._fit() if self._weights is None else self._weights
@@ -123,10 +95,7 @@ class Surrogate:
         return np.asarray(np.round(found.astype(np.float64) + self._mean, _DIGITS))
 
     def _fit(self) -> Single:
-        """Fit the Gaussian process to the remembered labellings; return and keep its weights (n,).
-
-        Raises ArithmeticError if the matrix of covariances is not positive definite.
-        """
+        """Fit the process to the remembered labellings; return and keep its weights (n,)."""
         count = len(self)
         matrix = self._matrix[:count, :count].copy()
         matrix[np.diag_indices(count)] += NOISE * len(self._group)
@@ -140,21 +109,14 @@ class Surrogate:
         return self._weights
 
     def signs(self, labellings: Bits) -> Single:
-        """Convert labels (k, m) to signs (k, f) of the f candidate faces: 1 for dry, −1 for inner.
-
-        The result is the input of `covariance`.
-        """
+        """Convert labels (k, m) to signs (k, f) of candidate faces: 1 for dry, −1 for inner."""
         found: Single = labellings[:, self._faces].astype(np.float32)
         found *= np.float32(2.0)
         found -= np.float32(1.0)
         return found
 
     def covariance(self, signs: Single, slots: Ints) -> Single:
-        """Compute the covariances of labellings with remembered ones.
-
-        signs: (k, f) labellings, from `signs`. slots: (n,) slots of the remembered labellings. Returns (k, n):
-        covariances, summed over the symmetric images of the remembered labellings.
-        """
+        """Compute covariances (k, n) of labellings, by signs (k, f), with those in n slots."""
         total: Single | None = None
         faces = signs.shape[1]
         for image in self._images:

@@ -2,7 +2,7 @@
 
 - `Evaluation`: result of evaluating one labelling
 - `EvaluatorSettings`: settings of an evaluator
-- `MakeEvaluator`: type of a function that makes the evaluator of a worker
+- `MakeEvaluator`: function that makes the evaluator of a worker
 - `Records`: evaluations, proofs and conflicts on disk
 - `evaluator_of`: make the evaluator of an assembly
 - `raise_deferred`: raise an error, or defer it to the end of a protected section

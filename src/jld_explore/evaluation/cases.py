@@ -34,13 +34,7 @@ _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
 
 
 class CasesEvaluator(SharedEvaluator):
-    """Evaluator of labellings of one assembly under all its load cases.
-
-    One `Evaluator` solves each case. The governing case decides the evaluation.
-
-    assembly: structure with load cases. settings: settings of the evaluators of all cases. share_batch_solver_with:
-    evaluator of the same assembly and settings whose batch solvers are shared.
-    """
+    """Evaluator of labellings of one assembly under all its load cases; the governing one decides."""
 
     def __init__(
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: CasesEvaluator | None = None
@@ -53,12 +47,10 @@ class CasesEvaluator(SharedEvaluator):
             self._each = [one.twin() for one in share_batch_solver_with._each]
 
     def twin(self) -> CasesEvaluator:
-        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        """Return True if batch solvers settle nearly all labellings of every case."""
         return all(one.settles_nearly_all for one in self._each)
 
     def evaluate_all(
@@ -67,7 +59,6 @@ class CasesEvaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings under all load cases."""
         # A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         if not self.settings.batched:
             return self._one_by_one(labellings, pruning_thresholds, deadline)
@@ -82,11 +73,7 @@ class CasesEvaluator(SharedEvaluator):
         return [self._combined([answers[k] for answers in found]) for k in range(count)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling under all load cases.
-
-        No further case is solved once a case is unstable or does not exceed the pruning threshold. `cases` of the
-        evaluation holds λ of each solved case.
-        """
+        # no further case is solved once one is unstable or does not exceed the threshold
         found = [_UNSOLVED] * len(self._each)
         for case in self._order:
             factor = self._required[case]
@@ -97,7 +84,7 @@ class CasesEvaluator(SharedEvaluator):
 
     @cached_property
     def _order(self) -> list[int]:
-        """Return the positions of the load cases, most critical first."""
+        """Positions of the load cases, most critical first."""
         # The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
         load_factors = []
         for case, factor in zip(self.assembly.by_case, self._required, strict=True):
@@ -111,10 +98,7 @@ class CasesEvaluator(SharedEvaluator):
     def _one_by_one(
         self, labellings: Bits, pruning_thresholds: Floats | None, deadline: Deadline | None
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m) in turn until the deadline passes.
-
-        pruning_thresholds: (k,) as in `evaluate_all`.
-        """
+        """Evaluate labellings (k, m) in turn until the deadline passes."""
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
         found: list[Evaluation] = []
         for labels, pruning_threshold in zip(labellings, values, strict=True):
@@ -160,13 +144,7 @@ class CasesEvaluator(SharedEvaluator):
 
 
 class RobustEvaluator(SharedEvaluator):
-    """Evaluator of labellings at low material values that also reports λ at nominal values.
-
-    The evaluation is the one at low values. The last entry of its `cases` is λ at nominal values, NaN without one.
-
-    assembly: structure with low and nominal material values. settings: settings of both evaluators.
-    share_batch_solver_with: evaluator of the same assembly and settings whose batch solvers are shared.
-    """
+    """Evaluator at low material values; the last of `cases` is λ at nominal values."""
 
     def __init__(
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: RobustEvaluator | None = None
@@ -180,12 +158,10 @@ class RobustEvaluator(SharedEvaluator):
             self._low, self._nominal = share_batch_solver_with._low.twin(), share_batch_solver_with._nominal.twin()
 
     def twin(self) -> RobustEvaluator:
-        """Return an equal evaluator for another thread (see `SharedEvaluator.twin`)."""
         return RobustEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        """Return True if batch solvers settle nearly all labellings at low and nominal values."""
         return self._low.settles_nearly_all and self._nominal.settles_nearly_all
 
     def evaluate_all(
@@ -194,11 +170,7 @@ class RobustEvaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings at low material values, and at nominal ones if they have a λ.
-
-        See `LabellingEvaluator.evaluate_all`. Pruning thresholds refer to λ at low values. A labelling counts as
-        evaluated when both evaluations are finished.
-        """
+        # a labelling counts as evaluated when both evaluations are finished
         low = self._low.evaluate_all(labellings, pruning_thresholds, deadline)
         good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
         nominal = self._nominal.evaluate_all(labellings[good], None, deadline)
@@ -207,7 +179,6 @@ class RobustEvaluator(SharedEvaluator):
         return [self._combined(one, known.get(k)) for k, one in enumerate(low[:done])]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling."""
         return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
     def _combined(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
@@ -224,33 +195,23 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvalu
     Parameters
     ----------
     assembly : Assembly
-        Structure whose labellings are evaluated.
     settings : EvaluatorSettings
-        Model and settings of the evaluator.
 
     Returns
     -------
     SharedEvaluator
-        `RobustEvaluator` with nominal material values, else `CasesEvaluator` with load cases, else `Evaluator`.
     """
     if assembly.has_low_values:
         return RobustEvaluator(assembly, settings)
     return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)
 
 
+# function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised
 OwnObjective = Callable[[Evaluation, Assembly, Bits], float]
-"""Function of an evaluation with its λ, the assembly, and the labels (m,); its value is maximised."""
 
 
 class OwnObjectiveEvaluator(LabellingEvaluator):
-    """Evaluator whose load factors are the values of a function of the user.
-
-    Only labellings that have a λ are valued; others keep their status and are not ranked. `associative`, `low` and
-    `high` of an evaluation are the value, and the last entry of its `cases` is λ.
-
-    function: function of an evaluation, the assembly and the labels, which returns the value. assembly: structure whose
-    labellings are evaluated. settings: model and settings of the evaluator of λ.
-    """
+    """Evaluator whose λ and bounds are the values of a user's function; the last of `cases` is λ."""
 
     def __init__(self, function: OwnObjective, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self._function, self._assembly = function, assembly
@@ -262,22 +223,15 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings by the objective.
-
-        Pruning thresholds are ignored, since bounds on λ are no bounds on the objective.
-        """
+        # bounds on λ, and thus pruning thresholds, are no bounds on the objective
         found = self._evaluator.evaluate_all(labellings, None, deadline)
         return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling by the objective."""
         return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
-        """Return a copy of an evaluation in which the value of the objective replaces λ.
-
-        Raises InputError for a value that is no number.
-        """
+        """Return an evaluation with the objective in place of λ; InputError for no number."""
         cases = found.cases or (math.nan,) * len(self._assembly.cases)
         if found.status is not Status.COLLAPSE:
             return replace(found, cases=(*cases, math.nan))
@@ -296,10 +250,7 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
 
 
 class IncumbentFront:
-    """Largest λ known for each combination of the scene's front counts.
-
-    space: search space whose front defines the counts.
-    """
+    """Largest λ known for each combination of the scene's front counts."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -312,11 +263,7 @@ class IncumbentFront:
         self._known.learn(value, front_counts(self.space, labellings[good]))
 
     def thresholds(self, labellings: Bits) -> Floats:
-        """Return the pruning threshold of each labelling.
-
-        labellings: (k, m) True = dry. Returns (k,): λ, scene units, at or below which a labelling does not matter; −inf
-        if any λ matters.
-        """
+        """Return the λ (k,), scene units, at or below which each labelling does not matter."""
         return self._known.best(front_counts(self.space, labellings))
 
 
@@ -324,13 +271,7 @@ _MOST_EVALUATORS: Final = 64  # largest number of structures whose evaluators ar
 
 
 class VoidCellsEvaluator(LabellingEvaluator):
-    """Evaluator of labellings that leave cells out (`space.void`).
-
-    Each labelling is evaluated on the structure of the cells that remain.
-
-    assembly: structure with a sink, an element that stands for the void: m faces, then c faces from cells to the sink.
-    settings: model and settings; the batch solver is never used.
-    """
+    """Evaluator of labellings that leave cells out, each on the structure of those that remain."""
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         # Nearly every labelling leaves a different structure; one solve is faster than making its batch solver.
@@ -346,7 +287,6 @@ class VoidCellsEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, grouped by the cells they leave out."""
         # See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
         # cells (True = stays).
         found: list[Evaluation | None] = [None] * len(labellings)
@@ -365,15 +305,11 @@ class VoidCellsEvaluator(LabellingEvaluator):
         return [answer for answer in found[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling (m + c,)."""
         evaluator, kept = self._evaluator_of(labels)
         return evaluator.evaluate(labels[kept], pruning_threshold)
 
     def _evaluator_of(self, labels: Bits) -> tuple[LabellingEvaluator, Ints]:
-        """Return the evaluator of the remaining structure, and the indices of the remaining faces.
-
-        labels: (m + c,) as in `evaluate_all`. Evaluators are stored by the cells that are left out.
-        """
+        """Return the evaluator, stored, of the structure of labels (m + c,), and its faces."""
         stays = labels[len(self._faces) :]
         key = np.packbits(stays).tobytes()
         if key not in self._evaluators:

@@ -29,12 +29,7 @@ def field_evaluation(
     seconds: float = 0.0,
     nominal: float | None = None,
 ) -> Evaluation:
-    """Return the evaluation of a labelling from its bounds by fields.
-
-    low, high: (c,) bounds on λ under each load case, scene units; infinite where there is none. required: (c,) required
-    factor of each case. Result: λ is the lower bound. The status is collapse if both bounds are known, and unstable if
-    an upper bound is below 0.
-    """
+    """Return the evaluation of bounds by fields (c,) on λ under each case; λ is the lower bound."""
     least, most = float((low / required).min()), min(most, float((high / required).min()))
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
@@ -64,11 +59,7 @@ _SECONDS: Final = 0.25
 
 
 class FieldEvaluator(LabellingEvaluator):
-    """Evaluator of labellings by fields on the coarsest mesh, under all load cases.
-
-    assembly: planar assembly, with low and nominal material values or with one value of each. settings: ignored, since
-    fields have one model.
-    """
+    """Evaluator of labellings by fields on the coarsest mesh, under all load cases."""
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings | None = None) -> None:
         self._coarse = [CoarseBounds(FieldSetting.of(case)) for case in assembly.by_case]
@@ -83,7 +74,6 @@ class FieldEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, several at a time."""
         # Pruning thresholds are ignored: bounds by fields have no cheap part.
         found: list[Evaluation] = []
         while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
@@ -95,7 +85,6 @@ class FieldEvaluator(LabellingEvaluator):
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Bound one labelling on the coarsest mesh."""
         return self._together(labels[None])[0]
 
     def _together(self, labellings: Bits) -> list[Evaluation]:
@@ -125,10 +114,7 @@ class MakeCellEvaluator:
 
 
 class CellEvaluator(LabellingEvaluator):
-    """Evaluator of labellings of the joint grid on finer cells, whose faces share labels.
-
-    settings: settings of the evaluator of the cells.
-    """
+    """Evaluator of labellings of the joint grid on finer cells, whose faces share labels."""
 
     def __init__(self, cells: CrackCells, settings: EvaluatorSettings) -> None:
         self._cells, self._fine = cells, evaluator_of(cells.fine, settings)
@@ -139,26 +125,17 @@ class CellEvaluator(LabellingEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m) of the joint grid."""
         return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling on the finer cells."""
         return self._fine.evaluate(self._cells.labels(labels), pruning_threshold)
 
 
-TIME_POWER: Final = 1.3
-"""Power of the number of triangles that the time of a mesh grows with.
-
-The power of large meshes; from a small mesh it overestimates the time of a large one.
-"""
+TIME_POWER: Final = 1.3  # power of the number of triangles that the time of a large mesh grows with
 
 
 def time_rate(seconds: float, triangles: float) -> float:
-    """Return the rate of time of bounds by fields, from a mesh whose time is known.
-
-    The time of a mesh is this rate times the power `TIME_POWER` of its number of triangles.
-    """
+    """Return the time of a mesh over the power `TIME_POWER` of its number of triangles."""
     return float(seconds / triangles**TIME_POWER)
 
 
@@ -167,5 +144,5 @@ def mesh_seconds(rate: float, triangles: float) -> float:
     return float(rate * triangles**TIME_POWER)
 
 
+# rate of both bounds on a coarsest mesh, s; a mesh of 60 triangles takes 24 ms
 COARSE_RATE: Final = time_rate(0.024, 60)
-"""Rate of both bounds on a coarsest mesh, s; a mesh of 60 triangles takes 24 ms of processor time."""

@@ -1,7 +1,4 @@
-"""Define the interface of all evaluators: labellings in, evaluations out.
-
-Methods are documented here. Classes that implement them document differences alone.
-"""
+"""Define the interface of all evaluators: labellings in, evaluations out."""
 
 from __future__ import annotations
 
@@ -17,16 +14,15 @@ from typing import Final, Protocol, Self, runtime_checkable
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.solve_many import BatchResult
 
-SOLVE: Final = "solve"
-"""Value of `Evaluation.settled`: settled by a limit analysis of the labelling itself."""
+SOLVE: Final = "solve"  # settled by a limit analysis of the labelling itself
 
 
-BOUND: Final = "bound"
-"""Value of `Evaluation.settled`: the requested solve was omitted because the upper bound is too low to matter."""
+BOUND: Final = "bound"  # the solve was omitted because the upper bound is too low to matter
 
 
 @dataclass(frozen=True)
@@ -41,17 +37,14 @@ class Evaluation:
         Status of the objective.
     low, high : float
         Proven bounds on λ of the objective.
-    associative : float
-        λ with associative friction.
-    zero_dilation : float
-        λ without dilation.
+    associative, zero_dilation : float
+        λ with associative friction, and without dilation.
     settled : str
-        `SOLVE` or `BOUND`. With `BOUND` the labelling was pruned and only `high` is known.
+        `SOLVE`, or `BOUND` for a pruned labelling, of which only `high` is known.
     seconds : float
         Time spent on the labelling, s.
     cases : tuple of float
-        λ of each load case, NaN where there is none; empty without load cases.
-        With nominal material values the last entry is λ at those values.
+        λ of each load case, then at nominal material values; NaN where there is none.
     governing : int
         Position of the governing load case, −1 for a single load.
     """
@@ -68,22 +61,21 @@ class Evaluation:
 
     @property
     def load_factor(self) -> float:
-        """Return λ of the objective: without dilation if computed, else associative.
-
-        It is NaN for a labelling settled by a bound.
-        """
+        """λ of the objective: without dilation if computed, else associative; NaN if pruned."""
         if self.settled == BOUND:
             return math.nan
         return self.associative if math.isnan(self.zero_dilation) else self.zero_dilation
 
 
+# evaluation of a labelling whose worker died or hung twice
 FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
-"""Evaluation of a labelling whose worker died or hung twice."""
 
 
 def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evaluation]:
     """Return the evaluations of a result of `jld_core.solve_many`, and evaluations as they are."""
     if not isinstance(found, BatchResult):
+        if not isinstance(found, Sequence) or not all(isinstance(one, Evaluation) for one in found):
+            raise ParameterError("evaluations", "they are wrong", "a list of them, or what solve_many returned")
         return found
     names = list(found.cases)
     cases = [tuple(one.load_factor[k] for one in found.cases.values()) for k in range(len(found))]
@@ -110,9 +102,9 @@ class EvaluatorSettings:
     Attributes
     ----------
     model : SolveOptions
-        Friction model, tolerances and other options of the limit analysis.
+        Friction model, tolerances and other options.
     use_batch_solver : bool
-        True if there are enough labellings to make the batch solver, which costs about ten solves.
+        Whether there are enough labellings to make the batch solver, which costs about ten solves.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
@@ -120,18 +112,14 @@ class EvaluatorSettings:
 
     @property
     def batched(self) -> bool:
-        """Return True if the batch solver can be used.
-
-        It needs a model for which bounds over labellings exist, and `use_batch_solver`.
-        """
+        """True if the batch solver is wanted, and the model has bounds over labellings."""
         return self.use_batch_solver and self.model.supports_bounds_over_labellings
 
 
 class LabellingEvaluator(Protocol):
-    """Evaluator of the labellings of one assembly.
+    """Evaluator of the labellings of one assembly, for one thread at a time.
 
     An evaluation depends only on its labelling and the threshold, never on other labellings or the order of calls.
-    Use an evaluator in one thread at a time.
     """
 
     @abstractmethod
@@ -141,19 +129,14 @@ class LabellingEvaluator(Protocol):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings until the deadline passes.
+        """Evaluate labellings (k, m), the first ones where the deadline passes.
 
-        labellings: (k, m) True = dry. pruning_thresholds: (k,) a λ per labelling, scene units, as in `evaluate`.
-        Default: evaluate every labelling to the end. Result: evaluations of the first labellings, all k unless the
-        deadline passes.
+        pruning_thresholds: (k,) λ, scene units, at or below which a labelling need not be solved to the end.
         """
 
     @abstractmethod
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling.
-
-        labels: (m,) True = dry. Result: result in scene units.
-        """
+        """Evaluate one labelling (m,)."""
 
 
 @runtime_checkable
@@ -163,28 +146,19 @@ class SharedEvaluator(LabellingEvaluator, Protocol):
     @property
     @abstractmethod
     def settles_nearly_all(self) -> bool:
-        """Return True if the batch solver settles nearly all labellings.
-
-        One process is then enough.
-        """
+        """True if the batch solver settles nearly all labellings, so that one process is enough."""
 
     @abstractmethod
     def twin(self) -> Self:
         """Return an evaluator with the same results for another thread, sharing the batch solver."""
 
 
+# makes the evaluator of a worker; defined at module level so that it can be pickled
 MakeEvaluator = Callable[[Assembly, EvaluatorSettings], LabellingEvaluator]
-"""Type of a function that makes the evaluator of a worker; defined at module level so that it can be pickled."""
 
 
 class Evaluator(SharedEvaluator):
-    """Evaluator of labellings of one assembly under one load.
-
-    The batch solver may be shared by several threads.
-
-    assembly: structure whose labellings are evaluated. settings: model and settings. share_batch_solver_with: evaluator
-    of the same assembly and settings whose batch solver is shared.
-    """
+    """Evaluator of labellings of one assembly under one load."""
 
     def __init__(
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: Evaluator | None = None
@@ -199,19 +173,14 @@ class Evaluator(SharedEvaluator):
 
     @cached_property
     def _analysis(self) -> LimitAnalysis:
-        """Return the limit analysis for one labelling at a time, made on first use."""
+        """Limit analysis for one labelling at a time, made on first use."""
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Return an equal evaluator for another thread."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        """Return True if the batch solver settles nearly all labellings.
-
-        See `SharedEvaluator`.
-        """
         return self._batch is not None and self._batch.settles_most
 
     def evaluate_all(
@@ -220,7 +189,6 @@ class Evaluator(SharedEvaluator):
         pruning_thresholds: Floats | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings, in batches where the batch solver applies."""
         # See `LabellingEvaluator.evaluate_all`.
         if deadline is not None and deadline.passed():
             return []
@@ -243,10 +211,7 @@ class Evaluator(SharedEvaluator):
         return found
 
     def _before_deadline(self, labels: Bits, pruning_threshold: float, deadline: Deadline | None) -> Evaluation | None:
-        """Evaluate one labelling; return None if the deadline passes meanwhile.
-
-        With associative friction, and without a deadline, the evaluation is always finished.
-        """
+        """Evaluate one labelling; None if the deadline passes before λ without dilation is known."""
         if deadline is None or self.settings.model.friction == "associative":
             return self.evaluate(labels, pruning_threshold)
         with suppress(DeadlinePassed), deadline.enforced():
@@ -272,10 +237,6 @@ class Evaluator(SharedEvaluator):
         return found
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        """Evaluate one labelling.
-
-        A labelling with associative λ at or below the pruning threshold is not solved without dilation.
-        """
         start = time.perf_counter()
         proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)
         found = self._evaluation(proof, start)

@@ -15,79 +15,47 @@ from jld_explore.evaluation.ranking import Envelope
 
 
 class RaceAim(Protocol):
-    """Aim of a race: it selects the layouts to refine next, and says when the race is decided.
-
-    All arrays are over its k layouts; `low` and `high` are their proven bounds on the governing factor.
-    """
+    """Aim of a race over k layouts with bounds on their governing factors: what to refine, and when it ends."""
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of the layouts to refine; all False once the race is decided.
-
-        low, high: (k,) bounds. closed: (k,) True where both bounds of a layout lie within the relative `gap`.
-        """
+        """Return the layouts (k,) to refine, by bounds (k,) and those closed to a gap; all False at the end."""
         ...
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the indices `rows` of open layouts in the order in which they are refined.
-
-        high: (k,) upper bounds.
-        """
+        """Return the indices `rows` of open layouts in the order in which they are refined."""
         ...
 
     def enough(self, low: Floats) -> Floats:
-        """Return the factor (k,) of each layout below which its lower bound does not matter.
-
-        A layout whose upper bound is below its factor needs no lower bound.
-        """
+        """Return the factor (k,) of each layout below which its lower bound does not matter."""
         ...
 
 
 class BestAim:
-    """Aim of a race for the strongest layout: refine until no other layout can be stronger.
-
-    Implements `RaceAim`; layouts are refined in order of their upper bounds.
-    """
+    """Aim of a race for the strongest layout: refine until no other layout can be stronger."""
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of the layouts that may be stronger than the best lower bound.
-
-        See `RaceAim.open`.
-        """
         best, most = low.max(initial=-np.inf), high.max(initial=-np.inf)
         if _near(np.asarray(best), np.asarray(most), gap):
             return np.zeros(len(low), dtype=bool)
         return np.asarray(~closed & (high > best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows` sorted by upper bound, the greatest first."""
         return rows[np.argsort(-high[rows], kind="stable")]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the best lower bound, the same for all layouts."""
         return np.full(len(low), low.max(initial=-np.inf))
 
 
 class FrontAim(BestAim):
-    """Aim to find the strongest layout for every combination of counts.
-
-    counts: (k, c) counts of the layouts, less is better.
-    """
+    """Aim to find the strongest layout for every combination of counts, where less is better."""
 
     def __init__(self, counts: Floats) -> None:
         self._counts = counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of layouts that may be stronger than all of equal or better counts.
-
-        See `RaceAim.open`.
-        """
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 
     def enough(self, low: Floats) -> Floats:
-        """Return, for each layout, the best lower bound among equal or better counts.
-
-        See `RaceAim.enough`.
-        """
         envelope = Envelope(self._counts.shape[1])
         known = np.isfinite(low)
         envelope.learn(low[known], self._counts[known])
@@ -95,37 +63,25 @@ class FrontAim(BestAim):
 
 
 class RequirementAim:
-    """Aim to find the best count among layouts that carry a required factor.
-
-    required: required governing factor. counts: (k,) count of each layout, less is better.
-    """
+    """Aim to find the best count among layouts that carry a required factor."""
 
     def __init__(self, required: float, counts: Floats) -> None:
         self._required, self._counts = required, counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of layouts that may carry the factor and would improve the count.
-
-        The factor is not proven for them yet, and their counts are better than the best proven one. See `RaceAim.open`.
-        """
         met = low >= self._required
         best = self._counts[met].min(initial=np.inf)
         return np.asarray(~met & (high >= self._required) & (self._counts < best))
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return `rows` sorted by count, then by upper bound, the best first.
-
-        See `RaceAim.order`.
-        """
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor for all layouts."""
         return np.full(len(low), self._required)
 
 
 def _near(best: Floats, most: Floats, gap: float) -> Bools:
-    """Return True where both bounds are finite and differ by at most a relative gap."""
+    """Return where both bounds are finite and differ by at most a relative gap."""
     known = np.isfinite(best) & np.isfinite(most)
     low, high = np.where(known, best, 0.0), np.where(known, most, 0.0)
     return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))
@@ -147,12 +103,7 @@ class RaceResult:
 
 
 class FieldRace:
-    """Race of the layouts of a pool: those that may still be the strongest get finer meshes.
-
-    pool: layouts with the bounds that are known. gap: relative distance between the best lower and the greatest upper
-    bound at which the race is decided. report: function called with the bounds (k,) on the governing factor while the
-    race goes on. aim: aim of the race. Default: to find the strongest layout.
-    """
+    """Race of the layouts of a pool: those that may still be the strongest get finer meshes."""
 
     def __init__(
         self,
@@ -165,10 +116,7 @@ class FieldRace:
         self._aim: RaceAim = BestAim() if aim is None else aim
 
     def run(self) -> RaceResult:
-        """Race until the aim is reached to the gap, nothing can be refined, or time is up.
-
-        Result: bounds of all layouts, each proven.
-        """
+        """Race until the aim is reached to the gap, nothing can be refined, or time is up."""
         pool, begun = self.pool, False
         # one layout is bounded however short the time is
         while len(pool) and (not begun or not pool.deadline.passed()):
@@ -188,11 +136,7 @@ class FieldRace:
         return self.result()
 
     def _place(self) -> None:
-        """Bound from below, on the coarsest mesh, the layouts that may be the strongest.
-
-        These are layouts without a lower bound whose upper bound is at least the best lower bound. Layouts with the
-        greatest upper bounds come first. At the deadline the method returns early if some layout has a lower bound.
-        """
+        """Bound from below, on the coarsest mesh, the layouts that may be the strongest."""
         pool = self.pool
         low, high = pool.low(), pool.high()
         rows = np.flatnonzero((high >= low.max(initial=-np.inf)) & ~np.isfinite(low))

@@ -1,9 +1,4 @@
-"""Rank evaluations: the order of the results table and the objectives of drivers.
-
-Collapse comes first, sorted by λ. Locked, uncertified, unstable and failed follow, each as a rank without a number.
-Locked ranks below every number although a locked labelling carries any load.
-One such labelling answers whether the load can be unbounded; more would draw a search away from the largest finite λ.
-"""
+"""Rank evaluations: the order of the results table and the objectives of drivers."""
 
 from __future__ import annotations
 
@@ -23,25 +18,19 @@ from jld_core.limit import Status
 from jld_explore.evaluation.protocol import BOUND, SOLVE, Evaluation
 from jld_explore.space import SearchSpace, count_named, values_of
 
+# statuses in the order of the results table, best first: collapse alone has a finite λ to be raised
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
-"""Statuses in the order of the results table, best first."""
 
 
 def comparison_value(evaluation: Evaluation) -> float:
-    """Return the number by which a driver compares an evaluation.
-
-    Result: λ of a collapse, the upper bound of a pruned labelling, else 0; scene units.
-    """
+    """Return λ of a collapse, the upper bound of a pruned labelling, else 0; scene units."""
     if evaluation.settled == BOUND:
         return evaluation.high
     return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
 
 
 def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
-    """Return True if a labelling provably reaches the required load factor.
-
-    Result: True without a requirement and for locked labellings, which carry any load.
-    """
+    """Return whether a labelling provably reaches the required load factor, if any; locked ones do."""
     required = space.search.require
     if required is None or evaluation.status is Status.LOCKED:
         return True
@@ -49,11 +38,7 @@ def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
 
 
 def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
-    """Return True unless a labelling provably misses the required load factor.
-
-    Result: True without a requirement. Otherwise False for unstable labellings and for those whose upper bound on λ is
-    below the required one.
-    """
+    """Return False where a labelling provably misses the required load factor."""
     required = space.search.require
     if required is None or meets_requirement(space, evaluation):
         return True
@@ -65,11 +50,7 @@ def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
 
 
 def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """Compute the objective that a driver maximises.
-
-    labellings: (k, m) True = dry. evaluations: results of the k labellings. Returns (k,): objectives, scene units of λ;
-    0 for an evaluation without a number.
-    """
+    """Compute the objectives (k,), scene units of λ, that a driver maximises; 0 without a number."""
     # Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
     # requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
     value = np.array([comparison_value(found) for found in evaluations], dtype=np.float64)
@@ -84,10 +65,7 @@ def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence
 
 
 def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[int, float]:
-    """Return the key that sorts evaluations, best first.
-
-    Result: rank of the status (see `status_ranks`), then minus the objective for rank 0, and 0.0 for other ranks.
-    """
+    """Return the key that sorts evaluations, best first: rank of the status, minus objective."""
     rank = _status_rank(evaluation)
     return rank, -(comparison_value(evaluation) if objective is None else objective) if rank == 0 else 0.0
 
@@ -98,19 +76,12 @@ def _status_rank(evaluation: Evaluation) -> int:
 
 
 def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
-    """Return the rank of each evaluation's status.
-
-    evaluations: results of k labellings. Returns (k,): positions in `ORDER`; 0 for collapse and for evaluations settled
-    by a bound.
-    """
+    """Return the rank (k,) of the status of each evaluation; 0 for collapse and for pruned ones."""
     return np.array([_status_rank(found) for found in evaluations], dtype=np.int64)
 
 
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
-    """Compute the counts of the scene's front, signed so that less is better.
-
-    labellings: (k, m) True = dry. Returns (k, c): values of the c counts; counts to be maximised are negated.
-    """
+    """Compute the counts (k, c) of the scene's front, signed so that less is better."""
     graph, shapes = space.graph, space.limits.block_shapes
     found = [
         (-1.0 if sense == "max" else 1.0) * values_of(count_named(name), space.assembly, labellings, graph, shapes)
@@ -120,22 +91,13 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
 
 
 class Envelope:
-    """Largest λ known among labellings whose counts are equal or better.
-
-    Call `learn` for known labellings, then `best`.
-
-    size: number c of counts of the front. values: (p,) λ of the non-dominated labellings, descending. counts: (p, c)
-    counts of these labellings; less is better.
-    """
+    """Largest λ known among labellings whose counts are equal or better."""
 
     def __init__(self, size: int) -> None:
         self.values, self.counts = np.empty(0), np.empty((0, size))
 
     def learn(self, values: Floats, counts: Floats) -> None:
-        """Add λ (k,) of labellings with counts (k, c) and drop dominated labellings.
-
-        Less is better for every count.
-        """
+        """Add λ (k,) of labellings with counts (k, c), less is better; drop dominated ones."""
         values, counts = np.concatenate([self.values, values]), np.concatenate([self.counts, counts])
         # Sort by descending λ: a later entry matters only if no earlier one has equal or better counts.
         order = np.lexsort((*counts.T, -values))
@@ -152,10 +114,7 @@ class Envelope:
 
 
 def _as_good(counts: Floats, others: Floats) -> Bools:
-    """Return a mask (a, b), True where counts are equal to or better than other counts.
-
-    counts: (a, c), others: (b, c); less is better for every count.
-    """
+    """Return (a, b) True where counts (a, c) are equal to or better than others (b, c)."""
     found = np.ones((len(counts), len(others)), dtype=bool)
     for one, other in zip(counts.T, others.T, strict=True):
         found &= one[:, None] <= other[None]
@@ -163,24 +122,18 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """Compute the objectives that a driver minimises: −λ and the counts of the front.
-
-    labellings: (k, m) True = dry. evaluations: results of the k labellings. Returns (k, 1 + c): objectives, with signs
-    such that less is better; for λ see `objective_values`. Rows without collapse have 0 instead of λ; use
-    `status_ranks` to tell them apart.
-    """
+    """Compute the objectives (k, 1 + c) that a driver minimises: −λ, 0 without one, and the counts."""
     return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])
 
 
-Rows = NDArray[np.void]
-"""Structured array of evaluations with the fields of `record_type`."""
+Rows = NDArray[np.void]  # structured array of evaluations with the fields of `record_type`
 
 _STATUSES: Final = tuple(Status)  # statuses; the position is the code in a row
 _SETTLED: Final = (SOLVE, BOUND)  # ways in which a labelling is settled; the position is the code in a row
 # Attributes of `Evaluation` that are stored as float64
 _NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
+# columns of the table of evaluations, without their number
 COLUMNS: Final = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
-"""Columns of the table of evaluations, without their number."""
 
 _CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}
 _SETTLED_CODES: Final = {name: code for code, name in enumerate(_SETTLED)}
@@ -190,10 +143,7 @@ _numbers: Final = attrgetter(*_NUMBERS)
 
 
 def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
-    """Return the structured type of one evaluation for m faces and c load cases.
-
-    The fields are the packed labelling, codes, and numbers in scene units.
-    """
+    """Return the structured type of one evaluation for m faces and c load cases, scene units."""
     fields = [(name, "<f8") for name in _NUMBERS]
     head = [("labelling", "u1", ((faces + 7) // 8,)), ("multiplicity", "<u4"), ("status", "u1"), ("settled", "u1")]
     return np.dtype([*head, *fields, ("governing", "<i4"), ("cases", "<f8", (cases,))])
@@ -202,10 +152,7 @@ def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
 def rows_of(
     kind: np.dtype[np.void], labellings: Bits, multiplicities: Sequence[int], found: Sequence[Evaluation]
 ) -> Rows:
-    """Return the rows (k,) of evaluations, for a record or a table.
-
-    labellings: (k, m) labels, True = dry.
-    """
+    """Return the rows (k,) of evaluations of labellings (k, m), for a record or a table."""
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
     rows["multiplicity"] = multiplicities
@@ -241,10 +188,7 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
 
 
 def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:
-    """Return the rows of stored columns, and the index of the first row that is damaged.
-
-    Raises KeyError, TypeError, ValueError or OverflowError for values that no row can hold.
-    """
+    """Return the rows of stored columns, and the index of the first row that is damaged."""
     # The index is that of the first wrong checksum, None if all are right.
     rows = np.zeros(len(content), dtype=kind)
     columns = dict(zip(COLUMNS, zip(*content, strict=True), strict=True))
@@ -271,29 +215,19 @@ def keys_of(rows: Rows) -> list[bytes]:
 
 
 def statuses(rows: Rows) -> NDArray[np.object_]:
-    """Return the status of each row by name.
-
-    rows: (k,) rows with the fields of `record_type`. Returns (k,).
-    """
+    """Return the status (k,) of each row by name."""
     codes = rows["status"]
     return _STATUS_NAMES.take(codes)
 
 
 def settled(rows: Rows) -> NDArray[np.object_]:
-    """Return the way in which each row was settled, "solve" or "bound".
-
-    rows: (k,) rows with the fields of `record_type`. Returns (k,).
-    """
+    """Return the way (k,) in which each row was settled, "solve" or "bound"."""
     codes = rows["settled"]
     return _SETTLED_NAMES.take(codes)
 
 
 def load_factors(rows: Rows) -> Floats:
-    """Return λ of each row, as `Evaluation.load_factor`.
-
-    rows: (k,) rows with the fields of `record_type`. Returns (k,): λ without dilation where computed, else associative;
-    NaN for rows settled by a bound. Scene units.
-    """
+    """Return λ (k,) of each row, as `Evaluation.load_factor`."""
     zero = rows["zero_dilation"]
     found = np.where(np.isnan(zero), rows["associative"], zero)
     return np.asarray(np.where(rows["settled"] == _SETTLED_CODES[BOUND], np.nan, found))
@@ -306,7 +240,7 @@ def checksums(rows: Rows) -> list[int]:
 
 
 def evaluation_of(row: np.void) -> Evaluation:
-    """Convert one row, with the fields of `record_type`, to an evaluation."""
+    """Convert one row to an evaluation."""
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
     low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
     cases, governing = tuple(row["cases"].tolist()), int(row["governing"])

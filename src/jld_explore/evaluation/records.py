@@ -1,13 +1,4 @@
-"""Keep the record of a study: one SQLite file of evaluations and conflicts.
-
-One transaction writes the evaluations of a batch.
-A kill at any moment therefore loses no finished evaluation and leaves no partial row.
-One process at a time has the file open for writing; any process may read it meanwhile.
-Tables, fronts and pictures are pure functions of the record, so resuming a study replays it.
-
-Numbers are in scene units, blank (NULL) where not computed.
-Every row has a checksum of its content, which detects flipped bits that SQLite does not check.
-"""
+"""Keep the record of a study: one SQLite file of evaluations and conflicts."""
 
 from __future__ import annotations
 
@@ -58,10 +49,7 @@ if sys.platform != "win32":
 
 
 class FolderLock:
-    """Exclusive lock of a folder, held until `release` or the end of the process.
-
-    folder: existing folder. Raises InputError if another process holds the lock.
-    """
+    """Exclusive lock of a folder, held until `release` or the end of the process."""
 
     def __init__(self, folder: Path) -> None:
         self._handle: int | None = None
@@ -86,8 +74,7 @@ def busy(folder: Path) -> InputError:
     return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")
 
 
-FORMAT: Final = 5
-"""Version of the file format; a record of another version cannot be resumed."""
+FORMAT: Final = 5  # version of the file format; a record of another version cannot be resumed
 
 TABLES: Final = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
@@ -118,11 +105,7 @@ _DISK: Final = {
 
 @contextmanager
 def errors_named(path: Path) -> Iterator[None]:
-    """Convert SQLite errors inside the context to errors that name the file.
-
-    Raises InputError if another process has the file open, or if the file is damaged. Raises OSError if the disk fails
-    or is full.
-    """
+    """Convert SQLite errors inside the context to InputError, or OSError, that name the file."""
     try:
         yield
     except sqlite3.Error as error:
@@ -138,10 +121,7 @@ def errors_named(path: Path) -> Iterator[None]:
 
 
 def recorded_driver(path: Path) -> str | None:
-    """Return the name of the driver of the study in a record file; None if it cannot be read.
-
-    Whoever opens the record to go on with it finds out why.
-    """
+    """Return the name of the driver of the study in a record file; None if it cannot be read."""
     with suppress(sqlite3.Error, json.JSONDecodeError), closing(sqlite3.connect(path)) as file:
         row = file.execute("SELECT value FROM meta WHERE key = 'driver'").fetchone()
         return None if row is None else str(json.loads(row[0]))
@@ -153,14 +133,11 @@ def damaged(path: Path, how: str) -> InputError:
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 
-BOUND: Final = "bound"
-"""Key of the proven bound in the table `meta`."""
+BOUND: Final = "bound"  # key of the proven bound in the table `meta`
 
-WITHDRAWN: Final = "withdrawn"
-"""Key of the reasons for withdrawn bounds in the table `meta`."""
+WITHDRAWN: Final = "withdrawn"  # key of the reasons for withdrawn bounds in the table `meta`
 
-CONFLICTS_OF: Final = "conflicts of"
-"""Key in the table `meta` of the problem for which the recorded conflicts were proven."""
+CONFLICTS_OF: Final = "conflicts of"  # key in `meta` of the problem for which the recorded conflicts were proven
 
 # Keys of `meta` that may differ between a record and the study that resumes it
 _CHANGING: Final = {CONFLICTS_OF, BOUND, WITHDRAWN}
@@ -181,10 +158,7 @@ def parsed(value: object) -> Any:
 
 
 def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Raise InputError for the first entry in which a record differs from the current study.
-
-    The bound, withdrawn bounds and the problem of the conflicts may differ.
-    """
+    """Raise InputError for the first entry in which a record differs from the current study."""
     for key in sorted((old.keys() | new.keys()) - _CHANGING):
         if old.get(key) != new.get(key):
             raise InputError(
@@ -202,13 +176,11 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-RECORDS_FILE: Final = "records.sqlite3"
-"""Name of the SQLite file of records in the folder of a study."""
-SCENE_FILE: Final = "scene.json"
-"""Name of the copy of the scene beside the record, written after the tables of the record exist."""
+RECORDS_FILE: Final = "records.sqlite3"  # SQLite file of records in the folder of a study
+SCENE_FILE: Final = "scene.json"  # copy of the scene beside the record, written after the tables of the record exist
 
+# seconds after which a transaction waits until the disk holds all data; a wait costs as much as some solves
 SYNC: Final = 0.2
-"""Seconds after which a transaction waits until the disk holds all data; a wait costs as much as some solves."""
 
 _READER_WAIT: Final = 5.0  # seconds to wait for readers to finish, which is necessary before a file can be begun anew
 
@@ -224,13 +196,13 @@ class Records:
     Parameters
     ----------
     folder : Path
-        Folder of the record, created if missing.
+        Created if missing.
     header : dict
         Facts in which a study that resumes the record must agree.
     faces : int
         Number m of faces.
     cases : int
-        Number of values per evaluation for load cases and nominal material values.
+        Values per evaluation for load cases and nominal materials.
 
     Attributes
     ----------
@@ -239,17 +211,18 @@ class Records:
     withdrawn : list of str
         Reasons for which bounds were withdrawn.
     began_anew : bool
-        True if an empty file was found and begun anew.
+        True if an empty file was found.
 
     Raises
     ------
     InputError
-        If another process has the record open, or if it is damaged or of another study.
+        If another process has the record open, or it is damaged or of another study.
     OSError
-        If the disk fails or is full, with the name of the file.
+        If the disk fails or is full.
     """
 
     def __init__(self, folder: Path, header: dict[str, Any], faces: int, cases: int = 0) -> None:
+        # a transaction for each batch: a kill loses no finished evaluation, and leaves no partial row
         self.folder, self.path, self.faces, self.header = folder, folder / RECORDS_FILE, faces, header
         self.type = record_type(faces, cases)
         self._table = np.empty(0, dtype=self.type)
@@ -327,22 +300,18 @@ class Records:
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """Return all evaluations in the order in which they finished, as rows of `record_type`."""
+        """All evaluations in the order in which they finished, as rows of `record_type`."""
         return self._table[: self._count]
 
     def __len__(self) -> int:
-        """Return the number of recorded evaluations."""
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """Return the evaluation of a labelling (m,), True = dry; None if not on record."""
+        """Return the evaluation of a labelling (m,); None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:
-        """Return the evaluation of each labelling (k, m); None if not on record.
-
-        Raises ValueError after `close`, which frees the index.
-        """
+        """Return the evaluation of each labelling (k, m), None if not on record; not after `close`."""
         if len(self._index) < self._count:
             raise ValueError(f"{self.path} is closed")
         places = [self._index.get(key) for key in keys(labellings)]
@@ -351,16 +320,14 @@ class Records:
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
         """Write finished evaluations; rows of labellings already on record stay as they are.
 
-        The rows survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
+        They survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
 
         Parameters
         ----------
         labellings : (k, m) bool array
-            Labels, True = dry.
         multiplicities : sequence of k int
             Orbit sizes under the symmetries.
         evaluations : sequence of Evaluation
-            Results of the k labellings.
         """
         rows = rows_of(self.type, labellings, multiplicities, evaluations)
         named = keys_of(rows)
@@ -392,25 +359,21 @@ class Records:
     # --- conflicts --------------------------------------------------------------------------------------
 
     def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Ints]:
-        """Return the conflicts on record that were proven for the problem `key`.
-
-        Conflicts of another key are deleted.
+        """Return the conflicts that were proven for a problem; those of another one are deleted.
 
         Parameters
         ----------
         key : str
-            Description of the problem for which conflicts are valid.
+            Description of the problem.
 
         Returns
         -------
-        decided : (k, m) bool array
-            Faces whose label belongs to the conflict.
-        labels : (k, m) bool array
-            Labels of these faces, True = dry.
+        decided, labels : (k, m) bool array
+            Faces whose label belongs to the conflict, and their labels.
         bounds : (k,) float array
-            Upper bounds on scaled λ of all labellings that contain the conflict.
+            Upper bounds on scaled λ of all labellings that contain it.
         evidence : (k,) int array
-            Kind of the proof of each conflict.
+            Kind of its proof.
 
         Raises
         ------
@@ -438,20 +401,13 @@ class Records:
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
-        """Write conflicts in one transaction.
-
-        One transaction per conflict would take longer than finding the conflicts.
+        """Write conflicts in one transaction, as `conflicts` returns them.
 
         Parameters
         ----------
-        decided : (k, m) bool array
-            Faces whose label belongs to each conflict.
-        labels : (k, m) bool array
-            Labels of these faces, True = dry.
+        decided, labels : (k, m) bool array
         bounds : sequence of k float
-            Upper bounds on scaled λ of all labellings that contain each conflict.
         evidence : sequence of k int
-            Kind of the proof of each conflict, a number of `_EVIDENCE`.
         """
         rows = []
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
@@ -470,10 +426,7 @@ class Records:
     # --- the bound --------------------------------------------------------------------------------------
 
     def withdraw_bound(self, reason: str) -> None:
-        """Delete the proven bound and record the reason.
-
-        `withdrawn` holds all reasons, including those of earlier runs.
-        """
+        """Delete the proven bound and record the reason in `withdrawn`."""
         self.withdrawn = [*self.withdrawn, reason]
         with self._errors_named(), self._transaction():
             self._file.execute("DELETE FROM meta WHERE key = ?", (BOUND,))
@@ -481,10 +434,7 @@ class Records:
         self.bound = None
 
     def keep_bound(self, bound: float) -> None:
-        """Write a proven upper bound on λ of the whole space if it is lower than the recorded one.
-
-        `bound` is in scene units; the attribute `bound` is the recorded one, None if there is none.
-        """
+        """Write a proven upper bound on λ, scene units, if it is lower than the recorded one."""
         if self.bound is not None and bound >= self.bound:
             return
         content = json.dumps([bound, checksum(BOUND, bound)])
@@ -507,10 +457,7 @@ class Records:
     # --- the file ---------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Write all data to disk, close the file and release the lock.
-
-        Repeated calls have no effect. `rows` stays; the index is freed, 0.2 GB for a million evaluations.
-        """
+        """Write all data to disk, close the file and release the lock; `rows` stays."""
         self._index = {}
         try:
             with self._errors_named():
@@ -539,11 +486,9 @@ class Records:
             self._synced = now
 
     def _errors_named(self) -> AbstractContextManager[None]:
-        """Convert SQLite errors to InputError or OSError with the name of the file."""
         return errors_named(self.path)
 
     def _damaged(self, how: str) -> InputError:
-        """Return the InputError, not raised, for a damaged file."""
         return damaged(self.path, how)
 
 
@@ -559,17 +504,7 @@ class PendingEvaluations:
 
 
 class RecordedEvaluator:
-    """Evaluator that runs workers and records every evaluation.
-
-    Call `submit`, then `collect`; several submissions may be under way.
-
-    workers: workers that solve labellings not on record. records: record on disk. group: (g, m) symmetries as face
-    permutations, which determine the multiplicity of a labelling. deadline: time after which no further labelling is
-    begun. front: source of pruning thresholds; without it every labelling is solved to the end. finish_first: record
-    the first evaluation of a search before an error of a signal is raised (see `deferred_signals`). report: function
-    called with each list of evaluations as it becomes known, and their labellings (k, m). solved: number of labellings
-    that the workers evaluated.
-    """
+    """Evaluator that runs workers and records every evaluation: `submit`, then `collect`."""
 
     def __init__(
         self,
@@ -588,10 +523,7 @@ class RecordedEvaluator:
         self._front, self._report, self._finish_first = front, report, finish_first
 
     def submit(self, labellings: Bits) -> PendingEvaluations:
-        """Begin to evaluate the labellings not on record.
-
-        labellings: (k, m) True = dry. Result: labellings under evaluation, for `collect`.
-        """
+        """Begin to evaluate the labellings (k, m) not on record."""
         found = self.records.find_all(labellings)
         missing = _missing(found)
         run, first_required = None, False
@@ -603,10 +535,7 @@ class RecordedEvaluator:
         return PendingEvaluations(labellings, found, missing, run, first_required)
 
     def collect(self, pending: PendingEvaluations) -> list[Evaluation] | None:
-        """Wait for submitted labellings, record their evaluations, and return all k in order.
-
-        None if time ran out before all were evaluated; finished evaluations are recorded also then.
-        """
+        """Wait for submitted labellings and record them; return all k, None if time ran out."""
         found, labellings, missing = pending.found, pending.labellings, pending.missing
         known = np.array([evaluation is not None for evaluation in found], dtype=bool)
         self._report([evaluation for evaluation in found if evaluation is not None], labellings[known])
@@ -633,16 +562,11 @@ def _missing(found: list[Evaluation | None]) -> Ints:
     return np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
 
 
-REFINED_FILE: Final = "refined.npz"
-"""Name of the file of refined evaluations in the folder of a study."""
+REFINED_FILE: Final = "refined.npz"  # refined evaluations in the folder of a study
 
 
 class RefinedRecords:
-    """Rows of a record in which refined evaluations replace those of the coarsest mesh.
-
-    records: record of the study, open or closed. faces: number m of faces. Raises InputError if the file of refined
-    evaluations is damaged.
-    """
+    """Rows of a record in which refined evaluations replace those of the coarsest mesh."""
 
     def __init__(self, records: Records) -> None:
         self.faces, self._records = records.faces, records
@@ -664,7 +588,7 @@ class RefinedRecords:
 
     @property
     def rows(self) -> Rows:
-        """Return all rows in the order of the record, with refined evaluations where known."""
+        """All rows in the order of the record, with refined evaluations where known."""
         rows = self._records.rows.copy()
         place = {key: n for n, key in enumerate(keys_of(rows))}
         for own, key in zip(self._refined, keys_of(self._refined), strict=True):
@@ -673,10 +597,7 @@ class RefinedRecords:
         return rows
 
     def keep(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write refined evaluations in one step; they replace all that were kept before.
-
-        labellings: (k, m) True = dry.
-        """
+        """Write refined evaluations of labellings (k, m); they replace all that were kept before."""
         rows = rows_of(self._records.type, labellings, multiplicities, evaluations)
         with whole_file(self._path) as fresh, fresh.open("wb") as file:
             np.savez_compressed(file, rows=rows, checksum=np.array(checksums(rows), dtype=np.int64))

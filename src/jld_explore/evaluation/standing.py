@@ -1,4 +1,4 @@
-"""Which layouts stand under their dead load alone, decided from states and mechanisms of earlier ones."""
+"""Decide which layouts stand under their dead load alone, from states and mechanisms of earlier ones."""
 
 from __future__ import annotations
 
@@ -27,12 +27,7 @@ _UNSTABLE: Final = Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan)
 
 
 class Standing:
-    """Decide which labellings stand at λ = 0, in all load cases.
-
-    assembly: structure whose labellings are asked about. model: of the search; contacts at points and effective areas
-    admit fewer states than are looked at here, and only falls are certain. cells: labels of crack cells from labels of
-    the joint grid, where those are solved. by_load_factor: whether evaluations bound λ, and not another objective.
-    """
+    """Decide which labellings stand at λ = 0, in all load cases."""
 
     def __init__(
         self,
@@ -42,13 +37,14 @@ class Standing:
         *,
         by_load_factor: bool = True,
     ) -> None:
+        # contacts at points and effective areas admit fewer states than are looked at here: only falls are certain
         self._cells = cells
         self._by_load_factor = by_load_factor and model.friction == "associative"
         self._cases = [_Case(LimitAnalysis(case, inner_bending=model.inner_bending)) for case in assembly.by_case]
         self._falls_only = assembly.dimension == 3 and (model.contact == "concave" or model.effective_area)
 
     def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None) -> Floats:
-        """Return 1 for labellings (k, m) that stand at λ = 0, 0 for those that fall, NaN where undecided: (k,).
+        """Return 1 for labellings (k, m) that stand at λ = 0, 0 for those that fall, NaN if undecided: (k,).
 
         low: (k,) proven lower bounds on λ, NaN where there is none.
         """
@@ -62,10 +58,7 @@ class Standing:
         return np.asarray(found)
 
     def told(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-        """Return evaluations of labellings (k, m) as a driver is told them: what falls at λ = 0 is unstable.
-
-        A driver then seeks, and the exact driver proves, the strongest layout of those that stand.
-        """
+        """Return evaluations of labellings (k, m) as a driver is told them: what falls at λ = 0 is unstable."""
         told = list(evaluations)
         rows = [k for k, one in enumerate(told) if one.status in (Status.COLLAPSE, Status.LOCKED)]
         falls = self.of(labellings[rows], np.array([told[k].low for k in rows])) == 0.0
@@ -76,11 +69,7 @@ class Standing:
 
 
 class VoidStanding(Standing):
-    """Decide which labellings stand where a search may leave cells out, each as a structure of its own.
-
-    cut: function from letters, of which v leaves a cell out, to the remaining structure and its labels. texts: letters
-    of labellings (k, m).
-    """
+    """Decide which labellings stand where a search may leave cells out, each as its own structure."""
 
     def __init__(
         self, cut: Callable[[str], tuple[Assembly, Bits]], texts: Callable[[Bits], list[str]], model: SolveOptions
@@ -89,7 +78,6 @@ class VoidStanding(Standing):
         self._known: dict[str, float] = {}
 
     def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None) -> Floats:
-        """Return 1, 0 or NaN for labellings (k, m), as `Standing.of` does."""
         texts = self._texts(labellings) if len(labellings) else []
         for k, text in enumerate(texts):
             if text not in self._known and not (deadline is not None and deadline.passed()):
@@ -99,10 +87,7 @@ class VoidStanding(Standing):
 
 
 class _Case:
-    """States and motions at λ = 0 under one load case, each tested with every labelling before one is solved.
-
-    A state admissible under either label at every face settles all labellings at once.
-    """
+    """States and motions at λ = 0 under one load case, tested with every labelling before one is solved."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self._analysis = analysis
@@ -117,10 +102,7 @@ class _Case:
         self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
 
     def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None) -> Floats:
-        """Return 1, 0 or NaN for labellings (k, m), as `Standing.of` does.
-
-        carries: (k,) True where a state of λ ≥ 0 is known to be admissible.
-        """
+        """Return 1, 0 or NaN for labellings (k, m); carries: (k,) a state of λ ≥ 0 is known."""
         if self._every:
             return np.ones(len(labellings))
         found = np.full(len(labellings), math.nan)
@@ -157,11 +139,8 @@ class _Case:
             found[rows[np.where(labellings[rows], *cost).sum(axis=1) < gain]] = 0.0
 
     def _by_batch_solver(self, labellings: Bits, carries: Bools, found: Floats, seconds: float) -> None:
-        """Settle labellings (k, m) that are open by λ in both directions; `found` and `carries` (k,) are changed.
-
-        carries: as in `of`. seconds: time for it. States of λ ≥ 0 and of λ ≤ 0 prove that λ = 0 between them is
-        admissible.
-        """
+        """Settle open labellings (k, m) by λ in both directions; `found` and `carries` (k,) are changed."""
+        # states of λ ≥ 0 and of λ ≤ 0 prove that λ = 0 between them is admissible
         batch, until = self._analysis.batch, time.perf_counter() + seconds
         if batch is None:
             return

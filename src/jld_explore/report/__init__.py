@@ -14,8 +14,7 @@ from __future__ import annotations
 
 from jld_explore.report.columns import csv_of
 from jld_explore.report.folder import check_folder, write_pictures
-from jld_explore.report.notebook import show_page
-from jld_explore.report.page_of_study import write_report
+from jld_explore.report.page_of_study import show_page, write_report
 from jld_explore.report.reading import Exploration, read_folder
 from jld_explore.report.summary import Summary
 

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-Columns = dict[str, dict[str, str]]
-"""Unit ("" for none) and meaning by the name of the column."""
+Columns = dict[str, dict[str, str]]  # unit ("" for none) and meaning by the name of the column
 
 _FACES: Final = {
     "index": ("", "place of the face in a labelling, counted from 0"),
@@ -88,10 +87,7 @@ _CONVERGENCE: Final = {
 
 
 def ranked_by(results: pd.DataFrame) -> str:
-    """Return the name of the quantity that ranks layouts: "λ", or "λ / required" with cases.
-
-    With load cases the rank follows the governing factor: the least λ over the required factor of its case.
-    """
+    """Return the name of the quantity that ranks layouts: "λ", or "λ / required" with cases."""
     return "λ / required" if "governing" in results.columns else "λ"
 
 
@@ -153,12 +149,11 @@ def csv_of(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
-        Table.
 
     Returns
     -------
     str
-        CSV without index. A text that begins with = + - @ gets a leading apostrophe, so that no formula is run.
+        CSV without index; a text that begins with = + - @ gets a leading apostrophe, so that no formula is run.
     """
     import pandas as pd  # slow to import and needed for tables only
 
@@ -172,15 +167,11 @@ def csv_of(table: pd.DataFrame) -> str:
     return safe.to_csv(index=False)
 
 
-PROVEN: Final = "proven"
-"""Evidence of a point that is proven to be on the front: no layout carries more, or as much with a better count."""
-FOUND: Final = "found"
-"""Evidence of a point that is the best found by a search for it."""
-VISITED: Final = "visited"
-"""Evidence of a point that was evaluated during a search with another aim."""
+PROVEN: Final = "proven"  # evidence that no layout carries more, or as much with a better count
+FOUND: Final = "found"  # evidence of a point that is the best found by a search for it
+VISITED: Final = "visited"  # evidence of a point that was evaluated during a search with another aim
 
-COLUMN: Final = "evidence"
-"""Name of the column of the evidence."""
+COLUMN: Final = "evidence"  # name of the column of the evidence
 
 
 def front_rows(
@@ -188,8 +179,7 @@ def front_rows(
 ) -> list[dict[str, Any]]:
     """Return the best λ known for every count, with its evidence, for summary.json.
 
-    complete: True if every class of the space has been evaluated. aimed: True if the driver searched for the whole
-    front.
+    complete: every class was evaluated. aimed: the driver searched for the whole front.
     """
     # Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
     # and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
@@ -230,11 +220,7 @@ def _value(values: Sequence[Any]) -> Any:
 
 
 def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
-    """Return the rows of a front with better evidence than "visited", and the proven ones.
-
-    The mask (k,) of proven rows belongs to the rows returned. A front without evidence is returned whole, with no row
-    proven.
-    """
+    """Return the rows of a front with better evidence than "visited", and (k,) whether proven."""
     if COLUMN not in front:
         return front, np.zeros(len(front), dtype=bool)
     known = front[front[COLUMN] != VISITED]
@@ -249,17 +235,12 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Seque
 
 
 def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
-    """Return the count of each row of a front in the form of summary.json.
-
-    It is a number, or a list of numbers for several counts.
-    """
+    """Return the count of each row of a front as in summary.json: a number, or a list for several."""
     return [_value(row) for row in zip(*(front[name].tolist() for name in counts), strict=True)]
 
 
-PLACES: Final = 9
-"""Significant digits of coordinates and load factors."""
-DIGITS: Final = 6
-"""Significant digits of forces, velocities and utilisations."""
+PLACES: Final = 9  # significant digits of coordinates and load factors
+DIGITS: Final = 6  # significant digits of forces, velocities and utilisations
 
 
 def rounded(values: Any, digits: int = PLACES) -> Any:

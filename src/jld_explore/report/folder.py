@@ -27,8 +27,8 @@ from jld_explore.report import summary as required
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
-from jld_explore.report.result_files import without_parquet, write_results
 from jld_explore.report.summary import Summary
+from jld_explore.report.tables import without_parquet, write_results
 from jld_explore.space import registered
 from jld_explore.study import Study
 from jld_explore.study_state import StopReason, name_of
@@ -42,18 +42,17 @@ _DRAWING: Final = 1.2  # longest time of one picture including imports, s; a pic
 
 _DRAWING_FACE: Final = 4e-4  # further time for each face, s: pictures of 4 900 faces take 4.5 s together
 
+# pictures of a search, in the order in which they are drawn
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
-"""Names of the pictures of a search, in the order in which they are drawn."""
 
-SHOWN: Final = PICTURES[:2]
-"""Those that a search draws unasked."""
+SHOWN: Final = PICTURES[:2]  # those that a search draws unasked
 
-PATH: Final = "path"
-"""Name of the picture of λ along the paths of moving loads."""
+PATH: Final = "path"  # picture of λ along the paths of moving loads
 
+# what would prove the result of a search with cracks beside the faces
 BESIDE_FACES: Final = "--driver enumeration without a budget proves the best of these cracks, where it comes to its end"
-"""What would prove the result of a search with cracks beside the faces."""
 
+# file names in a results folder that are reserved for the search
 RESERVED: Final = frozenset(
     [
         *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
@@ -70,7 +69,6 @@ RESERVED: Final = frozenset(
         *(f"{name}.png" for name in (*PICTURES, PATH)),
     ]
 )
-"""File names in a results folder that are reserved for the search."""
 
 
 def check_folder(folder: Path, resume: bool) -> None:
@@ -79,14 +77,13 @@ def check_folder(folder: Path, resume: bool) -> None:
     Parameters
     ----------
     folder : Path
-        Results folder.
     resume : bool
-        True if the folder must hold a study to resume; else it must be new or empty.
+        Whether the folder must hold a study; else it must be new or empty.
 
     Raises
     ------
     InputError
-        If the folder is not writable, is not empty, or has no study to resume.
+        If it cannot be written, is not empty, or has no study to resume.
     """
     require_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):
@@ -102,11 +99,7 @@ def check_folder(folder: Path, resume: bool) -> None:
 
 
 def check_certificate_file(path: Path, folder: Path) -> None:
-    """Check that a certificate can be written where it is asked for.
-
-    Raises InputError if the file cannot be written, or is one that the search itself writes. The check leaves no file
-    on disk.
-    """
+    """Raise InputError if a certificate cannot be written there, or would replace a file of the search."""
     option, expected = "certificate", "a file in a folder that can be written into"
     place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     if place == results or path.is_dir():
@@ -120,7 +113,7 @@ def check_certificate_file(path: Path, folder: Path) -> None:
 
 
 def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None, alone: bool = True) -> Exploration:
-    """Write all tables of a finished study; not alone: the caller adds columns to the results and writes them."""
+    """Write all tables of a finished study; not alone: the caller adds columns and writes the results."""
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
@@ -184,10 +177,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
 
 
 def _with_least_load_factor(done: Exploration) -> Exploration:
-    """Add the λ from which on the best layout stands to the summary, where it falls under its dead load alone.
-
-    It is None where it is not known, as by fields.
-    """
+    """Add the λ from which on the best layout stands, where it falls under its dead load alone."""
     if done.summary.stands_at_zero is not False:
         return done
     fields = isinstance(done.scene.cracks, FieldCracks)
@@ -240,26 +230,23 @@ def write_pictures(
     Parameters
     ----------
     done : Exploration
-        Finished search.
     ending : str
         "png", "svg" or "pdf".
     out : Path, optional
-        Folder of the pictures. Default: the folder of the study.
+        Default: the folder of the study.
     deadline : Deadline, optional
-        Time at which the last picture is to be finished.
     busy : float
-        Factor by which other work on the machine prolongs drawing.
+        Factor by which other work prolongs drawing.
     fields : float
-        Time in which bounds by fields are refined for their picture, for each load case, s.
+        Time, s, for bounds by fields of each load case.
     names : sequence of str
         Those of `PICTURES` to draw.
 
     Returns
     -------
     written : list of Path
-        Files written.
     missing : list of str
-        Names of pictures omitted for lack of time.
+        Pictures omitted for lack of time.
 
     Raises
     ------
@@ -285,7 +272,7 @@ def write_pictures(
 
 
 def _drawing_seconds(name: str, done: Exploration) -> float:
-    """Return the longest processor time of one of `PICTURES`, s; the best layout is solved for its picture."""
+    """Return the longest processor time of one picture, s; the best layout is solved for its own."""
     solved, cracks = done.assembly, done.scene.cracks
     if name != "best" or isinstance(cracks, FieldCracks):
         return _DRAWING + _DRAWING_FACE * solved.faces
@@ -318,11 +305,10 @@ class _Best:
 
     @cached_property
     def _found(self) -> LimitAnalysisResult:
-        """Return the limit analysis of the best layout."""
         return self._done.result()
 
     def draw(self, case: str | None = None) -> Figure:
-        """Draw the layout under one load case given by name; None means the governing case."""
+        """Draw the layout under one load case, None: the governing one."""
         from jld_explore.report import pictures as drawings
 
         return drawings.plot_best(self._found if case is None else self._found.cases[case])
@@ -342,10 +328,7 @@ def _field_picture(done: Exploration, seconds: float) -> Figure:
 
 
 def _drawn(name: str, done: Exploration) -> Figure:
-    """Draw one of `PICTURES` other than the best layout.
-
-    Raises ValueError for "convergence" if the folder has no history.
-    """
+    """Draw one of `PICTURES` other than the best layout."""
     from jld_explore.report import pictures as drawings
     from jld_explore.report.pictures import front_picture
 

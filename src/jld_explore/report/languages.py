@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LANGUAGES: Final = ("en", "de", "it")
-"""Languages of a printed report."""
+LANGUAGES: Final = ("en", "de", "it")  # languages of a printed report
 
+# texts of the printed report by key, in the order of LANGUAGES
 WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Layout of stones", "Steinschnitt", "Disposizione dei conci"),
     "loads": ("Loads", "Lasten", "Carichi"),
@@ -158,8 +158,8 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "warnings": ("Warnings", "Warnungen", "Avvertenze"),
     "page": ("page", "Seite", "pagina"),
 }
-"""Texts of the printed report by key, in the order of LANGUAGES."""
 
+# texts in the legend of a drawing in German and Italian, by the English text without its number
 LEGEND: Final[dict[str, tuple[str, str]]] = {
     "dry face": ("trockene Fuge", "giunto a secco"),
     "inner face": ("innere Fläche", "faccia interna"),
@@ -170,8 +170,8 @@ LEGEND: Final[dict[str, tuple[str, str]]] = {
     "live load on all bodies, × λ": ("Last auf alle Körper, × λ", "carico su tutti i corpi, × λ"),
     "live couple, × λ": ("Moment, × λ", "coppia, × λ"),
 }
-"""Texts in the legend of a drawing in German and Italian, by the English text without its number."""
 
+# sentences that reports print, as patterns, and their texts in German and Italian
 PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
     (re.compile(english), german, italian)
     for english, german, italian in (
@@ -212,7 +212,6 @@ PHRASES: Final[tuple[tuple[re.Pattern[str], str, str], ...]] = tuple(
         ),
     )
 )
-"""Sentences of the program that reports print, as patterns, and their texts in German and Italian."""
 
 _DECIMAL: Final = re.compile(r"(?<![\w.])(\d+)\.(\d+)(?!\.\d)")
 _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
@@ -225,7 +224,7 @@ def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -
 
 
 def phrase_in(language: str, text: str) -> str:
-    """Return a sentence of `PHRASES` in a language of LANGUAGES; any other text as it is."""
+    """Return a sentence of `PHRASES` in a language; any other text as it is."""
     place = LANGUAGES.index(language)
     if place > 0:
         for pattern, *others in PHRASES:

@@ -1,9 +1,4 @@
-"""Define the data format of a page, which Python writes and the page reads.
-
-`page_schema` makes a JSON schema of it. `tools/page_contract.py` writes it into `assets/contract.js`, for the type
-checks of the page and for its check of keys. Lengths and forces are in the units of the scene. The text below a key
-states its meaning.
-"""
+"""Define the data format of a page, from which `page_schema` and `tools/page_contract.py` make the page's checks."""
 
 from __future__ import annotations
 
@@ -318,9 +313,6 @@ class PageData(TypedDict):
 
 
 def page_schema() -> dict[str, Any]:
-    """Return the JSON schema of the data of a page.
-
-    Result: schema in the draft 2020-12, with every other object of the contract under `$defs`.
-    """
+    """Return the JSON schema, draft 2020-12, of the data of a page."""
     schema = TypeAdapter(PageData).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,9 +1,4 @@
-"""Assemble the data of a page as JSON: structure, loads and solutions.
-
-The format is stated in `page_contract` and described in docs/guide/page.md.
-Python computes everything that needs mechanics or geometry, and the page only draws.
-Numbers are rounded for drawings and tooltips; `results.csv` keeps full precision.
-"""
+"""Assemble the data of a page as JSON, docs/guide/page.md: structure, loads and solutions, rounded."""
 
 from __future__ import annotations
 
@@ -72,10 +67,7 @@ def page_data(
     summary: Mapping[str, Any] | None = None,
     studio: Mapping[str, Any] | None = None,
 ) -> PageData:
-    """Assemble the data of a page.
-
-    candidates: (m,) faces whose label may be chosen. Result: data that can be written as JSON.
-    """
+    """Assemble the data of a page; candidates: (m,) faces whose label may be chosen."""
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -100,10 +92,7 @@ def page_data(
 
 
 def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
-    """Return the elements and faces of an assembly for a page, lengths in scene units.
-
-    candidates: (m,) True for faces whose label may be chosen.
-    """
+    """Return the elements and faces, with candidates (m,), of an assembly for a page."""
     assembly = faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
     planar, bars = assembly.dimension == 2, assembly.members
@@ -155,10 +144,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
 
 
 def _bare_edges(assembly: Assembly) -> list[Edge]:
-    """Return the pieces of the outlines of free elements that no interface covers.
-
-    Each piece has its element and its two ends.
-    """
+    """Return the pieces of the outlines of free elements that no interface covers."""
     touching: list[list[list[list[float]]]] = [[] for _ in assembly.elements.ids]
     for k, polygon in enumerate(assembly.interfaces.polygon):
         ends = np.asarray(polygon).tolist()
@@ -201,10 +187,7 @@ def cases_of(assembly: Assembly) -> list[str]:
 
 
 def loads_of(assembly: Assembly) -> list[Load]:
-    """List the live loads for drawing: on points, on all bodies together, and couples.
-
-    Result: loads with case, kind, element, position and vector, scene units.
-    """
+    """List the live loads for drawing: on points, on all bodies together, and couples."""
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[Load] = []
     for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
@@ -220,15 +203,11 @@ def loads_of(assembly: Assembly) -> list[Load]:
 
 
 def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: Any, vector: Any) -> Load:
-    """Return one load as data."""
     return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
 
 
 def solution_of(result: LimitAnalysisResult) -> Solution:
-    """Convert a limit analysis result to the data of a drawing, by load case.
-
-    Result: λ (with load cases the governing factor), bracket and status, and for each case forces and mechanism.
-    """
+    """Convert a limit analysis result to the data of a drawing, by load case."""
     cases = result.cases or {"": result}
     names = list(cases)
     return {
@@ -328,8 +307,7 @@ _EXPORT: Final = re.compile(r"^export ((?:async )?(?:function|class|const) (\w+)
 _BUNDLE: Final = re.compile(r"export\{([^}]*)\};?\s*$")
 _TOKEN: Final = re.compile(r"\{\{(\w+)\}\}")
 
-PLANAR: Final = {"figures.js": "figures_planar.js"}
-"""Modules replaced in pages of planar scenes, which need no WebGL."""
+PLANAR: Final = {"figures.js": "figures_planar.js"}  # modules replaced in pages of planar scenes, which need no WebGL
 
 
 def asset(name: str, wing: str = "report") -> str:
@@ -338,10 +316,7 @@ def asset(name: str, wing: str = "report") -> str:
 
 
 def asset_names(wing: str = "report") -> list[str]:
-    """List the front-end files that a browser loads.
-
-    Result: modules and styles, and modules of vendors as "vendor/...", sorted.
-    """
+    """List the modules and styles that a browser loads, modules of vendors as "vendor/..."."""
     own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
     vendor = _assets(wing).joinpath("vendor")
     theirs = [f"vendor/{entry.name}" for entry in vendor.iterdir()] if vendor.is_dir() else []
@@ -354,10 +329,7 @@ def _assets(wing: str) -> Traversable:
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
-    """Join a JavaScript module of the page and all its imports into one script.
-
-    Raises ValueError for circular imports, and for text that would end the script element.
-    """
+    """Join a JavaScript module of the page and all its imports into one script."""
     # Imported modules come first, each in a scope of its own.
     instead = instead or {}
     done: dict[str, str] = {}
@@ -423,19 +395,13 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def packed(data: Mapping[str, Any]) -> str:
-    """Return data as base64 of gzipped JSON, which is safe in HTML for any content.
-
-    Raises ValueError for NaN and infinities.
-    """
+    """Return data as base64 of gzipped JSON, which is safe in HTML for any content."""
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return base64.b64encode(gzip.compress(text.encode("utf-8"), compresslevel=6, mtime=0)).decode("ascii")
 
 
 def filled(template: str, parts: Mapping[str, str]) -> str:
-    """Replace each {{name}} in a template by its part; parts are not expanded again.
-
-    Result: text with all tokens replaced. Raises KeyError if a token has no part.
-    """
+    """Replace each {{name}} in a template by its part; parts are not expanded again."""
     return _TOKEN.sub(lambda found: parts[found[1]], template)
 
 
@@ -444,16 +410,15 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
 
-MOST: Final = 20_000
-"""Largest number of strongest rows on a page; the front is added."""
+MOST: Final = 20_000  # largest number of strongest rows on a page; the front is added
 
+# titles of columns whose name is not a good title
 TITLES: Final = {
     "multiplicity": "mirror images",
     "load_factor_associative": "λ associative",
     "load_factor_zero_dilation": "λ without dilation",
     "seconds": "seconds",
 }
-"""Titles of columns whose name is not a good title."""
 _FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")  # columns shown first
 # Columns shown last
 _LAST: Final = ("load_factor_associative", "load_factor_zero_dilation", "multiplicity", "settled", "seconds", "driver")
@@ -462,10 +427,7 @@ _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_l
 
 
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
-    """Return the rows of the results that a page shows: the first `most`, and the front.
-
-    They keep the order of the results.
-    """
+    """Return the rows of the results that a page shows: the first `most`, and the front."""
     if len(results) <= most:
         return results
     kept = np.arange(len(results)) < most
@@ -565,7 +527,7 @@ def curve_of(name: str, history: pd.DataFrame) -> Curve:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """Describe the proven results of a search: bracket of the best, bound, gap. Result: texts by name."""
+    """Describe the proven results of a search by name: bracket of the best, bound, gap."""
     # The versions of libraries are added if the summary has them.
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)

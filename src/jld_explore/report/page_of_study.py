@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -20,7 +22,7 @@ from jld_core.limit import LimitAnalysisResult
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
-from jld_core.views import facts_of_assembly, facts_of_result
+from jld_core.views import facts_of_assembly, facts_of_result, notebook
 from jld_explore.report import words
 from jld_explore.report.page_contract import PageData, Picture, Solution
 from jld_explore.report.page_data import (
@@ -40,24 +42,22 @@ from jld_explore.space.void import cut
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-NAME: Final = "report.html"
-"""File name of the page in the folder of a study."""
 
-SOLVED: Final = 50
-"""Number of best rows whose forces and mechanism a page holds, besides those of the front."""
+NAME: Final = "report.html"  # file name of the page in the folder of a study
 
-PATIENCE: Final = 0.5
-"""Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
+SOLVED: Final = 50  # best rows whose forces and mechanism a page holds, besides those of the front
 
-DEAR: Final = 0.3
-"""Seconds after a deadline that solving the best row may take."""
+PATIENCE: Final = 0.5  # s, after which no further row is solved for a page: a search must end soon after its time limit
+
+DEAR: Final = 0.3  # s after a deadline that solving the best row may take
 
 # Time of a row that is solved alone, with forces and mechanism, as a multiple of that of its evaluation
 _AGAIN: Final = 2.0
 
+# sentence of the page on how to get forces that it does not hold
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
-"""Sentence of the page on how to get forces that it does not hold."""
 
 
 def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
@@ -71,10 +71,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 
 
 def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
-    """Assemble the data of the page of one layout (see `page_data`).
-
-    Result: data that can be written as JSON.
-    """
+    """Assemble the data of the page of one layout."""
     assembly, solution = found.assembly, solution_of(found)
     return page_data(
         kind="report",
@@ -100,10 +97,7 @@ def study_data(
     most: int = MOST,
     solved: int = SOLVED,
 ) -> PageData:
-    """Assemble the data of the page of a search (see `page_data`).
-
-    Result: data that can be written as JSON.
-    """
+    """Assemble the data of the page of a search."""
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
@@ -182,10 +176,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
 
 
 def _worth(rows: pd.DataFrame, front: pd.DataFrame, solved: int) -> Sequence[int]:
-    """Return the positions of rows in the order in which they are solved.
-
-    The best row comes first, then the rows on the front, then the next ranks.
-    """
+    """Return the positions of rows in the order of solving: best row, front, next ranks."""
     ranked = np.flatnonzero(rows["rank"].notna())[:solved].tolist()
     edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
@@ -199,13 +190,12 @@ def write_report(
     Parameters
     ----------
     done : Exploration
-        Finished search.
     out : Path, optional
-        Folder of the page. Default: the folder of the study.
+        Default: the folder of the study.
     patience : float
         Time limit for solving layouts to be drawn, s; the best come first.
     deadline : Deadline, optional
-        Deadline that also limits the solves.
+        Also limits the solves.
 
     Returns
     -------
@@ -218,3 +208,63 @@ def write_report(
     target = (out or done.folder) / NAME
     write_text(target, study_page(done, patience, dear))
     return target
+
+
+class ExplorationView:
+    """Notebook representation of a finished study: facts, front, and first rows of its tables."""
+
+    def drawing(self, thing: Exploration) -> str | bytes | None:
+        """Return the front with its layouts as SVG text or PNG; None above `LARGEST` elements."""
+        if len(thing.assembly.elements) > notebook.LARGEST:
+            return None
+        from jld_core.views.small_pictures import drawing_of
+        from jld_explore.report.pictures import front_picture
+
+        return drawing_of(front_picture(thing))
+
+    def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure of the front with its layouts; `ids` and `values` have no effect."""
+        from jld_explore.report.pictures import front_picture
+
+        return front_picture(thing)
+
+    def html(self, thing: Exploration, drawing: str | bytes | None) -> str:
+        """Return the facts, the drawing and the first rows of both tables as HTML."""
+        tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
+        parts = [
+            f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()
+        ]
+        return notebook.page(thing.scene.name, words.facts_of_exploration(thing), drawing, *parts)
+
+
+@dataclass(frozen=True)
+class Page:
+    """Interactive page of a search, which a notebook shows in a frame."""
+
+    text: str  # HTML of the page
+    height: int = 900  # height of the frame, pixels
+
+    def _repr_html_(self) -> str:
+        frame = 'style="width: 100%; border: 1px solid #888" title="the page of a search"'
+        return f'<iframe srcdoc="{html.escape(self.text)}" height="{self.height}" {frame}></iframe>'
+
+    def __repr__(self) -> str:
+        return f"Page({len(self.text)} characters)"
+
+
+def show_page(done: Exploration, height: int = 900, patience: float = PATIENCE) -> Page:
+    """Make the interactive page of a search for a notebook; no file is written.
+
+    Parameters
+    ----------
+    done : Exploration
+    height : int
+        Height of the frame, pixels.
+    patience : float
+        Time limit for solving layouts to be drawn, s.
+
+    Returns
+    -------
+    Page
+    """
+    return Page(study_page(done, patience), height)

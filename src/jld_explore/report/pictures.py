@@ -1,7 +1,4 @@
-"""Draw pictures of a study: front with layouts, distributions, dry faces, convergence.
-
-The functions depend on the tables alone; they solve nothing and write nothing.
-"""
+"""Draw pictures of a study from its tables alone: front with layouts, distributions, convergence."""
 
 from __future__ import annotations
 
@@ -35,14 +32,13 @@ from jld_explore.report.reading import Exploration
 from jld_explore.space import Count, count_named, registered
 from jld_explore.space.void import cut, dry_of
 
-FIRST: Final[str] = Front().count
-"""Default count of the front in pictures."""
+FIRST: Final[str] = Front().count  # default count of the front in pictures
 
+# colours of the share of layouts in which a face is dry
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
-"""Colours of the share of layouts in which a face is dry."""
-MANY: Final = 5000
-"""Number of dots from which a scatter plot is stored as an image, so that vector files stay small."""
+MANY: Final = 5000  # dots from which a scatter plot is stored as an image, so that vector files stay small
 
+# colours and dash patterns of convergence curves
 LINES: Final = (
     ("#0072B2", "solid"),
     ("#D55E00", "dashed"),
@@ -52,7 +48,6 @@ LINES: Final = (
     ("#E69F00", (0, (1.0, 1.0))),
     ("#56B4E9", (0, (9.0, 2.0))),
 )
-"""Colours and dash patterns of convergence curves."""
 
 
 def plot_pareto(
@@ -64,10 +59,7 @@ def plot_pareto(
     sense: str = "max",
     layouts: int = 8,
 ) -> Figure:
-    """Plot λ against a count: all layouts that collapse, the front, and layouts along it.
-
-    Result: figure. Raises ValueError if count or sense is unknown, or labellings do not fit the assembly.
-    """
+    """Plot λ against a count: all layouts that collapse, the front, and layouts along it."""
     # Numbers in circles link layouts and points.
     if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
@@ -154,10 +146,7 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
 
 
 def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50) -> Figure:
-    """Return a figure of how often each face is dry in the `top` best layouts.
-
-    Raises ValueError for labellings that do not fit the assembly.
-    """
+    """Return a figure of how often each face is dry in the `top` best layouts."""
     # Width and colour of a face show the share; faces to supports stay thin.
     best = collapsed(results).nlargest(top, "load_factor")  # ties keep their order
     lower, upper = extent(assembly, projection_of(assembly))
@@ -224,10 +213,7 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
 
 
 def labels_of(text: object, assembly: Assembly) -> Bits:
-    """Convert the letters d, i and v of a labelling to labels (m,), True = dry; v is not dry.
-
-    Raises ValueError if the text does not fit the assembly.
-    """
+    """Convert letters d, i and v to labels (m,), v not dry; ValueError if they do not fit."""
     count = assembly.faces
     if not isinstance(text, str) or len(text) != count:
         raise ValueError(f"labelling {text!r}: expected {count} letters d, i or v")
@@ -271,16 +257,19 @@ class Gallery:
         """Return a gallery of `count` layouts for a figure of given width, inches."""
         columns = count if count <= 5 else math.ceil(count / 2)
         wide = width / max(columns, 4)
-        return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)
+        lower, upper = extent(assembly, projection_of(assembly))
+        span = upper - lower
+        height = float(np.clip((wide - 0.16) * span[1] / span[0], 0.3, 2.2))
+        return cls(count, columns, (wide, height + 0.42), width)
 
     @property
     def rows(self) -> int:
-        """Return the number of rows of layouts."""
+        """Number of rows of layouts."""
         return -(-self.count // self.columns) if self.count else 0
 
     @property
     def height(self) -> float:
-        """Return the height of the gallery, inches."""
+        """Height of the gallery, inches."""
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:
@@ -305,13 +294,6 @@ class Gallery:
             if text.get_window_extent().width <= room:
                 break
             text.set_fontsize(size)
-
-
-def _thumbnail_height(assembly: Assembly, width: float) -> float:
-    """Return the height of a layout's drawing for a given width, inches."""
-    lower, upper = extent(assembly, projection_of(assembly))
-    span = upper - lower
-    return float(np.clip((width - 0.16) * span[1] / span[0], 0.3, 2.2))
 
 
 def caption(results: pd.DataFrame) -> str:
@@ -359,8 +341,8 @@ def axes_of(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
     return ax
 
 
+# colours of λ from the weakest to the strongest of the front, on which text is legible
 STRENGTH: Final = LinearSegmentedColormap.from_list("strength", ["#FFFFFF", "#F3D9A4", "#D89A2B"])
-"""Colours of λ from the weakest to the strongest of the front; text is legible on all of them."""
 
 _CELLS: Final = 22  # number of values of a count up to which pairs are drawn as squares with λ written inside
 
@@ -382,10 +364,7 @@ def plot_three(
     axes: Sequence[tuple[str, str]],
     layouts: int = 8,
 ) -> Figure:
-    """Plot the best λ for every pair of two counts, and layouts along the front.
-
-    Result: figure.
-    """
+    """Plot the best λ for every pair of two counts, and layouts along the front."""
     # The front is emphasised. Numbers in circles link layouts and points.
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
@@ -432,10 +411,7 @@ def plot_three(
 
 
 def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Draw each pair of integer counts as a square with its best λ; fill and frame the front.
-
-    points: (k, 3) counts and λ on the front. sure: (k,) True if proven.
-    """
+    """Draw each pair of counts as a square with its best λ; points: (k, 3) counts and λ on the front."""
     first, second, value = shown.columns
     on_front = {(x, y): (v, known) for (x, y, v), known in zip(points, sure, strict=True)}
     most = shown.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)

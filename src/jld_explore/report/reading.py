@@ -18,15 +18,15 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_elements, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_core.solvers import SOLVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import with_evidence
-from jld_explore.report.result_files import read_results, results_path
 from jld_explore.report.summary import Summary
+from jld_explore.report.tables import read_results, results_path
 from jld_explore.space.void import cut, is_labelling
 from jld_explore.study_state import StopReason
 
@@ -35,37 +35,31 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FIELD_PICTURE: Final = 2.0
-"""Default time for bounds by fields that are drawn, for each load case, s."""
+FIELD_PICTURE: Final = 2.0  # default time for bounds by fields that are drawn, for each load case, s
 
 
 @dataclass(frozen=True)
 class Exploration(NotebookRepr):
     """Finished study with its tables, summary and folder.
 
-    A notebook shows facts, the front with its layouts, and the first rows of both tables.
-
     Attributes
     ----------
     scene : Scene
-        Scene of the search.
     assembly : Assembly
         Structure without the sink of void cells.
     results : DataFrame
-        One row per class, ranked, with the columns of results.csv.
+        One row per class, ranked, as in results.csv.
     front : DataFrame
         Rows of `results` on the front, with a column `evidence`.
     summary : Summary
-        Best layout, proof and course of the search, as in summary.json.
+        Best layout, proof and course of the search.
     folder : Path
-        Results folder.
     stop_reason : StopReason
-        Reason why the search ended.
     model : SolveOptions
         Model of the search.
     """
 
-    shown_by: ClassVar[str] = "jld_explore.report.notebook:ExplorationView"
+    shown_by: ClassVar[str] = "jld_explore.report.page_of_study:ExplorationView"
 
     scene: Scene
     assembly: Assembly
@@ -95,7 +89,7 @@ class Exploration(NotebookRepr):
         Returns
         -------
         matplotlib.figure.Figure
-            Figure; save it by `savefig`.
+            Save it by `savefig`.
         """
         figure: Figure = self.drawn()
         return figure
@@ -103,18 +97,16 @@ class Exploration(NotebookRepr):
     def layout(self, rank: int | None = None) -> Layout:
         """Return one layout as blocks.
 
-        Rows that tie share a rank but keep their order, so `rank` is the number of the row.
-        Rows without a rank (locked, uncertified or unstable) follow after those with one.
-
         Parameters
         ----------
         rank : int, optional
-            Number of the row of the results, from 1. Default: the strongest layout.
+            Number of the row of the results, from 1; rows that tie keep their order, rows without a rank follow.
+            Default:
+            the strongest layout.
 
         Returns
         -------
         Layout
-            Blocks of the layout.
 
         Raises
         ------
@@ -129,12 +121,12 @@ class Exploration(NotebookRepr):
         Parameters
         ----------
         rank : int, optional
-            Number of the row of the results, from 1. Default: the strongest layout.
+            As in `layout`.
 
         Returns
         -------
         LimitAnalysisResult
-            Result, on finer cells where the scene's blocks crack by cells.
+            On finer cells where the scene's blocks crack by cells.
 
         Raises
         ------
@@ -150,14 +142,14 @@ class Exploration(NotebookRepr):
         Parameters
         ----------
         rank : int, optional
-            Number of the row of the results, from 1. Default: the strongest layout.
+            As in `layout`.
         seconds : float
             Time for each load case, s; one mesh is always solved.
 
         Returns
         -------
         FieldResult
-            Bounds refined to the gap of the scene, or to 0.05 where the search was by faces or cells.
+            Refined to the gap of the scene, or to 0.05.
 
         Raises
         ------
@@ -169,21 +161,18 @@ class Exploration(NotebookRepr):
         return solve_by_fields(layout.assembly, layout.labels, gap=gap, seconds=seconds)
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
-        """Return the blocks of one layout as a table, with the columns of blocks.csv.
-
-        `rank`, and the errors, are as in `layout`.
-        """
+        """Return the blocks of one layout, by `rank` as in `layout`, with the columns of blocks.csv."""
         import pandas as pd  # slow to import and needed for tables only
 
         return pd.DataFrame(self.layout(rank).table())
 
     def row(self, rank: int | None = None) -> pd.Series[Any]:
-        """Return one row of the results: the strongest layout, or the row number `rank` from 1.
+        """Return one row of the results.
 
         Parameters
         ----------
         rank : int, optional
-            Number of the row. Default: the strongest layout.
+            As in `layout`.
 
         Returns
         -------
@@ -193,7 +182,7 @@ class Exploration(NotebookRepr):
         Raises
         ------
         InputError
-            If there is no such row, or without `rank` no layout has a load factor.
+            If there is no such row, or no layout has a load factor.
         """
         ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
         if rank is None and not ranked:
@@ -209,8 +198,8 @@ class Exploration(NotebookRepr):
         return self.results.iloc[number - 1]
 
 
+# remedy in error messages about damaged files
 LEFT: Final = "a file as jld explore left it, or jld explore --resume to write it again"
-"""Remedy in error messages about damaged files."""
 _NUMBERS: Final = ("multiplicity", "load_factor", "bracket_lo", "bracket_hi", "seconds")
 
 
@@ -247,18 +236,17 @@ class _Summary(BaseModel):
     front: list[_Point] = []
 
 
+@typed
 def read_folder(folder: str | Path) -> Exploration:
     """Read a finished study from its folder.
 
     Parameters
     ----------
     folder : str or Path
-        Results folder.
 
     Returns
     -------
     Exploration
-        Tables and summary.
 
     Raises
     ------
@@ -300,10 +288,7 @@ def read_folder(folder: str | Path) -> Exploration:
 
 
 def history_of(folder: Path) -> pd.DataFrame | None:
-    """Return the columns solves, seconds and best of convergence.csv in a results folder.
-
-    None if the folder has no such file. Raises InputError if it is damaged.
-    """
+    """Return the columns solves, seconds and best of convergence.csv, None without the file."""
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     path = folder / tables.CONVERGENCE

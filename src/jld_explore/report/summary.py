@@ -21,62 +21,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Summary:
-    """Outcome of a search: the best layout, its proof, and how it was found.
-
-    The fields are the entries of summary.json that every search has; `facts` has the others too.
+    """Outcome of a search: the entries of summary.json that every search has.
 
     Attributes
     ----------
-    best : float or None
-        Largest load factor of the objective, scene units; None if no layout has one.
-    best_labelling : str or None
-        Letters d and i of that layout, in the order of faces.csv.
-    unbounded : bool
-        True if some layout is locked and carries any load.
-    proven : bool
-        True if no layout carries more than `best`.
+    best, best_labelling : float, str or None
+        Largest load factor of the objective, scene units, and its labelling as text.
+    unbounded, proven : bool
+        Whether some layout carries any load, and whether none carries more than `best`.
     stands_at_zero : bool or None
-        False if that layout falls under its dead load alone, as every layout with a load factor then does.
-    bound : float or None
-        Proven upper bound on λ of all layouts; None without one.
-    gap : float or None
-        Relative difference between `best` and `bound`.
+        False if the best falls under its dead load alone.
+    bound, gap : float or None
+        Proven upper bound on λ of all layouts, and its relative distance from `best`.
     stop_reason : str
-        Reason why the search ended.
-    classes : int or None
-        Number of layouts, those equal by symmetry counted once; None if unknown.
-    labellings : int
-        Number of layouts evaluated, symmetric images included.
-    evaluated : int
-        Number of classes evaluated.
-    solved : int
-        Number of classes solved in this run.
-    settled, pruned : int
-        `settled` is 0. `pruned` is the number of classes settled by a bound.
+    classes, evaluated, labellings : int
+        Layouts up to symmetry, in total and evaluated; and those evaluated with their images.
+    solved, pruned, settled : int
+        Classes solved in this run; not worth a solve by a bound; always 0.
     counts_by_status : dict of str to int
-        Number of classes by status.
-    seconds : float
-        Duration, s.
-    rate : float or None
-        Classes solved per second.
-    driver : str
-        Name of the driver.
-    seed : int
-        Seed of the driver.
+    seconds, rate : float
+        Duration, s, and classes solved per second, or None.
+    driver, seed : str, int
     warnings : list of str
-        Warnings about the scene and the search, and how bounds by fields differ from λ by faces.
     front : list of dict
-        Points of the front: `count`, `load_factor`, `bound`, `proven`.
+        Points: `count`, `load_factor`, `bound`, `proven`.
     next : str or None
-        Advice on how to complete a proof; None if there is none.
+        How to complete the proof.
     cracks : str or dict
         Crack model of λ, as in a scene.
-    by_fields : [float or None, float or None] or None
-        Bounds on λ of the best layout where its blocks may crack anywhere; None where unknown.
-    uncut : [float or None, float or None] or None
-        The same of the structure without cuts; None where unknown.
+    by_fields, uncut : [float or None, float or None] or None
+        Bounds on λ of the best, and without cuts, where blocks may crack anywhere.
     facts : dict
-        All entries of summary.json, also those of a single driver or option.
+        All entries of summary.json.
     """
 
     best: float | None
@@ -113,12 +89,10 @@ class Summary:
         Parameters
         ----------
         facts : mapping of str to object
-            Content of summary.json; all of it is kept in `facts`.
 
         Returns
         -------
         Summary
-            The summary.
 
         Raises
         ------
@@ -134,15 +108,13 @@ class Summary:
         return dict(self.facts)
 
 
-COLUMN: Final = "meets"
-"""Name of the column of layouts that reach the required load factor."""
+COLUMN: Final = "meets"  # column of layouts that reach the required load factor
 
 
 def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
-    """Return the column of results with True for layouts that reach the required load factor.
+    """Return the column of rows (k,) that reach the required load factor; empty if none is required.
 
-    low: (k,) proven lower bounds on λ. status: (k,) names. Locked layouts carry any load and reach it. The result is a
-    dict of name to (k,) mask; empty if no load factor is required.
+    low: (k,) proven lower bounds on λ. status: (k,) names. Locked layouts carry any load and reach it.
     """
     if search.require is None:
         return {}
@@ -152,11 +124,7 @@ def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str
 
 
 def order(table: pd.DataFrame, search: Search) -> list[Floats]:
-    """Return sort keys for `numpy.lexsort` that put layouts with the required λ first.
-
-    Those are sorted by the first count of the front, best first. Each key is (k,); without a requirement there are
-    none.
-    """
+    """Return sort keys (k,) for `numpy.lexsort` that put layouts with the required λ, by count, first."""
     if search.require is None:
         return []
     met = table[COLUMN].to_numpy(bool)
@@ -164,11 +132,8 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
 
 
 def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
-    """Return the entries of summary.json on the required load factor: `require` and `proven`.
-
-    complete: True if every class has been evaluated. finished: True if the driver's proof is complete. A layout that
-    collapses may reach the factor although its lower bound does not. The dict is empty if no load factor is required.
-    """
+    """Return the entries of summary.json on the required load factor; empty if none is required."""
+    # a layout that collapses may reach the factor although its lower bound does not
     if search.require is None:
         return {}
     met, (count, sense) = table[table[COLUMN]], search.front.axes[0]

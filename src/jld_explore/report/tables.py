@@ -1,10 +1,12 @@
-"""Make result tables from the records and the study."""
+"""Make result tables from the records and the study, and write and read them as CSV or Parquet."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -13,6 +15,9 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
+from jld_core.errors import InputError
+from jld_core.exchange.writers import harmless
+from jld_core.files import whole_file, write_text
 from jld_core.limit import Status, load_scale, relative_width
 from jld_core.sub_assembly import faces_of
 from jld_core.tolerances import GAP
@@ -22,7 +27,7 @@ from jld_explore.evaluation.ranking import ORDER, load_factors, settled, statuse
 from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.evaluation.standing import Standing
 from jld_explore.report import summary as required
-from jld_explore.report.result_files import parquet_is_installed
+from jld_explore.report.columns import csv_of
 from jld_explore.space import Count, SearchSpace, registered, unpack
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import letters_of
@@ -33,16 +38,91 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+CSV_FILE: Final = "results.csv"  # table for people and spreadsheets
+
+PARQUET_FILE: Final = "results.parquet"  # table that programs read
+
+# most rows written as CSV unasked: a million take 280 MB and 10 s, four times as much as Parquet
+CSV_ROWS: Final = 100_000
+
+WITH_PARQUET: Final = "pip install 'jld[parquet]'"  # installs what Parquet needs
+
+# Columns of texts, which CSV does not tell from numbers
+_TEXTS: Final = ("labelling", "status", "settled", "driver", "governing")
+
+
+def parquet_is_installed() -> bool:
+    return find_spec("pyarrow") is not None
+
+
+def without_parquet(rows: int) -> list[str]:
+    """Return the sentence that says what a table of so many rows loses without Parquet; none for few."""
+    if rows <= CSV_ROWS or parquet_is_installed():
+        return []
+    lost = f"{CSV_FILE} of {rows} rows takes four times the space and time of {PARQUET_FILE}, which needs pyarrow"
+    return [f"{lost}: {WITH_PARQUET}"]
+
+
+def write_results(folder: Path, results: pd.DataFrame, *, csv: bool | None = None) -> None:
+    """Write the table of results into a folder; a file that is not written any more is removed."""
+    # Parquet: where pyarrow is installed. CSV: always without it; else if csv is True or there are at most `CSV_ROWS`
+    # rows, and with None also where the folder has a CSV file already.
+    path, parquet = folder / CSV_FILE, parquet_is_installed()
+    if csv or not parquet or len(results) <= CSV_ROWS or (csv is None and path.exists()):
+        write_text(path, csv_of(results))
+    else:
+        path.unlink(missing_ok=True)
+    if parquet:
+        with whole_file(folder / PARQUET_FILE) as fresh:
+            results.to_parquet(fresh, index=False, row_group_size=CSV_ROWS)  # groups limit its memory
+    else:
+        (folder / PARQUET_FILE).unlink(missing_ok=True)
+
+
+def results_path(folder: Path) -> Path:
+    """Return the file of a folder that holds its table: Parquet where it can be read, else CSV."""
+    parquet, csv = folder / PARQUET_FILE, folder / CSV_FILE
+    if not parquet.exists() or (csv.exists() and not parquet_is_installed()):
+        return csv
+    if not parquet_is_installed():
+        raise InputError(str(parquet), "it needs pyarrow, which is not installed", f"{CSV_FILE}, or {WITH_PARQUET}")
+    return parquet
+
+
+def read_results(path: Path) -> pd.DataFrame:
+    """Read a table of results, of the same types from both files."""
+    import pandas as pd  # slow to import and needed for tables only
+
+    if path.suffix == ".parquet":
+        return pd.read_parquet(path)
+    # from version 3.1 on pandas reads all digits by default, and warns where that is asked for
+    version = tuple(int(part) for part in pd.__version__.split(".")[:2])
+    exact: Any = {} if version >= (3, 1) else {"float_precision": "round_trip"}
+    texts = dict.fromkeys(_TEXTS, "str")
+    table: pd.DataFrame = pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""], **exact)
+    if "governing" in table:  # names of load cases, which a spreadsheet might run
+        table["governing"] = table["governing"].map(_without_apostrophe)
+    table.columns = pd.Index([_without_apostrophe(name) for name in table.columns])
+    for count in registered():
+        if count.name in table and table[count.name].isna().any():
+            table[count.name] = table[count.name].astype("Int64" if count.integer else "Float64")
+    return table.astype({"rank": "Int64"}) if "rank" in table else table
+
+
+def _without_apostrophe(value: object) -> object:
+    """Return a text as it was before `harmless` put an apostrophe before it."""
+    return value[1:] if isinstance(value, str) and value[:1] == "'" and harmless(value[1:]) == value else value
+
+
 _TOGETHER: Final = 1 << 24  # number of comparisons made at once, which limits temporary memory
 
 _DIGITS: Final = 12  # decimal digits to which counts are compared, relative to the largest count
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
-    """Return a mask of the rows that are not dominated in λ and the counts.
+    """Return (k,) the rows that are not dominated in load factors (k,) and counts (k, c).
 
-    load_factors: (k,) λ, more is better; rows with NaN are never on the front. counts: (k,) values of c counts.
-    *senses: "max" or "min" for each count. Returns (k,).
+    A row with NaN is never on the front. *senses: "max" or "min" for each count.
     """
     # A row is dominated if another is at least as good in all objectives and better in one.
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
@@ -64,10 +144,7 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
 
 
 def _unbeaten(best: Floats, level: Floats) -> Bools:
-    """Return a mask (p,) of the non-dominated rows among rows with different counts.
-
-    best: (p,) largest λ of each row. level: (p, c) counts, larger is better, ascending; no two rows are equal.
-    """
+    """Return (p,) the non-dominated rows, of largest λ (p,) and distinct ascending counts (p, c)."""
     if level.shape[1] == 1:
         # Levels ascend, so rows with better counts follow.
         behind = np.maximum.accumulate(best[::-1])[::-1]
@@ -82,11 +159,9 @@ def _unbeaten(best: Floats, level: Floats) -> Bools:
     return kept
 
 
-CONVERGENCE: Final = "convergence.csv"
-"""File name of the convergence table."""
+CONVERGENCE: Final = "convergence.csv"  # file name of the convergence table
 
-STANDS: Final = "stands_at_zero"
-"""Name of the column, and of the entry of the summary, on layouts that stand under their dead load alone."""
+STANDS: Final = "stands_at_zero"  # column, and entry of the summary, on layouts that stand under their dead load alone
 
 _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, which limits temporary memory
 
@@ -130,8 +205,7 @@ def results_table(
 ) -> pd.DataFrame:
     """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    own_objective: True if `load_factor` is the value of a function of the user; λ is then the last entry of `cases`.
-    Result: table with the columns of results.csv, λ in scene units; a count that was not computed is NA.
+    own_objective: `load_factor` is a user's value, and λ the last entry of `cases`.
     """
     # Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under
     # their dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach
@@ -196,7 +270,7 @@ def results_table(
 def _stands(
     rows: NDArray[np.void], faces: int, standing: Standing | None, deadline: Deadline | None, *, by_fields: bool
 ) -> Floats:
-    """Return 1 for rows whose layouts stand under their dead load alone, 0 for those that fall, NaN where undecided."""
+    """Return 1 for rows whose layouts stand under their dead load alone, 0 for others, NaN where undecided."""
     status = statuses(rows)
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
@@ -208,7 +282,7 @@ def _stands(
 
 
 def that_stand(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with a load factor whose layouts stand under their dead load alone; all where none does."""
+    """Return the rows with a load factor that stand under their dead load alone; all where none does."""
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     if STANDS not in ranked:
         return ranked
@@ -219,10 +293,7 @@ def that_stand(results: pd.DataFrame) -> pd.DataFrame:
 def _insert_late(
     table: pd.DataFrame, late: Sequence[Count], labellings: Bits, space: SearchSpace, deadline: Deadline
 ) -> None:
-    """Insert the columns of counts that need block outlines into a table, in their order.
-
-    labellings: (k, m) of the rows, True = dry. Values that are not computed by the deadline are NA.
-    """
+    """Insert the columns of counts that need block outlines; NA where the deadline comes first."""
     import pandas as pd
 
     for count in late:
@@ -253,20 +324,15 @@ def _texts(packed: NDArray[np.uint8], interfaces: int, faces: int) -> pd.Series[
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
-    """Return λ at nominal values of the layout that is strongest at low values.
-
-    None if no layout has a load factor.
-    """
+    """Return λ at nominal values of the layout that is strongest at low values, or None."""
     ranked = that_stand(results)
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-    """Return the groups (k,) that share a rank, and within them the levels (k,) of equal strength, best first.
+    """Return the groups (k,) that share a rank, and within them levels (k,) of equal strength, best first.
 
-    load_factor: (k,) λ, NaN for none. low, high: (k,) brackets. Rows share a rank if equally many others are proven
-    stronger. They are equally strong if λ differs by no more than their brackets, or than 1e-6 where these are wide.
-    Group and level 0 hold the rows without a load factor.
+    Rows share a rank if equally many others are proven stronger by their brackets; without λ both are 0.
     """
     group, level = np.zeros((2, len(load_factor)), dtype=np.int64)
     # Replace a missing end of a bracket by λ.
@@ -306,7 +372,7 @@ def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.Da
 
 
 def is_ahead(results: pd.DataFrame, bound: float | None, gap: float, floor: float = 0.0) -> bool:
-    """Return True if no other layout may be stronger than the first, by more than a gap."""
+    """Return whether no other layout may be stronger than the first, by more than a gap."""
     top = results[(results["rank"] == 1).fillna(False)]
     high = min(float(top["bracket_hi"].max()), math.inf if bound is None else bound)
     return len(top) <= 1 or not relative_width(float(top["bracket_lo"].max()), high, floor) > gap
@@ -330,11 +396,8 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
 
 
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
-    """Return the content of summary.json that the results and the study determine.
-
-    complete: True if every class has been evaluated; the best is then optimal up to the widths of the brackets. A
-    driver may also know a bound on λ of all layouts, or have completed a proof of its own.
-    """
+    """Return the content of summary.json that results and study determine."""
+    # with all classes the best is optimal up to the widths of brackets; a driver may have a bound or a proof of its own
     # The content names the best labelling, its proof, and how it was found.
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter({str(status): int(number) for status, number in results["status"].value_counts().items()})
@@ -369,6 +432,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         # If every standing layout is locked, there is no strongest one.
         "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
+        "bound_by": None if bound is None else study.bound_by,
         "gap": gap,
         "stop_reason": str(reason),
         "classes": len(results) if complete else study.total,

@@ -24,10 +24,10 @@ from jld_explore.space import SearchSpace, registered
 if TYPE_CHECKING:
     import pandas as pd
 
-LETTERS: Final = 24
-"""Largest number of letters of a labelling shown in a terminal."""
+LETTERS: Final = 24  # letters of a labelling shown in a terminal
 
 
+# description of each `stop_reason` of a summary
 STOPPED: Final = {
     "exhausted": "nothing left to evaluate",
     "proven": "the best proven",
@@ -36,14 +36,14 @@ STOPPED: Final = {
     "time": "time limit",
     "interrupted": "interrupted",
 }
-"""Description of each `stop_reason` of a summary."""
+
+
+BOUNDED_BY: Final = {"faces": " (bounded face by face)", "blocks": " (bounded by blocks)"}
+"""Description of `bound_by` of a summary where no driver proved the bound."""
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
-    """Describe an assembly and its search space for `jld check`.
-
-    Result: lines of text: dimension, counts, loads, program size, candidates and symmetries.
-    """
+    """Describe an assembly and its search space for `jld check`."""
     spots = int(np.count_nonzero(space.candidates))
     return aligned(
         {
@@ -57,11 +57,7 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
 
 
 def columns(done: Exploration) -> list[str]:
-    """Return the names of the columns that a terminal or notebook shows of a study's results.
-
-    They are rank, λ with its bracket, all integer counts, the counts of the front, and the labelling; also whether a
-    layout stands without live load, where some do not.
-    """
+    """Return the names of the columns that a terminal or notebook shows of a study's results."""
     falls = [STANDS] if STANDS in done.results and not done.results[STANDS].fillna(True).all() else []
     whole = [count.name for count in registered() if count.integer]
     counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
@@ -81,6 +77,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         proof = "but some layouts are locked: they carry any load"
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
+        gap = f"{BOUNDED_BY.get(facts.get('bound_by'), '')}{gap}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
     if facts.get(STANDS) is False:
         proof = f"{'strongest' if facts['proven'] else 'not proven strongest'} {falls_below(facts)}"
@@ -128,7 +125,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
 
 
 def falls_below(facts: dict[str, Any]) -> str:
-    """Return the words for a best layout that falls under its dead load alone, as all layouts with a λ then do."""
+    """Return words for a best layout that falls under its dead load alone, as all with a λ then do."""
     least = facts.get("least_load_factor")
     if least is None:
         return "where the live load acts; without it it falls under its own weight, as every layout found does"
@@ -136,7 +133,7 @@ def falls_below(facts: dict[str, Any]) -> str:
 
 
 def speed(rate: float | None) -> str:
-    """Return a rate of solves in words, "" where nothing was solved: all that is left may have been on record."""
+    """Return a rate of solves in words, "" where nothing was solved."""
     return f", {rate:.2g} solves/s" if rate and rate < 1.0 else f", {rate:.0f} solves/s" if rate else ""
 
 
@@ -153,7 +150,7 @@ def _reliability(facts: dict[str, Any]) -> dict[str, str]:
 
 
 def _anywhere(done: Exploration) -> dict[str, str]:
-    """Say what the best layout of a search by faces carries wherever its blocks crack; {} where that is unknown."""
+    """Say what the best layout of a search by faces carries wherever its blocks crack; {} if unknown."""
     if "fields_hi" not in done.results or not len(done.results):
         return {}
     low, high = (float(done.results[name].iloc[0]) for name in ("fields_lo", "fields_hi"))
@@ -174,13 +171,13 @@ def _of_blocks(check: dict[str, Any] | None) -> dict[str, str]:
     return {"by fields": "; ".join([*check["findings"], check["next"]])}
 
 
+# explanation of each status without a rank
 MEANINGS: Final = {
     "locked": "no live load brings them down: confined between supports by faces that nothing crushes",
     "uncertified": "a bound of their λ is missing; --solver may find it",
     "unstable": "they fall whatever the live load",
     "failed": "the solve ended without an answer; --resume tries no more",
 }
-"""Explanation of each status without a rank."""
 
 
 def apart(done: Exploration) -> dict[str, str]:
@@ -223,21 +220,13 @@ def _table(rows: pd.DataFrame) -> str:
     """Return rows as text for a terminal, with long labellings shortened."""
     if rows.empty:
         return "none: no layout has a load factor to be ranked by"
-    short = rows.assign(labelling=[_shortened(str(text)) for text in rows["labelling"]])
-    return short.to_string(index=False)
-
-
-def _shortened(labelling: str) -> str:
-    """Shorten a labelling to `LETTERS` letters."""
-    return labelling if len(labelling) <= LETTERS else f"{labelling[: LETTERS - 5]}…{labelling[-4:]}"
+    names = [str(name) for name in rows["labelling"]]
+    short = [name if len(name) <= LETTERS else f"{name[: LETTERS - 5]}…{name[-4:]}" for name in names]
+    return rows.assign(labelling=short).to_string(index=False)
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
-    """Return the best rows of the results, for the terminal and the notebook.
-
-    They are the first `top` rows with status "collapse", in the order of `done.results`, with the columns of `columns`.
-    The table is empty where no layout has a load factor.
-    """
+    """Return the first `top` rows with status "collapse", for the terminal and the notebook."""
     return done.results[done.results["status"] == str(Status.COLLAPSE)][columns(done)].head(top)
 
 

@@ -2,15 +2,15 @@
 
 - `LETTERS`: the letters d (dry) and i (inner) of a labelling as text
 - `Count`: definition of a count of labellings
-- `Layouts`: labellings of an assembly with cached properties for counts
+- `Layouts`: labellings of an assembly with cached properties
 - `SearchSpace`: labellings that may be searched
-- `Terms`: count as a sum of binary terms, for proofs
+- `Terms`: count as a sum of binary terms
 - `count_named`: return a count by its name
 - `from_string`: convert text to a labelling
-- `keys`: return hashable keys of labellings
+- `keys`: hashable keys of labellings
 - `register`: add a count
 - `registered`: return all counts
-- `search_space`: build the search space of a scene
+- `search_space`: build the space of a scene
 - `to_string`: convert a labelling to text
 - `unpack`: unpack bits to labellings
 - `unregister`: remove a count

@@ -1,8 +1,4 @@
-"""Define counts of labellings for tables, fronts, pictures and proofs.
-
-A registered count is a column of the results and may be an axis of a scene's front.
-`"search": {"limits": {NAME: [least, most]}}` bounds any count. Plug-ins bring counts; `register` adds one to a process.
-"""
+"""Define counts of labellings for tables, fronts, pictures and proofs."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.geometry.outlines import boundary
-from jld_core.parameters import near
+from jld_core.parameters import near, typed
 from jld_explore.space.labelling import Connectivity, blocks_of, connectivity, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
@@ -31,13 +27,11 @@ class Layouts:
     Attributes
     ----------
     assembly : Assembly
-        Structure.
     labellings : (k, m) bool array
-        Labels, True = dry.
     graph : Connectivity
         Element graph of the assembly.
     block_shapes : BlockShapes
-        Block outlines of the assembly.
+        Outlines of its blocks.
     """
 
     assembly: Assembly
@@ -99,7 +93,6 @@ class Terms:
 
 
 def _nothing(_: Assembly) -> str:
-    """Return no unit."""
     return ""
 
 
@@ -109,31 +102,27 @@ class Count:
 
     Attributes
     ----------
-    name : str
-        Name in scenes and tables.
+    name, column : str
+        Name in scenes and tables; title of the column, by default the name with spaces.
     of : callable
-        Function that maps `Layouts` to values (k,), equal for images under the scene's symmetries.
+        Maps `Layouts` to values (k,), equal for images under the scene's symmetries.
     axis : callable or str
-        Description for an axis, without unit; a function of the assembly if it depends on the dimension.
+        Words for an axis without unit, or a function of the assembly.
     noun : str
         Name of one counted item, or the word before a value that is not an integer.
     integer : bool
-        True for integer values.
     unit : callable
-        Function that returns the unit for an assembly.
-    column : str
-        Title of the column; by default the name with spaces.
+        Maps an assembly to the unit.
     terms : callable or None
-        Function that returns the `Terms` for an assembly, used to prove a front.
-        Without terms a limit on the count makes the exact driver enumerate.
+        Maps an assembly to `Terms`, which a proof needs.
     kinds : bool
-        True if the count is the number of different shapes among the blocks.
+        True for the number of different shapes of blocks.
     outlines : bool
-        True if the count needs the outlines of blocks; tables leave it blank where time ends.
+        True if outlines of blocks are needed; tables leave it blank where time ends.
     monotone : bool
-        True if a further dry face never lowers the count: its range is known from the ends.
+        True if a further dry face never lowers the count.
     least_of_block, least_of_shape : mapping of int to int, or None
-        By dimension, what each block (each different shape) adds at least; None where unknown.
+        By dimension, what each block or shape adds at least.
     """
 
     name: str
@@ -172,7 +161,6 @@ class Count:
 
 
 def _planar(assembly: Assembly) -> bool:
-    """Return True if the assembly is planar."""
     return assembly.dimension == 2
 
 
@@ -319,24 +307,23 @@ def _add_plugins() -> None:
 
 
 def registered() -> tuple[Count, ...]:
-    """Return all counts in the order of their columns.
+    """Return all counts, with those of plug-ins, in the order of their columns.
 
     Returns
     -------
     tuple of Count
-        Counts of jld, of plug-ins, and those of `register`.
     """
     _add_plugins()
     return tuple(_COUNTS.values())
 
 
+@typed
 def register(count: Count) -> None:
     """Add a count.
 
     Parameters
     ----------
     count : Count
-        Definition of the count.
 
     Raises
     ------
@@ -354,7 +341,6 @@ def unregister(name: str) -> None:
     Parameters
     ----------
     name : str
-        Name of the count.
 
     Raises
     ------
@@ -364,20 +350,19 @@ def unregister(name: str) -> None:
     del _COUNTS[name]
 
 
+@typed
 def count_named(name: str, where: str = "search.front.count") -> Count:
     """Return a count by its name.
 
     Parameters
     ----------
     name : str
-        Name of the count.
     where : str
         Key that gave the name, for the error message.
 
     Returns
     -------
     Count
-        Definition of the count.
 
     Raises
     ------
@@ -390,8 +375,7 @@ def count_named(name: str, where: str = "search.front.count") -> Count:
     return _COUNTS[name]
 
 
-Values = dict[str, Ints | Floats]
-"""Values (k,) by the names of counts."""
+Values = dict[str, Ints | Floats]  # values (k,) by the names of counts
 
 _CHUNK: Final = 8192  # number of labellings counted together, so that arrays stay in the cache
 
@@ -399,6 +383,7 @@ _CHUNK: Final = 8192  # number of labellings counted together, so that arrays st
 _SLICE: Final = 64
 
 
+@typed
 def values_of(
     count: Count,
     assembly: Assembly,
@@ -411,15 +396,12 @@ def values_of(
     Parameters
     ----------
     count : Count
-        Definition of the count.
     assembly : Assembly
-        Structure.
     labellings : (k, m) bool array
-        Labels, True = dry.
     graph : Connectivity, optional
-        Element graph of the assembly; built if missing.
+        Element graph; built if missing.
     shapes : BlockShapes, optional
-        Block outlines of the assembly; built if missing.
+        Outlines of blocks; built if missing.
 
     Returns
     -------
@@ -437,10 +419,7 @@ def counts(
     *,
     without: Sequence[Count] = (),
 ) -> Values:
-    """Compute the values of every registered count.
-
-    labellings: (k, m) True = dry. Result: values by the name of the count, in the order of the columns, scene units.
-    """
+    """Compute the values (k,), scene units, of every registered count, by name in the order of columns."""
     return _values([count for count in registered() if count not in without], assembly, labellings, graph, shapes)
 
 
@@ -452,11 +431,7 @@ def values_until(
     shapes: BlockShapes,
     deadline: Deadline,
 ) -> Ints | Floats:
-    """Compute the values of one count for as many labellings, in order, as there is time for.
-
-    labellings: (k, m) True = dry. deadline: time at which the computation stops; it is checked between outlines.
-    Returns (k,): values, scene units; NaN from the first one on that is late. The first is always computed.
-    """
+    """Compute a count (k,) in time: NaN from the first labelling on that is late, never the very first."""
     if not deadline.limited:
         return _values([count], assembly, labellings, graph, shapes)[count.name]
     # whoever has a layout also has its counts: the first one is never late

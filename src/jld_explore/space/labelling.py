@@ -1,12 +1,4 @@
-"""Operate on labellings of all interfaces: packed bits, blocks, slits and canonical forms.
-
-A **labelling** is a row of m booleans in the order of the assembly's interfaces, True = dry.
-Its **blocks** are the components of the element graph through inner faces.
-Supports that share a face always belong to one block.
-A **slit** is a dry face with both sides in one block; a labelling without slits is a **segmentation**.
-A **class** is the set of images of a labelling under the symmetries of the scene.
-The smallest member of a class is the **canonical** labelling, which names the class.
-"""
+"""Operate on labellings: packed bits, blocks, slits and canonical forms."""
 
 from __future__ import annotations
 
@@ -20,34 +12,24 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch.rows import Graph
+from jld_core.errors import ParameterError
+from jld_core.parameters import require_kind
 
+# labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry
 Packed = NDArray[np.uint8]
-"""Labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry."""
 
-Words = NDArray[np.uint64]
-"""Labellings as words of 64 bits, (k, w); rows sort as `Packed` rows do."""
+Words = NDArray[np.uint64]  # labellings as words of 64 bits, (k, w); rows sort as `Packed` rows do
 
 DRY_LETTER: Final = "d"
 INNER_LETTER: Final = "i"
+# letters of a labelling as text; a spreadsheet would convert digits to a number
 LETTERS: Final = DRY_LETTER + INNER_LETTER
-"""Letters of a labelling as text; a spreadsheet would convert digits to a number."""
 
 _ENTRIES: Final = 1 << 23  # largest number of entries of a temporary array in `blocks_of`; larger batches are split
 
 
 def pack(labellings: Bits) -> Packed:
-    """Pack labellings to bits, the first face in the highest bit.
-
-    Parameters
-    ----------
-    labellings : (..., m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (..., ceil(m / 8)) uint8 array
-        Packed labels.
-    """
+    """Pack labellings (..., m) to bits (..., ceil(m / 8)), the first face in the highest bit."""
     return np.packbits(labellings, axis=-1)
 
 
@@ -57,7 +39,6 @@ def unpack(packed: Packed, faces: int) -> Bits:
     Parameters
     ----------
     packed : (..., ceil(m / 8)) uint8 array
-        Packed labels.
     faces : int
         Number m of faces.
 
@@ -75,7 +56,6 @@ def keys(labellings: Bits) -> list[bytes]:
     Parameters
     ----------
     labellings : (k, m) bool array
-        Labels, True = dry.
 
     Returns
     -------
@@ -93,21 +73,21 @@ def to_string(labelling: Bits) -> str:
     Parameters
     ----------
     labelling : (m,) bool array
-        Labels, True = dry.
 
     Returns
     -------
     str
         m letters.
     """
+    if np.ndim(labelling) != 1:
+        raise ParameterError(
+            "labelling", f"an array of shape {np.shape(labelling)} is given", "one label per interface"
+        )
     return to_strings(np.asarray(labelling)[None])[0]
 
 
 def to_strings(labellings: Bits) -> list[str]:
-    """Convert labellings to texts, 'd' for dry and 'i' for inner.
-
-    labellings: (k, m) True = dry.
-    """
+    """Convert labellings (k, m) to texts, 'd' for dry and 'i' for inner."""
     width = labellings.shape[1]
     text = letters_of(labellings).tobytes().decode("ascii")
     return [text[n * width : (n + 1) * width] for n in range(len(labellings))]
@@ -133,11 +113,12 @@ def from_string(text: str) -> Bits:
 
     Raises
     ------
-    ValueError
+    InputError
         If the text holds any other letter.
     """
+    require_kind("text", text, str)
     if text.strip(LETTERS):
-        raise ValueError(f"a labelling holds {text.strip(LETTERS)[0]!r}; expected 'd' and 'i' only")
+        raise ParameterError("text", f"a labelling holds {text.strip(LETTERS)[0]!r}", "'d' and 'i' only")
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(DRY_LETTER))
 
 
@@ -175,20 +156,7 @@ def connectivity(assembly: Assembly) -> Connectivity:
 
 
 def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
-    """Compute the block of each element, named by the smallest element index in it.
-
-    Parameters
-    ----------
-    graph : Connectivity
-        Element graph.
-    labellings : (m,) or (k, m) bool array
-        Labels, True = dry.
-
-    Returns
-    -------
-    (n,) or (k, n) int array
-        Name of the block of each element.
-    """
+    """Compute the block of each element, named by its smallest element: (n,), or (k, n) for labellings (k, m)."""
     rows = np.atleast_2d(labellings)
     found = graph.compiled.blocks(rows)
     if found is not None:
@@ -200,10 +168,7 @@ def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
 
 
 def totals_of(blocks: Ints, elements: Ints, values: Floats) -> Floats:
-    """Sum values of elements over blocks (k, n), at the column of each block's name, else 0.
-
-    `elements` (e,) are indices; `values` is (e,), or (k, e) if it differs between rows.
-    """
+    """Sum values (e,) or (k, e) of elements (e,) over blocks (k, n), at the column of each name, else 0."""
     weights = np.broadcast_to(values, (len(blocks), len(elements))).ravel()
     total = np.bincount(_names(blocks, elements), weights, minlength=blocks.size)
     return np.asarray(total.reshape(blocks.shape), dtype=np.float64)
@@ -215,10 +180,7 @@ def numbers_of(blocks: Ints, elements: Ints) -> Ints:
 
 
 def _names(blocks: Ints, elements: Ints) -> Ints:
-    """Return (k · e,) block of each element (e,) in each row, numbered over all rows.
-
-    blocks: (k, n), named by an element; block b of row i is number i · n + b.
-    """
+    """Return (k · e,) block of each element (e,) in each row, numbered over all rows."""
     rows, width = blocks.shape
     return np.asarray((blocks[:, elements] + width * np.arange(rows)[:, None]).ravel())
 
@@ -239,20 +201,13 @@ def _spread(graph: Connectivity, rows: Bits) -> Ints:
 
 
 def slits(graph: Connectivity, labellings: Bits) -> Bools:
-    """Return the dry faces whose two sides are in one block.
-
-    labellings: (m,) True = dry. Returns (m,).
-    """
+    """Return the dry faces (m,) whose two sides are in one block."""
     blocks = blocks_of(graph, labellings)
     return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))
 
 
 def canonical(labellings: Bits, group: Ints) -> Bits:
-    """Return the smallest image of each labelling under the group.
-
-    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
-    Returns (k, m).
-    """
+    """Return the smallest image (k, m) of each labelling under a group (g, m), the identity first."""
     best, words = labellings.copy(), as_words(labellings)
     for permutation in group[1:]:
         image = labellings[:, permutation]
@@ -263,11 +218,7 @@ def canonical(labellings: Bits, group: Ints) -> Bits:
 
 
 def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
-    """Return the number of different images of each labelling, the multiplicity of its class.
-
-    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
-    Returns (k,).
-    """
+    """Return the number (k,) of different images of each labelling under a group (g, m)."""
     words = as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
@@ -276,11 +227,7 @@ def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
 
 
 def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
-    """Select the labellings that are canonical.
-
-    labellings: (k, m) True = dry. group: (g, m) face permutations, closed under composition, the identity first.
-    Result: (r,) rows that are canonical, and (r,) their orbit sizes.
-    """
+    """Return the rows (r,) of labellings that are canonical, and their orbit sizes (r,)."""
     kept, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
@@ -291,10 +238,7 @@ def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
 
 
 def as_words(labellings: Bits) -> Words:
-    """Pack labellings into 64-bit words that sort, first word first, as the rows do.
-
-    labellings: (k, m) True = dry. Result: (k, w) words, padded with zero bits.
-    """
+    """Pack labellings (k, m) into 64-bit words (k, w) that sort as the rows do, first word first."""
     packed = pack(labellings)
     padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)
     padded[:, : packed.shape[1]] = packed

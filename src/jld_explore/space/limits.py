@@ -1,8 +1,4 @@
-"""Define the limits on blocks and counts under "search", with their measures and rounding.
-
-A limit is a range on the size of each block by one of `MEASURES`, or on a count that has a key of its name.
-Callers ask `Limits` for the given limits and compare with `Range`, in any representation of blocks.
-"""
+"""Define the limits on blocks and counts under "search", with their measures and rounding."""
 
 from __future__ import annotations
 
@@ -49,27 +45,21 @@ class Range:
         return self.low is not None or self.high is not None
 
     def above(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """Return True where values exceed the upper bound.
-
-        `slack` is a relative tolerance in addition to that for rounding.
-        """
+        """Return where values exceed the upper bound, by more than a further relative `slack`."""
         return np.asarray(np.asarray(values) > self.most * (1.0 + slack))
 
     def below(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """Return True where values are less than the lower bound; `slack` is as in `above`."""
+        """Return where values are less than the lower bound, by more than a further `slack`."""
         return np.asarray(np.asarray(values) < self.least * (1.0 - slack))
 
     def outside(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """Return True where values violate either bound; `slack` is as in `above`."""
+        """Return where values violate either bound, by more than a further `slack`."""
         return np.asarray(self.above(values, slack) | self.below(values, slack))
 
 
 @dataclass(frozen=True)
 class Measure:
-    """Measure of the size of a block over its free elements, in scene units.
-
-    The size of a part of a block never exceeds the size of the block.
-    """
+    """Measure of a block's size over its free elements; a part is never larger than the whole."""
 
     key: str  # key of its limit under "search"
     words: str  # words after a size in messages
@@ -78,26 +68,24 @@ class Measure:
     of: Callable[[Elements], Floats] | None
 
 
+# number of free elements of a block
 CELLS: Final = Measure("block_cells", "free elements", True, lambda elements: np.ones(len(elements)))
-"""Number of free elements of a block."""
 
+# sum of the magnitudes of the elements' weights, scene units of force
 WEIGHT: Final = Measure("block_weight", "of weight", False, lambda elements: np.linalg.norm(elements.weight, axis=1))
-"""Sum of the magnitudes of the elements' weights, scene units of force."""
 
+# longest side of the bounding box of a block, scene units of length
 EXTENT: Final = Measure("block_extent", "of extent", False, None)
-"""Longest side of the bounding box of a block, scene units of length."""
 
+# sum of the masses of the elements
 MASS: Final = Measure("block_mass", "of mass", False, lambda elements: elements.mass)
-"""Sum of the masses of the elements."""
 
-MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)
-"""Block measures that can be limited, in the order of messages."""
+MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)  # block measures that can be limited, in the order of messages
 
+# number of elements of a block that `search.except` names: one exempts the block from limits
 EXEMPT: Final = Measure("", "of elements that limits except", True, None)
-"""Number of elements of a block that `search.except` names; blocks with such an element are exempt from limits."""
 
-SizeOf = Callable[[Measure], Floats]
-"""Function that returns the sizes of some blocks by a measure, in the shape of the blocks."""
+SizeOf = Callable[[Measure], Floats]  # returns the sizes of some blocks by a measure, in the shape of the blocks
 
 
 @dataclass(frozen=True)
@@ -109,10 +97,7 @@ class Sized:
 
     @classmethod
     def elements(cls, elements: Elements, excepted: Bools) -> Sized:
-        """Compute the sizes of the elements of an assembly; supports have no size.
-
-        `excepted` (n,) marks the elements that exempt their block from limits.
-        """
+        """Compute the sizes of elements, 0 for supports; `excepted` (n,) exempt their blocks from limits."""
         free = ~elements.support
         adds = {
             measure.key: np.where(free, measure.of(elements), 0.0).astype(float) for measure in MEASURES if measure.of
@@ -121,14 +106,10 @@ class Sized:
         return cls(adds, np.where(free[:, None], np.hstack([elements.upper, -elements.lower]), -inf))
 
     def take(self, order: Ints) -> Sized:
-        """Return selected entries in the given order."""
         return Sized({key: values[order] for key, values in self.adds.items()}, self.corner[order])
 
     def joined(self, name: Ints, count: int) -> Sized:
-        """Return the sizes of sets of entries.
-
-        name: (n,) set of each entry.
-        """
+        """Return the sizes of `count` sets of entries; name: (n,) set of each entry."""
         corner = np.full((count, self.corner.shape[1]), -inf)
         np.maximum.at(corner, name, self.corner)
         adds = {key: np.bincount(name, values, minlength=count).astype(float) for key, values in self.adds.items()}
@@ -142,7 +123,6 @@ class Sized:
         """Return a function that gives the sizes (r,) of r sets with `members` (n, r)."""
 
         def size(measure: Measure) -> Floats:
-            """Return the sizes (r,) by a measure."""
             if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key] @ members)
             return _longest(np.array([np.where(members, side[:, None], -inf).max(axis=0) for side in self.corner.T]))
@@ -154,7 +134,6 @@ class Sized:
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
-            """Return the size by a measure."""
             if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key][rows].sum())
             return _longest(self.corner[rows].max(axis=0))
@@ -170,11 +149,7 @@ def _longest(corner: Floats) -> Floats:
 
 
 def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = MEASURES) -> dict[str, Floats]:
-    """Compute the sizes of all blocks of labellings by several measures.
-
-    blocks: (k, n) block of each element, from `blocks_of`. Result: sizes by the key of the measure, at the column of
-    each block's name, scene units. Columns that name no block with a free element are zero.
-    """
+    """Compute the sizes of blocks (k, n), scene units, at the column of each name, by key of the measure."""
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
     found = {}
@@ -193,8 +168,8 @@ def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = 
 _SAME: Final = 1e-12  # relative difference up to which sizes of elements count as equal
 
 
+# limits on the shape of single blocks: key under "search", and attribute of an outline
 SHAPED: Final = {"block_aspect": "aspect"}
-"""Limits with bounds on the shape of single blocks: key under "search" and attribute of an outline (`BlockShapes`)."""
 
 _MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the outline of a block
 
@@ -230,10 +205,7 @@ class Limits:
 
     @cached_property
     def excepted(self) -> Bools:
-        """(n,) mask of the elements that exempt their block from limits on single blocks.
-
-        Raises InputError if `search.except` names something other than a free element. The sink is exempt as well.
-        """
+        """(n,) mask of the elements, with the sink, that exempt their block from limits."""
         found, elements = np.zeros(len(self.assembly.elements), dtype=bool), self.assembly.elements
         for place, name in enumerate(self.search.except_):
             if name not in elements.index or elements.support[elements.index[name]]:
@@ -263,20 +235,14 @@ class Limits:
 
     @cached_property
     def on_shapes(self) -> tuple[tuple[str, Range], ...]:
-        """Given limits on the shape of single blocks, by the attribute of an outline.
-
-        They are not checked on partial blocks, because a part may violate a limit that the whole block satisfies.
-        """
+        """Given limits on the shape of single whole blocks, by the attribute of an outline."""
         bounds = [(name, Range.of(getattr(self.search, key), whole=False)) for key, name in SHAPED.items()]
         convex = self.search.convex_blocks
         corners = Range.of((None, None if convex is False else 0 if convex is True else convex), whole=True)
         return tuple((name, one) for name, one in (*bounds, ("reentrant", corners)) if one.given)
 
     def misshapen(self, members: Iterable[int]) -> bool:
-        """Return True if one block, given by its free elements, violates a limit on its shape.
-
-        Exempt blocks never do.
-        """
+        """Return whether a block, given by its free elements, violates a limit on its shape."""
         rows = np.array(sorted(members), dtype=np.int64)
         if not self.on_shapes or self.excepted[rows].any():
             return False
@@ -303,32 +269,24 @@ class Limits:
         return any(bounds.low is not None for _, bounds in self.on_blocks)
 
     def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
-        """Return True where blocks exceed an upper limit.
-
-        Unless `mendable`, no added element can make such a block admissible. Result: mask in the shape of the sizes;
-        False for exempt blocks.
-        """
+        """Return where blocks exceed an upper limit, in the shape of the sizes; False for exempt ones."""
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
         return self._violated(found, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
-        """Return True where blocks are below a lower limit; arguments as for `too_large`."""
+        """Return where blocks are below a lower limit; False for exempt ones."""
         found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
         return self._violated(found, size)
 
     def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
-        """Return True where any limit is violated and the block is not exempt."""
+        """Return where any limit is violated and the block is not exempt."""
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)
         return np.asarray(found & (size(EXEMPT) == 0.0) if self.excepted.any() else found)
 
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
-        """Return True for labellings that satisfy all limits.
-
-        labellings: (k, m) True = dry. blocks: (k, n) blocks of the labellings, if known. Returns (k,): True if all
-        limits are satisfied.
-        """
+        """Return (k,) whether labellings (k, m), of known blocks (k, n), satisfy all limits."""
         good = np.ones(len(labellings), dtype=bool)
         if self.assembly.sink >= 0 and len(labellings):
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
@@ -354,20 +312,14 @@ class Limits:
 
     @property
     def most_left_out(self) -> float:
-        """Largest total volume of omitted cells, scene units; 0 if no cell may be omitted.
-
-        The value includes a tolerance for rounding.
-        """
+        """Largest total volume of omitted cells, scene units, with a tolerance for rounding."""
         if self.search.void is None:
             return 0.0
         elements = self.assembly.elements
         return self.search.void.most * float(elements.volume[elements.free].sum()) * (1.0 + tolerances.DECIMALS)
 
     def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
-        """Return (k,) True where the remaining cells stand on supports and few enough are omitted.
-
-        blocks: (k, n).
-        """
+        """Return (k,) where the remaining cells of blocks (k, n) stand and few enough are omitted."""
         # Only cells that may be left out are omitted, never all.
         sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
         gone = blocks == blocks[:, [sink]]
@@ -387,10 +339,7 @@ class Limits:
         return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:
-        """Return a range for every measure on blocks of sets of elements.
-
-        Result: ranges by the key of the measure; the range on cells is in whole numbers.
-        """
+        """Return the range of each measure by its key; equal cells turn it into a range on cells."""
         # A limit on an additive measure becomes a limit on cells if all cells have the same size.
         found = {measure.key: self.bounds(measure) for measure in MEASURES}
         cells = found[CELLS.key]

@@ -1,7 +1,4 @@
-"""Explain in words why a labelling is not in a search space.
-
-The tests are those of `feasible`, one at a time.
-"""
+"""Explain in words why a labelling is not in a search space, by the tests of `feasible`."""
 
 from __future__ import annotations
 
@@ -15,19 +12,13 @@ from jld_explore.space.search_space import SearchSpace
 
 
 def reasons_against(space: SearchSpace, labels: Bits) -> tuple[str, ...]:
-    """Explain why a labelling is not in a search space.
-
-    labels: (m,) True = dry. Result: one sentence per violated condition; empty if `feasible` accepts the labelling.
-    """
+    """Return one sentence for each condition of the space that a labelling (m,) violates."""
     blocks = blocks_of(space.graph, labels[None])
     return (*_of_faces(space, labels, blocks[0]), *_of_blocks(space, blocks), *_of_counts(space, labels))
 
 
 def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
-    """Return violations of fixed labels and of `search.segmentation`.
-
-    labels: (m,) True = dry. block: (n,) block of each element.
-    """
+    """Return violations of fixed labels and of `search.segmentation`; block: (n,) of each element."""
     found = []
     for label, name in ((True, "dry"), (False, "inner")):
         kept = (labels != space.fixed) & ~space.candidates & (space.fixed == label)
@@ -85,10 +76,7 @@ def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
 
 
 def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
-    """Describe the block `name` for a message, with the number of blocks that violate a limit.
-
-    block: (n,) block of each element. wrong: (n,) True at the names of the blocks that violate the limit.
-    """
+    """Name a block for a message, with the number of blocks (n,) that violate the limit."""
     first, more = space.assembly.elements.ids[_members(space, block, name)[0]], int(wrong.sum()) - 1
     return f"the block of {first!r}" + (f" (one of {more + 1})" if more else "")
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, floor
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
+from jld_core.plugins import part
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
@@ -38,10 +38,7 @@ class _Numbers:
 
 
 def may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """Return (m,) False where the union of the two blocks beside a face exceeds a limit.
-
-    least: (n,) block of each element through fixed inner faces.
-    """
+    """Return (m,) False where the union of the two blocks (n,) beside a face exceeds a limit."""
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
     if limits.excepted.any():
@@ -56,10 +53,7 @@ def may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 def refuse_contradictions(
     limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints, graph: Connectivity
 ) -> None:
-    """Raise InputError for a limit that provably excludes every labelling.
-
-    candidates, fixed: (m,), least, most: (n,), graph: all as in `SearchSpace`.
-    """
+    """Raise InputError for a limit that provably excludes every labelling."""
     numbers = _numbers_of_blocks(limits, least, most)
     if numbers.least > numbers.most:
         problem = f"no number of blocks fits (at least {numbers.least}, at most {numbers.most})"
@@ -72,11 +66,7 @@ def refuse_contradictions(
 
 
 def _numbers_of_blocks(limits: Limits, least: Ints, most: Ints) -> _Numbers:
-    """Return the numbers of blocks that limits on single blocks leave.
-
-    least, most: (n,) as in `SearchSpace`. Raises InputError if the smallest blocks are too large, or the largest ones
-    too small.
-    """
+    """Return the numbers of blocks that limits on single blocks leave; InputError for none."""
     assembly = limits.assembly
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
     holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
@@ -119,10 +109,7 @@ def _refuse_sizes(
 
 
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:
-    """Raise InputError if no layout can keep a limit on a count of faces or blocks.
-
-    candidates, fixed: (m,) as in `SearchSpace`.
-    """
+    """Raise InputError if no layout can keep a limit on a count of faces or blocks."""
     assembly = limits.assembly
     for count, bounds in limits.on_counts:
         if not count.terms or assembly.sink >= 0:
@@ -180,10 +167,7 @@ def _refuse_shapes_and_sawing(
 
 
 def _shapes_alone(limits: Limits, candidates: Bools, least: Ints, graph: Connectivity) -> int:
-    """Return the number of shapes of blocks that no face can join to others, at least 1.
-
-    candidates: (m,), least: (n,), as in `SearchSpace`.
-    """
+    """Return the number of shapes of blocks that no face can join to others, at least 1."""
     joins = candidates & may_join(limits, least, graph) & (least[graph.a] != least[graph.b])
     open_ones = np.unique(np.concatenate([least[graph.a[joins]], least[graph.b[joins]]]))
     free = limits.assembly.elements.free
@@ -193,7 +177,6 @@ def _shapes_alone(limits: Limits, candidates: Bools, least: Ints, graph: Connect
 
 
 def _asked(bounds: Range) -> str:
-    """Return the bounds of a limit as they are written in a scene."""
     return _written([bounds.low, bounds.high])
 
 
@@ -203,21 +186,15 @@ def _written(bounds: list[float | None]) -> str:
 
 
 def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Return the least and largest number of faces that a count of dry faces can include.
-
-    candidates, fixed: (m,) as in `SearchSpace`.
-    """
+    """Return the least and largest number of faces that a count of dry faces can include."""
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())
 
 
 def _most_inner(limits: Limits, faces: Bools) -> int:
-    """Return an upper bound on the number of faces that can be inner at the same time.
-
-    faces: (m,) those counted; only faces between free elements are. An element in a block of c cells shares faces with
-    at most c − 1 others of the block.
-    """
+    """Return an upper bound on the number of faces, of those counted (m,), that can be inner together."""
+    # an element in a block of c cells shares faces with at most c − 1 others of the block
     assembly, most = limits.assembly, limits.bounds(CELLS).high
     faces = faces & assembly.free_faces
     if most is None or not faces.any():
@@ -234,21 +211,18 @@ class SearchSpace:
     Attributes
     ----------
     assembly : Assembly
-        Structure; with `void` it includes the sink, and each cell that may be omitted has one more face.
+        With `void` it includes the sink, and a face to it for each cell that may be omitted.
     search : Search
-        Section "search" of the scene.
     candidates : (m,) bool array
         Faces that may have either label.
     fixed : (m,) bool array
-        Labels, True = dry, that apply to faces that are not candidates.
+        Labels of the other faces.
     graph : Connectivity
-        Element graph, for `blocks_of`.
-    least : (n,) int array
-        Blocks through fixed inner faces alone; blocks of every labelling contain them.
-    most : (n,) int array
-        Blocks if all candidates are inner.
+        Element graph.
+    least, most : (n,) int array
+        Block of each element by fixed inner faces alone, and with all candidates inner.
     symmetry : SymmetryGroup
-        Symmetries that map the space onto itself and preserve the load factor and all counts.
+        Symmetries that preserve λ and all counts.
     void : Void or None
         Cells that may be left out.
     """
@@ -278,32 +252,29 @@ class SearchSpace:
         return Limits(self.assembly, self.search)
 
     @cached_property
-    def laying(self) -> SequenceConstraint | None:
-        """Assembly sequence constraint, None if the search has none.
-
-        It is evaluated for canonical labellings, so that all images of a labelling give the same result.
-        """
+    def laying(self) -> Any:
+        """Constraint of `jld_practice.laying` on canonical labellings, None if the search has none."""
         if self.search.assemble is None:
             return None
         sideways = self.search.assemble_out_of_plane
-        return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+        return part("laying_constraint")(
+            self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways
+        )
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
-        """Return the part of the space without slits and large blocks, and with all cells.
-
-        It also excludes labellings whose blocks are joined to a support. Possible blocks can be listed there more often
-        than in the whole space. The part shares the results on assembly sequences.
+        """Return the part of the space without slits, omitted cells and large blocks.
 
         Parameters
         ----------
         cells : int, optional
-            Largest number of cells of a block in the part. Default: as in the space.
+            Most cells of a block; default: as in the space.
 
         Returns
         -------
         SearchSpace
-            Subset of this space, or this space itself where the part is all of it.
+            This space itself where the part is all of it.
         """
+        # blocks joined to supports are excluded too: there possible blocks can be listed more often
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         held = self.candidates & (support[faces.a] | support[faces.b])
         low, high = self.search.block_cells
@@ -317,14 +288,15 @@ class SearchSpace:
         return part
 
     def can_be_laid(self, labellings: Bits) -> Bools:
-        """Return (k,) True where labellings (k, m) have an assembly sequence, or none is required."""
+        """Return (k,) whether labellings (k, m) have an assembly sequence, or none is required."""
         if self.laying is None:
             return np.ones(len(labellings), dtype=bool)
-        return self.laying.possible(canonical(labellings, self.group))
+        kept: Bools = self.laying.possible(canonical(labellings, self.group))
+        return kept
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """Return (k,) True for the labellings that are in the search space. labellings: (k, m) True = dry."""
+    """Return (k,) whether labellings (k, m) are in the search space."""
     # A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
@@ -338,6 +310,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     return np.asarray(good)
 
 
+@typed
 def search_space(
     scene: Scene,
     assembly: Assembly,
@@ -351,28 +324,22 @@ def search_space(
     Parameters
     ----------
     scene : Scene
-        Validated scene.
     assembly : Assembly
-        Assembly of the scene.
     allow_empty : bool
         Accept a space without candidates, which holds the scene's own labelling alone.
     need_materials : bool
         Refuse a label that may occur but has no material.
-        Scenes that are described but not searched use the opposite of both defaults.
     tells_apart : str
-        Reason why what ranks layouts may tell mirror images apart; then none are merged.
+        Reason why mirror images may rank differently; then none are merged.
 
     Returns
     -------
     SearchSpace
-        Search space.
 
     Raises
     ------
     InputError
-        If a count or an id is unknown, a pair has no interface or is kept with both labels, or no candidate is left.
-        Also if fixed labels contradict each other, no labelling satisfies the limits, a material is missing, or the
-        scene lacks the requested symmetry.
+        If the section names something unknown, contradicts itself or leaves no labelling.
     """
     require_kind("scene", scene, Scene)
     require_kind("assembly", assembly, Assembly)
@@ -413,10 +380,8 @@ def search_space(
 
 
 def _refuse_walls(void: Void, assembly: Assembly, candidates: Bools, search: Search) -> None:
-    """Raise InputError for faces fixed dry between two cells that may be left out.
-
-    Two omitted cells are one block with the sink, so the face between them cannot be dry.
-    """
+    """Raise InputError for faces fixed dry between two cells that may be left out."""
+    # two omitted cells are one block with the sink, so the face between them cannot be dry
     faces = assembly.interfaces
     may = np.isin(np.arange(len(assembly.elements)), void.cells)
     keep = faces_of_pairs(search.keep.dry, assembly.elements, faces, "search.keep.dry")
@@ -448,11 +413,7 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
 
 
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
-    """Raise InputError if a label that can occur has no material.
-
-    candidates, fixed: (m,) as in `SearchSpace`. least: (n,) block of each element if only faces that are inner in every
-    labelling join elements.
-    """
+    """Raise InputError if a label that can occur has no material."""
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)

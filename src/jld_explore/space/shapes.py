@@ -1,10 +1,4 @@
-"""Compute outlines of blocks: which are congruent, their aspect, and reentrant corners.
-
-Each block is computed once. Two blocks have the same shape if a translation maps one onto the other.
-If moulds may be turned, rotations count as well; if moulds may be turned over, reflections count as well.
-The comparison uses the boundary of the union of a block's elements within the geometric tolerance.
-It uses corners and midpoints of edges (planar) or of faces (spatial).
-"""
+"""Compute outlines of blocks: which are congruent, their aspect, and reentrant corners."""
 
 from __future__ import annotations
 
@@ -32,11 +26,7 @@ _SHIFT: Final = 0.37
 
 
 class BlockShapes:
-    """Outlines of the blocks of one assembly, computed on request and cached; thread-safe.
-
-    assembly: structure with n elements. rotate: blocks that differ by a rotation have the same shape. flip: blocks that
-    differ by a reflection have the same shape.
-    """
+    """Outlines of the blocks of one assembly, computed on request and cached; thread-safe."""
 
     def __init__(self, assembly: Assembly, *, rotate: bool = False, flip: bool = False) -> None:
         self.assembly = assembly
@@ -56,20 +46,14 @@ class BlockShapes:
         self._lock = RLock()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for pickling, without the lock."""
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the state and create a new lock."""
         self.__dict__.update(state)
         self._lock = RLock()
 
     def look(self, blocks: Ints) -> tuple[Bools, Ints]:
-        """Find the blocks of labellings among the known outlines, and compute missing outlines.
-
-        blocks: (k, n) block of each element, from `blocks_of`. Result: a mask (k, n), True at columns that name a block
-        with free elements; and (k, n) positions of these blocks among the known outlines, −1 elsewhere.
-        """
+        """Compute missing outlines of blocks (k, n): mask of columns with a block, and positions, else −1."""
         with self._lock:
             return self._look(blocks)
 
@@ -109,11 +93,7 @@ class BlockShapes:
             return self._place[key]
 
     def kinds(self, blocks: Sequence[Sequence[int]]) -> Ints:
-        """Return the shape numbers of single blocks; congruent blocks have the same number.
-
-        blocks: free elements of each block, ascending. Returns (b,). Raises DeadlinePassed if an enforced deadline
-        passes first.
-        """
+        """Return the shape number (b,) of blocks, ascending free elements each; equal if congruent."""
         places = []
         for members in blocks:
             checkpoint()
@@ -170,7 +150,7 @@ class BlockShapes:
         return np.array(self._kinds.roots(self._number), dtype=np.int64)
 
     def _seed(self) -> None:
-        """Give numbers to the smallest blocks first: which of them connect shapes depends on no layout seen."""
+        """Give numbers to the smallest blocks first, so that connected shapes depend on no layout seen."""
         # The smallest blocks are single elements and, where some are alike without being copies, connected ones of
         # growing number.
         free = [k for k in self.assembly.elements.free.tolist() if k != self.assembly.sink]
@@ -198,10 +178,7 @@ class BlockShapes:
             }
 
     def _of(self, members: Ints) -> Outline:
-        """Return the outline of a block, cached for blocks of equal elements in equal positions.
-
-        On a regular grid nearly all blocks are found in the cache.
-        """
+        """Return the outline of a block, cached for equal elements in equal positions."""
         centroid = self.assembly.elements.centroid[members]
         places = np.floor((centroid - centroid[0]) / self._step + _SHIFT).astype(np.int64)
         key = self._like[members].tobytes() + places.tobytes()

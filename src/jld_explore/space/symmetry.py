@@ -1,8 +1,4 @@
-"""Find the symmetries of a scene: isometries that map labellings onto equivalent ones.
-
-An isometry counts only if it maps what the model that answers reads: the joint grid, the finer cells where blocks crack
-along them, and the facts of `Signature`.
-"""
+"""Find the symmetries of a scene: isometries that map labellings onto equivalent ones."""
 
 from __future__ import annotations
 
@@ -33,8 +29,7 @@ if TYPE_CHECKING:
 # Largest difference of values that are mapped onto each other, relative to their size
 _NEAR: Final = 10.0 * tolerances.SYMMETRY
 
-Tag = tuple[Hashable, ...]
-"""Facts that must be the same at the image."""
+Tag = tuple[Hashable, ...]  # facts that must be the same at the image
 
 
 @dataclass(frozen=True)
@@ -65,10 +60,7 @@ class Unknown(Exception):
 
 
 def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
-    """Return the signature of a scene, None where resultants and mean strengths are all that is read.
-
-    Raises Unknown for facts that are not in the signature.
-    """
+    """Return the signature of a scene, None where resultants and mean strengths are all that is read."""
     # Blocks that crack by fields read where loads act, and a reliability analysis the distribution of each value.
     varying = [path for path, _ in uncertain_values(scene)]
     if not varying and not isinstance(scene.cracks, FieldCracks):
@@ -115,7 +107,6 @@ def _tags_of_faces(scene: Scene, assembly: Assembly) -> list[Tag]:
 
 
 def _text(values: Iterable[Any]) -> str:
-    """Return values with their distributions as a text."""
     return json.dumps([written(value) for value in values], sort_keys=True)
 
 
@@ -182,14 +173,14 @@ def _spread(value: Any) -> Tag:
 
 
 def same_tags(tags: tuple[Tag, ...], to: Ints) -> bool:
-    """Return True if each tag is that of its image; further images, which have no tag, are left out."""
+    """Return whether each tag is that of its image; further images, without tags, are left out."""
     return all(tags[k] == tags[image] for k, image in enumerate(to[: len(tags)].tolist()) if image < len(tags))
 
 
 def same_marks(
     marks: tuple[Mark, ...], images: tuple[Mark, ...], to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> bool:
-    """Return True if marks are mapped one to one: elements by `to`, points by a matrix (d, d) about `centre`."""
+    """Return whether marks are mapped one to one: elements by `to`, points by a matrix about `centre`."""
     if len(marks) != len(images):
         return False
     left = list(range(len(images)))
@@ -202,10 +193,7 @@ def same_marks(
 
 
 def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if a mark is mapped onto another one.
-
-    to: (n,) image of each element. matrix, centre: the map. reach: distance within which places are equal.
-    """
+    """Return whether a mark is mapped onto another one, within `reach`."""
     element = -1 if mark.element < 0 else int(to[mark.element])
     if mark.kind != image.kind or element != image.element or mark.items.shape != image.items.shape:
         return False
@@ -234,27 +222,20 @@ _FEW: Final = 200  # largest number of points whose distances are all computed; 
 
 @dataclass(frozen=True)
 class SymmetryGroup:
-    """Isometries that map the scene onto itself, the identity first.
-
-    Each isometry permutes the faces differently. The images of a labelling are `labelling[faces]`.
-    """
+    """Isometries that map the scene onto itself, the identity first; each permutes faces differently."""
 
     matrices: Floats  # (g, d, d) orthogonal matrices about the mean of the elements' centroids
     elements: Ints  # (g, n) element onto which each element is mapped
     faces: Ints  # (g, m) face onto which each face is mapped
 
     def __len__(self) -> int:
-        """Return the number of isometries."""
         return len(self.faces)
 
 
 def symmetry_group(
     assembly: Assembly, scene: Scene, candidates: Bools, fixed: Bits, *, unknown: str = ""
 ) -> SymmetryGroup:
-    """Find the group that `search.symmetry` requests.
-
-    Raises InputError for "mirror-x" if the scene does not have this symmetry.
-    """
+    """Find the group that `search.symmetry` requests; InputError for a "mirror-x" that is not there."""
     d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
     identity = (np.eye(d), np.arange(n), np.arange(m))
     found = [identity]
@@ -338,10 +319,7 @@ def _kinds(assembly: Assembly) -> Ints:
 
 
 class _Spot:
-    """Test of isometries on one scene; the finer cells are computed once a matrix maps the joint grid.
-
-    candidates, fixed: (m,) as in `SearchSpace`.
-    """
+    """Test of isometries on one scene; finer cells are computed once a matrix maps the joint grid."""
 
     def __init__(
         self, assembly: Assembly, scene: Scene, candidates: Bools, fixed: Bits, signature: Signature | None
@@ -351,7 +329,7 @@ class _Spot:
         self._cells: CrackCells | None = None
 
     def image(self, matrix: Floats) -> tuple[Ints, Ints] | str:
-        """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or the first reason why not."""
+        """Return the images of elements (n,) and faces (m,) under a matrix (d, d), or a reason for none."""
         assembly, search = self._assembly, self._scene.search
         centre = assembly.elements.centroid.mean(axis=0)
         if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
@@ -369,7 +347,7 @@ class _Spot:
         return self._of_cells(matrix, centre, of_faces) or image
 
     def _of_cells(self, matrix: Floats, centre: Floats, face_to: Ints) -> str:
-        """Return why the finer cells are not mapped as the faces of the joint grid are, "" where they are."""
+        """Return why the finer cells are not mapped as the faces of the joint grid are, else ""."""
         cracks, base = self._scene.cracks, self._assembly
         if not isinstance(cracks, CellCracks):
             return ""
@@ -390,7 +368,7 @@ class _Spot:
 
 
 def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signature | None) -> tuple[Ints, Ints] | str:
-    """Return the images of elements (n,) and interfaces (m,) under a matrix (d, d) about `centre`, or a reason."""
+    """Return the images of elements (n,) and interfaces (m,) under a matrix about `centre`, or a reason."""
     # The reason is a text that names the first property that is not mapped onto itself.
     whole, assembly = assembly, faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
@@ -435,7 +413,7 @@ def _image(assembly: Assembly, matrix: Floats, centre: Floats, signature: Signat
 
 
 def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
-    """Return True if the axes of bending of spatial faces are mapped onto such axes with equal sizes."""
+    """Return whether the axes of bending of spatial faces are mapped onto axes of equal sizes."""
     # The axes of a face without a preferred direction may be an arbitrary choice, which its yield set reads.
     e1, e2 = faces.e1 @ matrix.T, faces.e2 @ matrix.T
     near = 10.0 * tolerances.SYMMETRY * np.maximum(faces.l1, faces.l2)
@@ -452,10 +430,7 @@ def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
 def _image_of_members(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> Ints | None:
-    """Return the images of the interfaces of members; None if a member has no image.
-
-    to: (n,) image of each element. The image of a member has the same capacities and the moved points, in either order.
-    """
+    """Return the images of the interfaces of members; None if a member has no image."""
     members = assembly.members
     tags = () if signature is None else signature.members
     strengths = assembly.face_strengths.table()
@@ -466,7 +441,7 @@ def _image_of_members(
         moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
 
         def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
-            """Return True if member j is the image of member k."""
+            """Return whether member j is the image of member k."""
             one, other = int(members.face[k]), int(members.face[j])
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
@@ -490,10 +465,7 @@ def _image_of_members(
 
 
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
-    """Return (n,) point of the wanted kind within `reach` of each moved point, or None.
-
-    moved, points: (n, d). None means that the map is not one to one.
-    """
+    """Return the point (n,) of the wanted kind within `reach` of each moved point, or None."""
     if not len(points):
         return np.zeros(0, dtype=np.int64)
     # An additional coordinate separates kinds by more than the distance of any two points.
@@ -511,10 +483,7 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
 
 
 def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Return True if each moved shape has the corners of its image, in any order.
-
-    to: (n,) image of each shape. matrix: (d, d) about `centre`. Corners may differ by twice `reach`.
-    """
+    """Return whether each moved shape has the corners of its image, in any order, to twice `reach`."""
     corners = np.array([len(s) for s in shapes])
     if np.any(corners != corners[to]):
         return False
@@ -531,13 +500,12 @@ def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: 
 def _same_loads(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> bool:
-    """Return True if every load case maps one to one onto a case of equal required factor."""
+    """Return whether every load case maps one to one onto a case of equal required factor."""
     cases, required = assembly.by_case, assembly.required
     if signature is not None and not same_marks(signature.dead, signature.dead, to, matrix, centre, reach):
         return False
 
     def is_image(k: int, j: int) -> bool:
-        """Return True if case j is the image of case k."""
         if required[k] != required[j] or not _falls_on(cases[k], cases[j], to, matrix):
             return False
         return signature is None or same_marks(signature.cases[k], signature.cases[j], to, matrix, centre, reach)
@@ -552,10 +520,7 @@ def _same_loads(
 
 
 def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
-    """Return True if the dead and live loads of one case map onto those of another.
-
-    to: (n,) image of each element. matrix: (d, d). Moments change sign under reflections.
-    """
+    """Return whether the dead and live loads of one case map onto those of another."""
     d = one.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix

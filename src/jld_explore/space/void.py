@@ -1,11 +1,4 @@
-"""Represent cells that may be left out, a third label expressed by the first two.
-
-The searched assembly has one more support, the **sink**, and a face of zero size from each such cell to it.
-If this face is dry, the cell stays; if it is inner, the cell belongs to the block of the sink and is left out.
-The omitted cells thus form a block like any other, and operators, symmetry and records need no third label.
-No analysis is made with the sink: `cut` returns the structure without the omitted cells.
-In tables a face beside an omitted cell has the letter v.
-"""
+"""Represent cells that may be left out by one more support, the sink, and faces of zero size to it."""
 
 from __future__ import annotations
 
@@ -23,18 +16,14 @@ from jld_core.strengths import Strengths
 from jld_core.sub_assembly import with_members, without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
-LETTER: Final = "v"
-"""Letter of a face beside a cell that is left out."""
+LETTER: Final = "v"  # letter of a face beside a cell that is left out
 
 _LETTERS: Final = LETTERS + LETTER  # all letters of a labelling as text, with void cells
 
 
 @dataclass(frozen=True)
 class Void:
-    """Cells that may be left out, represented by faces to one added support, the sink.
-
-    A labelling has m + c labels: those of the m faces of `real`, then one for each cell, True = the cell stays.
-    """
+    """Cells that may be left out: a dry face to the sink keeps a cell, an inner one omits it."""
 
     real: Assembly  # structure without the sink, with m faces and n elements
     cells: Ints  # (c,) elements that may be left out, in the order of their faces to the sink
@@ -57,37 +46,24 @@ class Void:
 
 
 def is_labelling(text: object, faces: int) -> bool:
-    """Return True if an object is the text of a labelling.
-
-    Result: True for a string of m letters d, i and v.
-    """
+    """Return whether an object is a text of one letter d, i or v for each of some faces."""
     return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
 
 
 def beside_nothing(text: str) -> Bools:
-    """Return the faces beside a cell that is left out.
-
-    text: m letters of a labelling. Returns (m,).
-    """
+    """Return the faces (m,) beside a cell that is left out."""
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(LETTER))
 
 
 def dry_of(text: str) -> Bits:
-    """Convert the letters of a labelling to a mask of dry faces; faces with v are not dry.
-
-    text: m letters d, i and v. Returns (m,). Raises ValueError if the text holds any other letter.
-    """
+    """Convert the letters of a labelling to a mask of dry faces (m,); faces with v are not dry."""
     if text.strip(_LETTERS):
         raise ValueError(f"a labelling holds {text.strip(_LETTERS)[0]!r}; expected 'd', 'i' and 'v' only")
     return from_string(text.replace(LETTER, INNER_LETTER))
 
 
 def omitted(assembly: Assembly, text: str) -> Bools:
-    """Return the elements that a labelling leaves out.
-
-    text: m letters of a labelling. Returns (n,): True for free elements all of whose faces have the letter v; all False
-    for a text without v.
-    """
+    """Return the elements (n,) that a labelling leaves out: free ones all of whose faces have a v."""
     void = beside_nothing(text)
     faces = assembly.interfaces
     solid = np.zeros(len(assembly.elements), dtype=bool)
@@ -96,11 +72,7 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 
 
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
-    """Return the structure without the cells that a labelling leaves out, and its labels.
-
-    Result: remaining structure, the given one if the text has no v; and labels of its interfaces, True = dry. Raises
-    ValueError if the text holds a letter other than d, i and v.
-    """
+    """Return the structure without the cells that a labelling leaves out, and its labels."""
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:
         return assembly, labels
@@ -109,10 +81,7 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
 
 
 def void_of(scene: Scene, assembly: Assembly) -> Void | None:
-    """Return the cells that a scene's search may leave out, None if there are none.
-
-    Raises InputError for ids that are not free elements, loaded cells, and searches that void cells do not support.
-    """
+    """Return the cells that a scene's search may leave out, or None; InputError where it cannot."""
     asked, elements = scene.search.void, assembly.elements
     if asked is None:
         return None

@@ -1,10 +1,4 @@
-"""Compute work balances of mechanisms exactly in integers, without rounding.
-
-A double is an integer over a power of two, so jumps, dissipation and work of a mechanism are as well.
-Two operations are not exact: a square root in space and a quotient under crushing.
-Both are rounded up, which weakens the bound of the mechanism.
-Formula numbers refer to docs/method.md. The formulas are restated here and share no code with the search.
-"""
+"""Compute work balances of mechanisms exactly in integers; formulas of docs/method.md, restated here."""
 
 from __future__ import annotations
 
@@ -24,8 +18,8 @@ from jld_core.strengths import Route
 
 _ROUTE: Final = Route("certificates")
 
+# velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move
 Moves = Mapping[int, Sequence[int]]
-"""Velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move."""
 
 _PARTS: Final = 24  # denominator of dissipation, so that halves, sixths and twelfths of strengths are integers
 
@@ -38,23 +32,18 @@ class Balance:
     spent: Fraction | None  # dissipation minus power of the dead load; None if unbounded
 
     def proves(self, bound: Fraction) -> bool:
-        """Return True if the balance excludes every λ ≥ 0 above the bound.
-
-        With work 0 it does so if `spent` is negative: the labellings do not stand at any λ.
-        """
+        """Return whether the balance excludes every λ ≥ 0 above the bound; with work 0: every λ."""
         if self.spent is None or self.work < 0:
             return False
         return self.spent <= bound * self.work if self.work > 0 else self.spent < 0
 
 
 class Balances:
-    """Exact work balances of one assembly under one load.
-
-    assembly: structure with a single load case. Raises InputError if a spatial assembly has crushing or faces that are
-    not rectangles.
-    """
+    """Exact work balances of one assembly under one load."""
 
     def __init__(self, assembly: Assembly) -> None:
+        # a double is an integer over a power of two; square roots in space and quotients under crushing are rounded up,
+        # which weakens the bound
         self.assembly = assembly
         self._count = len(assembly.interfaces)
         self._planar = assembly.dimension == 2
@@ -110,7 +99,7 @@ class Balances:
         self._live, self._live_digits = whole(assembly.live)
 
     def _anchors(self) -> Iterator[tuple[int, int, Floats, Floats]]:
-        """Yield the points at which members act on elements, with the forces there."""
+        """Yield interface, element, point (d,) and unit forces (d, d) where members act on elements."""
         # A point is given by interface, element, position (d,), and forces (d, d) for unit N, V1 and V2 of the
         # interface.
         members, faces, d = self.assembly.members, self.assembly.interfaces, self.assembly.dimension
@@ -126,10 +115,7 @@ class Balances:
                 yield face, element, at, frame
 
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
-        """Evaluate the work balance of a mechanism.
-
-        Result: balance valid for all labellings with these labels.
-        """
+        """Evaluate the work balance of a mechanism, valid for all labellings with these labels."""
         scale = self._coefficient_digits + digits
         work = self._power(self._live, self._live_digits, moves, digits)
         total = 0
@@ -161,10 +147,7 @@ class Balances:
         return found
 
     def _power(self, forces: list[list[int]], shared: int, moves: Moves, digits: int) -> Fraction:
-        """Return the exact power of forces under velocities.
-
-        Forces are integers over 2^shared by element, velocities integers over 2^digits.
-        """
+        """Return the exact power of integer forces over 2^shared under velocities over 2^digits."""
         total = sum(
             f * v for element, velocity in moves.items() for f, v in zip(forces[element], velocity, strict=True)
         )
@@ -221,10 +204,7 @@ class Balances:
 
 
 def whole(values: Floats) -> tuple[list[list[int]], int]:
-    """Convert finite numbers (r, c) exactly to integers over one power of two, 2**digits.
-
-    Returns the rows of integers and `digits`.
-    """
+    """Convert finite numbers (r, c) exactly to integers over one power of two; return it as digits."""
     pairs = [[float(value).as_integer_ratio() for value in row] for row in values]
     digits = max((below.bit_length() - 1 for row in pairs for _, below in row), default=0)
     return [[above << (digits - below.bit_length() + 1) for above, below in row] for row in pairs], digits

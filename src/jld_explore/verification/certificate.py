@@ -1,9 +1,4 @@
-"""Read and write certificate files: JSON lines with the claim, the reasons and a digest.
-
-A reason is one line: a mechanism (`Mechanism`), one of three rules of a segmentation (`Rule`), or a lemma (`Lemma`).
-A lemma follows from reasons before it.
-Reasons are numbered consecutively after the clauses of the scene, which are numbered from one.
-"""
+"""Read and write certificates: JSON lines with the claim, numbered reasons and a digest."""
 
 from __future__ import annotations
 
@@ -18,10 +13,9 @@ from typing import Any, Final
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 
-VERSION: Final = 1
-"""Version of the file format."""
+VERSION: Final = 1  # version of the file format
+# exclusive limit on binary digits of velocities; a double has fewer than 1100 after its point
 MOST_DIGITS: Final = 10_000
-"""Exclusive limit on the binary digits of velocities; a double has fewer than 1100 after its point."""
 
 _KEY: Final = "jld certificate"  # key of the version in the first line
 # Remedy in error messages about a damaged certificate
@@ -98,11 +92,7 @@ def _line(reason: Reason) -> dict[str, Any]:
 
 
 def read(path: Path) -> tuple[Claim, list[Reason]]:
-    """Read a certificate without checking its reasons.
-
-    Result: claim of the certificate, whose scene is not validated, and the reasons in the order of their lines. Raises
-    InputError if the file cannot be read, is no certificate, is not whole, or has an invalid claim.
-    """
+    """Read a certificate without checking scene and reasons; InputError if it is damaged."""
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:
@@ -154,10 +144,7 @@ def _claim(head: dict[str, Any], path: str) -> Claim:
 
 
 def finite(value: object) -> float | None:
-    """Return the double nearest to a JSON number; None for anything else.
-
-    The result is also None beyond the range of doubles.
-    """
+    """Return the double nearest to a JSON number; None for anything else, or beyond doubles."""
     if type(value) not in (int, float):
         return None
     try:

@@ -1,10 +1,4 @@
-"""Derive clauses for the labellings of a scene, independently of the search.
-
-Face f has the variable f + 1, true if the face is inner.
-A clause of a certificate is accepted only if it follows from the scene.
-This module decides that by graph traversal and shares no code with the search.
-Limits that clauses cannot express are ignored. The proof then covers more labellings than the scene has.
-"""
+"""Derive clauses for the labellings of a scene by graph traversal, independently of the search."""
 
 from __future__ import annotations
 
@@ -54,17 +48,11 @@ _IDLE: Final = {"symmetry", "front"}  # keys under "search" that do not affect w
 
 
 class Labellings:
-    """Labellings of a scene as fixed labels and clauses.
-
-    A clause is a list of literals of which at least one holds: face + 1 states that a face is inner, −(face + 1) that
-    it is dry.
-
-    scene: validated scene. fixed: label of each face that has only one, True = dry. beginning: clauses known before any
-    reason; counts have variables of their own. Raises InputError if "search" has a key that certificates do not
-    support.
-    """
+    """Labellings of a scene as fixed labels and clauses."""
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
+        # literals: face + 1 states that a face is inner, −(face + 1) that it is dry; limits that clauses cannot express
+        # are ignored, so that the proof covers more labellings
         self.assembly, self.search = assembly, scene.search
         for name, field in type(scene.search).model_fields.items():
             # A key that admits more labellings, or an unknown new key, would make rules wrong.
@@ -132,17 +120,14 @@ class Labellings:
     # --- clauses that a certificate gives ---------------------------------------------------------------
 
     def slit(self, face: int, through: Sequence[int]) -> Clause | None:
-        """Return the clause that forbids a slit, or None if it does not follow.
-
-        The face is dry and the faces `through` are inner and join its two sides.
-        """
+        """Return the clause that forbids a slit: a dry face whose sides inner faces join; None if unfounded."""
         if not self.search.segmentation or face in through or not self._are_faces([face, *through]):
             return None
         a, b = self._ends[face]
         return [face + 1, *(-(f + 1) for f in through)] if b in self._joined(a, through) else None
 
     def too_large(self, joined: Sequence[int]) -> Clause | None:
-        """Return the clause that not all given faces are inner, or None if it does not follow."""
+        """Return the clause that not all given faces, whose block is too large, are inner, or None."""
         # The inner faces must join a block that exceeds a limit.
         if not joined or not self._are_faces(joined):
             return None
@@ -169,7 +154,7 @@ class Labellings:
         return None
 
     def _are_faces(self, faces: Iterable[int]) -> bool:
-        """Return True if all numbers are faces of the assembly, whose members are none."""
+        """Return whether all numbers are faces of the assembly, not interfaces of members."""
         return all(0 <= face < self.assembly.faces for face in faces)
 
     def _joined(self, start: int, faces: Sequence[int]) -> set[int]:

@@ -1,8 +1,4 @@
-"""Check a certificate: its scene, every reason, and that no labelling is left.
-
-The check relies on the reading and assembling of the scene, as `jld check` shows it, and on this sub-package.
-It does not rely on the program that searched, solved or wrote the file.
-"""
+"""Check a certificate: its scene, every reason, and that no labelling is left."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ from jld_explore.verification.labellings import Labellings
 
 
 def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
-    """Return True if a lemma follows by reverse unit propagation from given clauses in order."""
+    """Return whether a lemma follows by reverse unit propagation from given clauses in order."""
     # With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
     false = set(lemma)
     if any(-literal in false for literal in lemma):
@@ -56,24 +52,22 @@ class Verified:
 
 
 def verify(path: Path, scene: Scene | None = None) -> Verified:
-    """Check a certificate.
+    """Check a certificate, without the program that searched, solved or wrote it.
 
     Parameters
     ----------
     path : Path
-        File of the certificate.
     scene : Scene, optional
         Scene that the certificate must be of; by default the scene it holds.
 
     Returns
     -------
     Verified
-        Statement and numbers of the checked reasons.
 
     Raises
     ------
     InputError
-        For the first reason that does not hold, for a file that is no certificate, or for another scene.
+        For the first reason that does not hold, a damaged file, or another scene.
     """
     start = time.perf_counter()
     claim, reasons = read(path)
@@ -91,12 +85,7 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
-    """Checker of the reasons of one claim, in order: call `check` once.
-
-    claim: statement to check. clauses: clauses by number, with literals as in `Labellings`; those of the scene are
-    numbered from one. Raises InputError if the scene is not supported or the labelling of the claim is not one of the
-    scene.
-    """
+    """Checker of the reasons of one claim, in order."""
 
     def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
         self.labellings = Labellings(scene, assembly)
@@ -121,10 +110,7 @@ class Checker:
                 raise InputError("labelling", f"letter {face + 1} is {labelling[face]!r}", f"a face that is {fixed}")
 
     def check(self, reasons: list[Reason]) -> None:
-        """Check all reasons in order.
-
-        Raises InputError for the first reason that does not hold, or if labellings remain.
-        """
+        """Check all reasons; InputError for the first that does not hold, or if labellings remain."""
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)
             if clause is None:
@@ -169,7 +155,6 @@ class Checker:
 
 
 def _wrong(reason: Reason) -> str:
-    """Return the error message for a reason that does not hold."""
     if isinstance(reason, Mechanism):
         return "its mechanism does not prove the bound for all labellings of the reason"
     if isinstance(reason, Lemma):

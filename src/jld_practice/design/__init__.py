@@ -1,7 +1,4 @@
-"""From an outline to numbered stones: tessellations tried, searched, moved, checked and explained.
-
-Functions are imported from the modules that define them.
-"""
+"""From an outline to numbered stones: tessellations tried, searched, moved, checked and explained."""
 
 from __future__ import annotations
 

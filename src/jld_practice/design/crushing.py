@@ -14,24 +14,21 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldBounds, FieldRefinement
 from jld_core.fields.problem import material_of, require_fields
-from jld_core.refinement.aligned import TriangleStresses
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
+from jld_practice.design.aligned import TriangleStresses
 
 
 def uniaxial_strength(scene: Scene) -> float:
-    """Return the stress at which the blocks of a planar scene fail in uniaxial compression.
-
-    It follows from (9.1) of docs/method.md: 2 c (μi + √(1 + μi²)), with c the shear strength and μi the friction of
-    inner faces, or the compressive strength if that is less. Raises InputError as `material_of` does.
-    """
+    """Return the stress at which blocks fail in uniaxial compression, docs/method.md (9.1)."""
+    # 2 c (μi + √(1 + μi²)), c and μi of inner faces, or the compressive strength if less
     material = material_of(build_assembly(scene))
     sheared = 2.0 * material.shear * (material.friction + math.hypot(1.0, material.friction))
     return min(sheared, material.crushing)
 
 
 def why_no_fields(assembly: Assembly) -> str:
-    """Return the reason why bounds by fields do not apply to a structure; "" where they do."""
+    """Return why bounds by fields do not apply to a structure; "" where they do."""
     try:
         require_fields(assembly)
     except InputError as error:
@@ -40,10 +37,7 @@ def why_no_fields(assembly: Assembly) -> str:
 
 
 def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
-    """Return a planar scene whose faces crush at a share of the uniaxial strength of its blocks.
-
-    Raises InputError as `uniaxial_strength` does.
-    """
+    """Return a planar scene whose faces crush at a share of the uniaxial strength of its blocks."""
     # By faces a hinge is a point, which carries any force. Where blocks crack anywhere it needs a width, and a layout
     # that is chosen without it may lose half of its load factor. A lower compressive strength of the scene stays.
     strength = share * uniaxial_strength(scene)
@@ -57,7 +51,6 @@ def with_crushing(scene: Scene, share: float = 1.0) -> Scene:
 
 
 def with_materials_of(scene: Scene, stated: Scene) -> Scene:
-    """Return a scene with the materials of another one."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"] = stated.model_dump(mode="json", exclude_defaults=True)["materials"]
     return parse_scene(document, scene.name)
@@ -72,10 +65,7 @@ _TRIANGLES: Final = 600  # number of triangles from which on a mesh is fine enou
 
 
 def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> TriangleStresses:
-    """Compute the stresses of an uncut body under its governing load case at collapse.
-
-    Raises InputError if fields do not apply, or no stresses in equilibrium with the loads are found.
-    """
+    """Compute the stresses of an uncut body under its governing load case at collapse."""
     # Stresses are those of the lower bound by fields, of a body with a tenth of its tensile strength: its compression
     # is the thrust that joints have to carry. If none is found, the strength is as stated.
     strengths = assembly.strengths(_ROUTE)

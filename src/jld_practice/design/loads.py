@@ -1,4 +1,4 @@
-"""Loads of a design: forces at places along the outline of a structure, and a push to either side."""
+"""Loads of a design: forces along the outline of a structure, and a push to either side."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import ParameterError
 from jld_core.refinement.walls import prism_of
 from jld_core.scene import Scene, parse_scene
-from jld_practice.design.loaded_edges import loaded_line
-from jld_practice.design.options import DesignOptions
+from jld_practice.design.options import DesignOptions, loaded_line
 
 _SPREAD: Final = 0.1  # default length over which a load is spread, relative to the length that it acts along
 
@@ -22,21 +21,12 @@ _SPREAD: Final = 0.1  # default length over which a load is spread, relative to 
 _BESIDE: Final = 1e-3
 
 
-def has_own_loads(options: DesignOptions) -> bool:
-    """Return True if the options state loads, which replace those of the outline."""
-    return options.load is not None or options.push is not None
-
-
 def with_loads(scene: Scene, options: DesignOptions, side: Floats | None = None) -> Scene:
-    """Replace the live loads of a scene by those of the options.
-
-    side: (d,) horizontal unit vector along which places lie and the push acts; None for `side_of` the scene. Raises
-    InputError if nothing faces upwards, or a place or width does not fit.
-    """
+    """Replace the live loads of a scene by those of the options, along `side` (d,)."""
     # The scene is returned as it is if the options state no load. The force at each place is a load case, as is the
     # push to either side. A force is spread on the pieces below it by their lengths, so that every tessellation carries
     # the same load.
-    if not has_own_loads(options):
+    if options.load is None and options.push is None:
         return scene
     assembly = build_assembly(scene)
     side = side_of(assembly) if side is None else side
@@ -84,13 +74,8 @@ def _down(assembly: Assembly) -> Floats:
 def _forces(
     assembly: Assembly, size: float, options: DesignOptions, side: Floats
 ) -> list[tuple[float, list[dict[str, Any]]]]:
-    """Compute the point loads that carry the force at each place of the load.
-
-    side: (d,) horizontal unit vector along which places lie. Returns (horizontal coordinate, load entries) for each
-    place. In the plane places lie along the edges that the options name, and the force is spread on the outermost of
-    them, by their lengths. Raises ParameterError if there is no such edge, the width is not below their length, or none
-    lies at a place.
-    """
+    """Return the coordinate along `side` (d,) and the point loads of the force at each place."""
+    # in the plane places lie along the edges that the options name, and the force is spread on the outermost ones
     if assembly.dimension == 3:
         if options.along != "top":
             raise ParameterError("along", "loads in space act from above", "top, or a planar outline")
@@ -129,12 +114,8 @@ def _forces(
 def _forces_in_space(
     assembly: Assembly, size: float, options: DesignOptions, direction: Floats
 ) -> list[tuple[float, list[dict[str, Any]]]]:
-    """Compute the point load on the uppermost face at each place of the load, in space.
-
-    direction: (3,) unit vector along which places lie. Across it the load acts near the middle of the plan or, where
-    nothing lies there, near that of the nearest wall. Returns (coordinate, list of one load entry) for each place.
-    Raises ParameterError if a width is stated, or nothing lies below a place.
-    """
+    """Return the coordinate along `direction` (3,) and the point load at each place, on the uppermost face."""
+    # across it the load acts near the middle of the plan, or of the nearest wall where nothing lies there
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
     elements = assembly.elements
@@ -181,11 +162,7 @@ def _forces_in_space(
 
 
 def _height(corners: Floats, plan: Floats, flat: list[int], vertical: int, down: Floats) -> float:
-    """Return the height of a plane face above one point of the plan; −inf for an upright face.
-
-    corners: (k, 3) of the face. plan: (3,) point, whose vertical coordinate is not used. down: (3,) direction of
-    weight.
-    """
+    """Return the height of a plane face (k, 3) above a point (3,) of the plan; −inf for an upright face."""
     middle = corners.mean(axis=0)
     normal = np.linalg.svd(corners - middle)[2][2]
     if abs(normal[vertical]) < 1e-9:

@@ -10,20 +10,17 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.assembly_sequence.order import LAID
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions, Notes
+from jld_core.exchange import Notes, import_file
 from jld_core.exchange.cells import hardly_meant
-from jld_core.exchange.drawing import planar_scene
-from jld_core.exchange.drawn_loads import Drawing
-from jld_core.exchange.libraries import read_content, reading
+from jld_core.exchange.libraries import reading
 from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS
-from jld_core.exchange.solids import spatial_scene
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
+from jld_practice.laying.order import LAID
 
 # Keys of a search that speak of the cells of a scene, which a design cuts anew
 _OF_CELLS: Final = ("block_cells", "dry_faces", "candidates", "keep", "except", "symmetry", "void")
@@ -38,11 +35,7 @@ class Outline:
 
 
 def read_outline(file: File, options: DesignOptions) -> Outline:
-    """Read the scene, drawing or solid of an outline, and apply the options to it.
-
-    Raises InputError if the file is broken, has no closed outline, or lacks something that the options do not state
-    either. Options that a scene file states itself are refused with ParameterError.
-    """
+    """Read the scene, drawing or solid of an outline, and apply the options to it."""
     if _is_scene(file):
         for name in READING:
             if getattr(options, name):
@@ -76,10 +69,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
 
 
 def _is_scene(file: File) -> bool:
-    """Return True if a file is a scene: JSON with the key "loads", "elements" or "grid".
-
-    Broken JSON counts as a scene too, so that the reader of scenes reports the error.
-    """
+    """Return whether a file is a scene; broken JSON counts as one, whose reader names the error."""
     if file.suffix.lower() != ".json":
         return False
     try:
@@ -146,25 +136,14 @@ def _united(scene: Scene, notes: Notes) -> Scene:
 
 
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
-    """Convert a drawing or a file of solids to a scene, and collect what was assumed.
-
-    Raises InputError if it cannot be read, or an outline is open.
-    """
+    """Convert a drawing or a file of solids to a scene, and collect what was assumed."""
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
-    how, notes = options.reading, Notes()
+    found = import_file(file, options.reading, feet=True)
+    report = found.report
+    notes = Notes(*(list(getattr(report, one)) for one in ("found", "snapped", "assumed", "skipped", "doubtful")))
     with reading(file):
-        content = read_content(file, how, notes)
-        if isinstance(content, Drawing):
-            _refuse_crossing(content, how)
-            found = planar_scene(content, how, notes, feet=True)
-        elif options.thickness is not None:
-            raise ParameterError(
-                "thickness", "the outline is a solid, which has its own", "a drawing, or no such option"
-            )
-        else:
-            found = spatial_scene(content, how, notes, feet=True)
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")
         loadless = any(said[0] in note for note in notes.assumed)
@@ -205,21 +184,6 @@ def _defaults(options: DesignOptions) -> list[str]:
     return [
         f"{words} {value:g}{unit}" for name, (words, value, unit) in values.items() if getattr(options, name) is None
     ]
-
-
-def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError if a closed outline of a drawing crosses itself, naming the place."""
-    # Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps.
-    for path in drawing.paths:
-        if not path.closed or how.role(path.layer) is not None or len(path.points) < 4:
-            continue
-        outline = shapely.Polygon(path.points[:, :2])
-        covered = shapely.make_valid(outline).area
-        if outline.is_valid or abs(covered - outline.area) <= 1e-3 * covered:
-            continue
-        x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
-        problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
-        raise InputError("", problem, "corners in the order in which one walks round the outline")
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:

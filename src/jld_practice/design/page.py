@@ -12,12 +12,14 @@ from typing import Any, Final
 from jld_core.build import build_assembly
 from jld_core.exchange import Layout, blocks_csv
 from jld_core.files import write_text
+from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
 
+# page, summary, scene of the best layout, its picture and its blocks
 FILES: Final = ("report.html", "summary.json", "best.json", "best.png", "blocks.csv")
-"""Files of a design: page, summary, scene of the best layout, its picture and its blocks."""
 
+# explanation of what surprises most
 WHY_CUT: Final = (
     "A cut layout may carry more than the uncut structure where blocks crack along the faces of their cells only. "
     "Such a crack carries its shear strength whatever presses on it, unless the scene gives inner faces friction. A "
@@ -25,7 +27,6 @@ WHY_CUT: Final = (
     "blocks crack anywhere, and a gain that rests on the cells alone does not show. A hinge between blocks also needs "
     "a width there, since stone fails in shear beside a point that carries a large force."
 )
-"""Explanation of what surprises most."""
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
@@ -57,27 +58,21 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
 
 
 def facts_of(work: Design) -> dict[str, Any]:
-    """Return the results of a design as the JSON object of summary.json.
-
-    None stands for values that are unknown or not finite.
-    """
+    """Return the results of a design as in summary.json; None for unknown or infinite values."""
     # `jld design --json` prints the same object.
     winner, usual = work.winner, work.usual
     return {
-        "best": None if winner is None else _number(winner.proven),
+        "best": None if winner is None else number(winner.proven),
         "proven": False,
         "verdict": verdict(work),
         "rivals": [
-            {"tessellation": one.tessellation, "kind": one.kind, "at_most": _number(one.most)}
-            for one in rivals_of(work)
+            {"tessellation": one.tessellation, "kind": one.kind, "at_most": number(one.most)} for one in rivals_of(work)
         ],
         "fields": None if winner is None else _bounds(winner.fields),
-        "load_factor": None if winner is None else _number(winner.load_factor),
+        "load_factor": None if winner is None else number(winner.load_factor),
         "tessellation": None if winner is None else winner.tessellation,
         "kind": None if winner is None else winner.kind,
-        "usual": None
-        if usual is None
-        else {"load_factor": _number(usual.load_factor), "fields": _bounds(usual.fields)},
+        "usual": None if usual is None else {"load_factor": number(usual.load_factor), "fields": _bounds(usual.fields)},
         "gain": gain_of(work),
         "tessellations": [
             {"name": one.name, "words": one.words, "problem": one.problem, "search": work.searched.get(one.name)}
@@ -87,7 +82,7 @@ def facts_of(work: Design) -> dict[str, Any]:
             {
                 "tessellation": one.tessellation,
                 "kind": one.kind,
-                "load_factor": _number(one.load_factor),
+                "load_factor": number(one.load_factor),
                 "fields": _bounds(one.fields),
                 "words": one.words,
             }
@@ -104,7 +99,7 @@ def facts_of(work: Design) -> dict[str, Any]:
 
 
 def uncut_at_most(work: Design) -> float | None:
-    """Return the upper bound on λ by faces without cuts if the best is proven stronger; else None."""
+    """Return the upper bound on λ by faces without cuts if the best is proven stronger."""
     return next((one.values["uncut_at_most"] for one in work.checks if "uncut_at_most" in one.values), None)
 
 
@@ -123,7 +118,7 @@ def gain_of(work: Design) -> float | None:
 
 
 def rivals_of(work: Design) -> list[Trial]:
-    """Return the other allowed layouts that are not proven weaker than the best, those that may carry most first."""
+    """Return the other allowed layouts that are not proven weaker, those that may carry most first."""
     winner = work.winner
     if winner is None:
         return []
@@ -132,7 +127,7 @@ def rivals_of(work: Design) -> list[Trial]:
 
 
 def verdict(work: Design) -> str:
-    """Say in one or two sentences what the best layout carries, by the weakest model known, and what is not decided."""
+    """Say what the best layout carries, by the weakest model known, and what is not decided."""
     winner = work.winner
     if winner is None:
         return "No layout was found yet that keeps the limits and stands."
@@ -200,7 +195,7 @@ def _compared(work: Design, usual: Trial) -> str:
 
 
 def _claim(trial: Trial) -> str:
-    """Describe the load that a trial carries at least and at most, with the kind of proof."""
+    """Describe the load carried at least and at most, with the kind of proof."""
     low, high = trial.fields
     if math.isfinite(low):
         most = f", at most {high:.4g}" if math.isfinite(high) else ""
@@ -221,7 +216,7 @@ def _claim(trial: Trial) -> str:
 
 
 def _page(work: Design, pictured: bool) -> str:
-    """Return the HTML page of a design; pictured: True if the page shows the picture."""
+    """Return the HTML page of a design; pictured: whether it has a picture."""
     winner = work.winner
     name = work.outline.scene.name
     parts = [f"<p class=big><strong>{html.escape(verdict(work))}</strong></p>"]
@@ -261,7 +256,7 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return one table row per tessellation: its description, search and bounds, by column."""
+    """Return one table row per tessellation, by column."""
     rows = []
     for one in work.tessellations:
         own = [trial for trial in work.trials if trial.tessellation == one.name]
@@ -287,7 +282,7 @@ def _span(trial: Trial) -> str:
 
 
 def _proven(work: Design) -> list[str]:
-    """List sentences on what a design proves about λ and what it does not."""
+    """List sentences on what is proven of λ and what is not."""
     found = []
     winner = work.winner
     if winner is not None and math.isfinite(winner.fields[0]):
@@ -320,7 +315,7 @@ def _proven(work: Design) -> list[str]:
 
 
 def _blocks(winner: Trial) -> list[dict[str, str]]:
-    """Return one table row per block of the winner: number, shape, mass and cells, by column."""
+    """Return one table row per block of the winner, by column."""
     assembly = build_assembly(winner.scene)
     layout = Layout(winner.scene, assembly, assembly.labels)
     mass = "mass, kg" if assembly.units == ("m", "N") else "mass, weight over gravity"
@@ -331,7 +326,7 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
 
 
 def _next() -> list[str]:
-    """List commands of the terminal that continue from a design, each with its purpose."""
+    """List commands that continue from a design, each with its purpose."""
     return [
         "jld report DIR --pdf: pages to print, with loads, blocks, moulds and the order of laying",
         "jld solve DIR/best.json --cracks fields: both bounds, narrower",
@@ -341,7 +336,7 @@ def _next() -> list[str]:
 
 
 def _draw(work: Design, winner: Trial) -> None:
-    """Draw the usual bond and the best layout side by side, with numbered blocks."""
+    """Draw the usual bond and the best layout with numbered blocks."""
     from jld_core.views.figure_layout import figure_for, finish
     from jld_core.views.figures import draw_assembly, save_figure
     from jld_core.views.writing import write_numbers
@@ -361,7 +356,6 @@ def _draw(work: Design, winner: Trial) -> None:
 
 
 def _table(rows: list[dict[str, str]]) -> str:
-    """Return rows, texts by column, as an HTML table; "" without rows."""
     if not rows:
         return ""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in rows[0])
@@ -370,15 +364,8 @@ def _table(rows: list[dict[str, str]]) -> str:
 
 
 def _list(items: Sequence[str]) -> str:
-    """Return an HTML list."""
     return "<ul>" + "".join(f"<li>{html.escape(item)}</li>" for item in items) + "</ul>"
 
 
 def _bounds(bounds: Bounds) -> list[float | None]:
-    """Return (lower, upper) bounds as JSON numbers, None for infinite ones."""
-    return [_number(bounds[0]), _number(bounds[1])]
-
-
-def _number(value: float) -> float | None:
-    """Return a float as a JSON number, None if it is not finite."""
-    return float(value) if math.isfinite(value) else None
+    return [number(bounds[0]), number(bounds[1])]

@@ -6,12 +6,14 @@ import math
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import joblib
+import numpy as np
 
+from jld_core.arrays import Bits
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
@@ -27,8 +29,8 @@ from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.study_state import Interrupted
 from jld_explore.writing_time import busy_factor
-from jld_practice.design.checks import check_winner
-from jld_practice.design.moving import LAYOUTS, best_labels, move_in_rounds
+from jld_geometry.optimise import move_joints
+from jld_practice.design.crushing import with_crushing, with_materials_of
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import write_design
@@ -38,12 +40,150 @@ from jld_practice.design.trials import (
     Bounds,
     Design,
     Trial,
+    check_winner,
     faces_of,
     field_bounds,
     labelled,
     screen,
     searched_scene,
 )
+
+LAYOUTS: Final = 2  # number of layouts of one search whose joints are moved
+
+_LEAST_MOVE: Final = 8.0  # shortest time in which the joints of one layout are moved and its λ is bounded, s
+
+_LONGEST: Final = 60.0  # longest time for one layout in one round, s: labels are searched again before joints move on
+
+_FIRST: Final = 0.45  # share of the time for the first round, which tries all tessellations
+
+_ROUND: Final = 0.5  # share of the time left for each further round
+
+_SEARCH: Final = 0.3  # share of a further round for its searches of labels
+
+_MOVING: Final = 0.6  # share of a task's time in which joints move; bounds by fields take the rest
+
+_SLACK: Final = 0.85  # share of a task's time that is planned: the last step, mesh and solve are finished
+
+_BASES: Final = 2  # number of moved layouts that a further round starts from
+
+# Factor on the strength at which faces crush, from one round to the next. At the strength of the first round, λ by
+# faces is often that of another load case, which moves do not change.
+_WEAKER: Final = 0.7
+
+_GAIN: Final = 0.01  # relative rise of the lower bound below which a round improves nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Layout whose joints are to be moved."""
+
+    tessellation: str  # name of its tessellation
+    scene: Scene  # scene with the materials as stated
+    labels: Bits  # (m,) True = dry
+    words: str  # where the layout comes from
+
+
+def best_labels(done: Exploration, count: int) -> list[Bits]:
+    """Return the labels (m,) of the best `count` layouts of a search that collapse or are locked."""
+    table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
+    return [from_string(str(text)) for text in table["labelling"].head(count)]
+
+
+def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) -> None:
+    """Move the joints of the best layouts in rounds, and add what is found to the trials."""
+    share, strength, number = _FIRST, 1.0, 1
+    tasks = _first_tasks(work)
+    while tasks and until.remaining() > _LEAST_MOVE:
+        before = work.winner.proven if work.winner is not None else -math.inf
+        _run(work, tasks, until.within(share * until.remaining()), strength, number, say)
+        best = work.winner.proven if work.winner is not None else -math.inf
+        say(f"round {number}      {len(tasks)} layouts moved: by fields λ ≥ {best:.4g}")
+        if number > 2 and not best > before + _GAIN * abs(before):
+            strength *= _WEAKER
+        share, strength, number = _ROUND, strength * _WEAKER, number + 1
+        searches = until.within(_SEARCH * share * until.remaining())
+        tasks = _further_tasks(work, searches, strength, number) if until.remaining() > 2.0 * _LEAST_MOVE else []
+
+
+def _first_tasks(work: Design) -> list[Task]:
+    """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
+    scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
+    found: list[Task] = []
+    ranked = sorted((one for one in work.allowed if one.kind == "searched"), key=lambda one: -one.most)
+    for number in range(LAYOUTS):
+        for trial in ranked:
+            layouts = work.layouts.get(trial.tessellation, [])
+            if number < len(layouts):
+                found.append(Task(trial.tessellation, scenes[trial.tessellation], layouts[number], f"row {number + 1}"))
+    usual = work.usual
+    if usual is not None and usual.allowed and usual.stands:
+        assembly = build_assembly(scenes[usual.tessellation])
+        found.append(Task(usual.tessellation, scenes[usual.tessellation], assembly.labels, "as stated"))
+    return found
+
+
+def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
+    """Search labels on the best moved cells; return the layouts of a further round."""
+    moved = [one for one in work.allowed if one.kind == "moved"]
+    bases = moved[:1]
+    bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.most)[: _BASES - 1]
+    found: list[Task] = []
+    for k, base in enumerate(bases):
+        own = build_assembly(base.scene).labels
+        found.append(Task(base.tessellation, base.scene, own, f"round {number}, its own labels"))
+        seconds = until.remaining() / (len(bases) - k)
+        if seconds < _LEAST_MOVE / 2.0:
+            continue
+        settings = ExploreSettings(
+            seconds=seconds, jobs=work.options.jobs, seed=work.options.seed, pictures=False, check_fields=0
+        )
+        folder = work.folder / "moved" / f"round-{number}-{k + 1}"
+        try:
+            done = explore(with_crushing(base.scene, strength), folder, settings)
+        except InputError:  # no layout was found in the time: its own labels move on
+            continue
+        others = [labels for labels in best_labels(done, LAYOUTS) if not np.array_equal(labels, own)]
+        found += [
+            Task(base.tessellation, base.scene, labels, f"round {number}, row {row}")
+            for row, labels in enumerate(others, 1)
+        ]
+    return found
+
+
+def _run(
+    work: Design, tasks: list[Task], until: Deadline, strength: float, number: int, say: Callable[[str], None]
+) -> None:
+    """Move the joints of layouts in worker processes, and add each to the trials when it is done."""
+    jobs = work.options.jobs
+    waves = max(1, int(until.remaining() / _LEAST_MOVE))
+    tasks = tasks[: jobs * waves]
+    each = min(until.remaining() / max(1, math.ceil(len(tasks) / jobs)), _LONGEST)
+    workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    refused: dict[str, None] = {}
+    for found in workers(joblib.delayed(moved_trial)(task, strength, _SLACK * each) for task in tasks):
+        if isinstance(found, Trial):
+            work.trials = [*work.trials, found]
+        else:
+            refused[found] = None
+    for words in refused:
+        say(f"round {number}      joints cannot move: {words}")
+
+
+@one_thread()
+def moved_trial(task: Task, strength: float, seconds: float) -> Trial | str:
+    """Move the joints of one layout, and bound its λ by fields."""
+    try:
+        weak = with_crushing(task.scene, strength)
+        done = move_joints(weak, build_assembly(weak), task.labels, seconds=_MOVING * seconds)
+        scene = with_materials_of(done.scene, task.scene)
+        assembly = build_assembly(scene)
+        fields = field_bounds(assembly, assembly.labels, (1.0 - _MOVING) * seconds)
+    except InputError as error:
+        return f"{error.where}: {error.problem}".lstrip(": ")
+    found = solve_rigid(assembly)
+    words = f"{task.words}, {done.end}"
+    return Trial(task.tessellation, "moved", scene, found.load_factor, faces_of(found.bracket), fields, words)
+
 
 _WRITING: Final = (0.05, 2.0)  # share of the time limit, and seconds, that are kept back for page and pictures
 
@@ -54,16 +194,16 @@ _PICTURE: Final = 1.5  # processor time of the picture, s; it is left out where 
 # Share of the time limit after which no further tessellation is cut; with hundreds of cells each takes seconds
 _CUTTING: Final = 0.3
 
+# time in which layouts of one tessellation are solved once it is cut: share of the limit, at most seconds
 _SCREENING, _LONGEST_SCREENING = 0.01, 1.0
-"""Time in which layouts of one tessellation are solved as soon as it is cut: share of the limit, at most seconds."""
 
 # Message of a design that is stopped before it knows a layout
 _NOTHING: Final = "stopped while the outline was cut into blocks; nothing was solved and nothing is written"
 
 _SEARCHES: Final = 0.15  # share of the time for the coarse searches of all tessellations
 
+# least time of the search of one tessellation, s, in at most this share of a short time limit
 _LEAST, _SHORT = 5.0, 0.6
-"""Least time of the search of one tessellation, s, in at most this share of a short time limit."""
 
 _USUAL: Final = 0.05  # share of the time that is left after the searches for bounds by fields of the usual layout
 
@@ -86,19 +226,14 @@ _WAVES: Final = 2  # number of times that bounds of the most promising layouts a
 
 _REFINED: Final = 0.9  # share of the time of a wave that is planned: workers begin and the last mesh is finished
 
-Say = Callable[[str], None]
-"""Function that is called with messages."""
+Say = Callable[[str], None]  # called with messages
 
 
 @one_thread()
 def design_outline(
     file: Path, folder: Path, options: DesignOptions, announce: Say | None = None, *, started: float | None = None
 ) -> Design:
-    """Design the blocks of an outline, and write page, picture, table and scene of the best layout.
-
-    Raises InputError for an outline or options that cannot be met, and Interrupted after a signal, when the folder
-    holds what was found until then.
-    """
+    """Design the blocks of an outline, and write its files; Interrupted after a signal."""
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
     require_folder(folder)
@@ -148,13 +283,12 @@ def design_outline(
 
 
 def _cut(work: Design, deadline: Deadline, say: Say) -> None:
-    """Cut the outline in every way; solve the usual and a few other layouts of each tessellation once it is cut."""
+    """Cut the outline in every way; solve a few layouts of each tessellation once it is cut."""
     # So a layout is known early, and a search knows which tessellations promise most.
     untold: list[str] = []
     seconds = min(_SCREENING * work.options.seconds, _LONGEST_SCREENING)
 
     def made(one: Tessellation) -> None:
-        """Note a tessellation, and solve layouts of it."""
         work.tessellations.append(one)
         untold.append(f"{one.name:<12} {one.words if one.scene is not None else one.problem}")
         if one.scene is None:
@@ -185,7 +319,7 @@ def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: flo
 
 
 def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
-    """Solve a layout with the labels that its scene states, and add it to the trials in the place of a weaker one."""
+    """Add the layout that a scene states to the trials in the place of a weaker one."""
     assembly = build_assembly(scene)
     found = solve_rigid(assembly)
     if fields is None:
@@ -214,10 +348,7 @@ def _solve_usual(work: Design) -> None:
 
 
 def _bound_usual(work: Design, until: Deadline) -> None:
-    """Bound λ of the usual layout by fields, in a small share of the time until a deadline.
-
-    Nothing changes without a usual layout or enough time.
-    """
+    """Bound λ of the usual layout, if any, by fields in a small share of the time."""
     usual = work.usual
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
@@ -286,7 +417,7 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
 
 
 def _said(trial: Trial) -> str:
-    """Describe λ of a trial by faces and by fields, for the terminal."""
+    """Describe λ by faces and by fields, for the terminal."""
     low, high = trial.fields
     known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
     known = "it falls under its own weight" if high < 0.0 else known
@@ -305,7 +436,7 @@ def _move_best(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _moves(work: Design) -> bool:
-    """Return True if joints may move: in the plane, without a limit on shapes or laying."""
+    """Return whether joints may move: in the plane, without a limit on shapes or laying."""
     return work.outline.scene.dimension == 2 and work.options.shapes is None and work.options.laid is None
 
 
@@ -331,6 +462,5 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
 
 @one_thread()
 def refined_bounds(scene: Scene, seconds: float) -> Bounds:
-    """Return the bounds by fields of the labels that a scene states."""
     assembly = build_assembly(scene)
     return field_bounds(assembly, assembly.labels, seconds)

@@ -19,9 +19,9 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
-from jld_core.refinement.aligned import TriangleStresses, aligned_cells
 from jld_core.refinement.voussoirs import Arc, find_arcs
 from jld_core.scene import Scene, parse_scene
+from jld_practice.design.aligned import TriangleStresses, aligned_cells
 from jld_practice.design.crushing import stresses_of_body
 from jld_practice.design.loads import side_of, with_loads
 from jld_practice.design.options import DesignOptions
@@ -56,10 +56,7 @@ def tessellations(
     until: Deadline | None = None,
     made: Callable[[Tessellation], None] = lambda _: None,
 ) -> list[Tessellation]:
-    """Cut an outline in every known way, and return the tessellations.
-
-    Raises InputError if none fits, if the mass limit requires too many cells, or if a load cannot act.
-    """
+    """Cut an outline in every known way; InputError if none fits or a load cannot act."""
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     planar = assembly.dimension == 2
@@ -84,11 +81,7 @@ _Make = Callable[[float], Scene]  # function that cuts an outline with cells of 
 
 
 def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floats) -> Tessellation:
-    """Cut an outline with ever smaller cells until none exceeds the largest block mass.
-
-    side: (d,) horizontal unit vector for the loads. The tessellation has no scene, but a problem, if cutting fails or
-    the cells stay too heavy.
-    """
+    """Cut an outline with ever smaller cells until none exceeds the largest block mass, or say why not."""
     size, problem = 1.0, ""
     for _ in range(_TRIES):
         try:
@@ -111,7 +104,7 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
 def _planar(
     outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
 ) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a planar outline."""
+    """List name, description and cutting function of each planar tessellation."""
     elements, free = assembly.elements, assembly.elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
@@ -126,12 +119,10 @@ def _planar(
         return _ready(refine(bricks, (width, height)).scene, arcs, blocks=True)
 
     def stones(size: float) -> Scene:
-        """Cut into courses of flat stones."""
         height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
         return _ready(refine(outline, (1.6 * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
 
     def voussoirs(size: float) -> Scene:
-        """Cut into voussoirs."""
         count, rings = _voussoirs(arcs, lower, upper, size * cell)
         return _ready(refine(outline, voussoirs=count, rings=rings, snap=_SNAP).scene, arcs)
 
@@ -159,7 +150,7 @@ def _planar(
 
 
 def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list[tuple[str, str, _Make]]:
-    """List name, description and cutting function of each tessellation of a spatial outline."""
+    """List name, description and cutting function of each spatial tessellation."""
     elements, free = assembly.elements, assembly.elements.free
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
@@ -170,7 +161,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         """Return the function that cuts a vault by voussoirs and courses of a bond."""
 
         def cut(size: float) -> Scene:
-            """Cut into about as many voussoirs and courses as fit a vault over its span."""
             span, length = float(extent @ side), float(extent @ (1.0 - side)) - height
             count = max(3, round(0.5 * math.pi * span / (size * cell) / 2.0) * 2 + 1)
             courses = max(2, round(length / (size * cell) / 2.0))
@@ -179,7 +169,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         return cut
 
     def grid(size: float) -> Scene:
-        """Cut by planes along the axes."""
         sizes = tuple(_fitting(float(length), size * cell) for length in extent)
         return _ready(refine(outline, sizes).scene, [])
 
@@ -187,7 +176,6 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
         """Return the function that cuts walls into stretchers, with so many stones over an opening."""
 
         def cut(size: float) -> Scene:
-            """Cut into courses of stretchers."""
             course = _fitting(height, size * cell / math.sqrt(2.0))
             return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
 
@@ -203,10 +191,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 
 
 def _cell_size(assembly: Assembly, measure: float, dimension: int, options: DesignOptions) -> float:
-    """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block.
-
-    Raises ParameterError if the mass limit requires more than `_MOST` cells, or the structure has no weight.
-    """
+    """Return the side of a cell for about `_CELLS` cells, two of which weigh at most a block."""
     each = measure / _CELLS
     mass = float(assembly.elements.mass[assembly.elements.free].sum())
     if options.block_mass is not None:
@@ -235,10 +220,7 @@ def _even(length: float, size: float) -> float:
 
 
 def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
-    """Return the numbers of voussoirs and of rings for cells of about one size.
-
-    lower, upper: (2,) corners of the outline.
-    """
+    """Return the numbers of voussoirs and of rings for cells of about one size."""
     hollow = [arc for arc in arcs if arc.hollow] or arcs
     if not hollow:
         return max(3, 2 * round(0.5 * (upper[0] - lower[0]) / cell) + 1), 1
@@ -259,10 +241,7 @@ def _bare(scene: Scene) -> Scene:
 
 
 def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
-    """Complete the scene of a tessellation by the key "move"; remove labels and block names.
-
-    blocks: True keeps labels and block names. Spatial scenes, and scenes that state the key, get no key "move".
-    """
+    """Complete a planar scene by the key "move"; without `blocks` remove labels and block names."""
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
     limit = document.get("search", {}).get("block_mass")

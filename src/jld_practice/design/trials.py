@@ -1,10 +1,14 @@
-"""Layouts that a design has found, with the bounds that are proven for each."""
+"""Layouts that a design has found, the bounds proven for each, and checks of the winner."""
 
 from __future__ import annotations
 
+import json
 import math
+import subprocess
+import sys
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,18 +21,25 @@ from jld_core.build.assemble import cases_of_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.fields.governing import governing_bounds
-from jld_core.limit import Status
+from jld_core.files import write_text
+from jld_core.limit import Status, number
+from jld_core.models import solve_rigid
 from jld_core.scene import Scene, parse_scene
+from jld_core.scene.units import force_in_words
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
+from jld_explore.report.languages import stronger_cut
 from jld_explore.space import search_space
+from jld_explore.uncut import most_without_cuts
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_practice.design.crushing import why_no_fields, with_crushing
-from jld_practice.design.options import DesignOptions
+from jld_practice.design.options import LOW_FRICTION, DesignOptions
 from jld_practice.design.outline import Outline
 from jld_practice.design.tessellations import Tessellation
+from jld_practice.laying import assembly_order
+from jld_practice.laying.order import LAID
 
 _TABLES: Final = 1.0  # time of a short search and its tables, s
 
@@ -50,16 +61,13 @@ class Screening:
 
 
 def searched_scene(scene: Scene) -> Scene:
-    """Return the scene in which the labels of a tessellation are searched: faces crush where bounds by fields apply."""
+    """Return the scene of a search of labels: faces crush where bounds by fields apply."""
     crushes = scene.dimension == 2 and not why_no_fields(build_assembly(scene))
     return with_crushing(scene) if crushes else scene
 
 
 def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Screening:
-    """Solve at least one generation of the genetic driver, and more for some time.
-
-    Raises InputError if the limits of the scene cannot be met.
-    """
+    """Solve at least one generation of the genetic driver, and more for some time."""
     # A search by this driver with the same seed begins with the same layouts.
     assembly = build_assembly(searched_scene(scene))
     driver = Genetic(search_space(scene, assembly), seed)
@@ -84,15 +92,14 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
 
 
 def _search_seconds(assembly: Assembly) -> float:
-    """Return the least time of a search of an assembly, s: its tables, and bounds by fields on two meshes."""
+    """Return the least time of a search, s: its tables, and bounds by fields on two meshes."""
     if assembly.dimension == 3 or why_no_fields(assembly):
         return _TABLES
     corners = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
     return _TABLES + _MESHES * len(assembly.by_case) * mesh_seconds(COARSE_RATE, _TRIANGLES * corners)
 
 
-Bounds = tuple[float, float]
-"""Proven bounds on λ, infinite where nothing is proven."""
+Bounds = tuple[float, float]  # proven bounds on λ, infinite where nothing is proven
 
 NONE: Bounds = (-math.inf, math.inf)
 
@@ -116,10 +123,7 @@ class Trial:
 
     @property
     def proven(self) -> float:
-        """Lower bound on λ: that by fields if any bound by fields is known, else that by faces.
-
-        It is −inf where nothing is proven.
-        """
+        """Lower bound on λ: by fields if any is known, else by faces; −inf where nothing is proven."""
         return self.faces[0] if self.fields == NONE else self.fields[0]
 
     @property
@@ -138,25 +142,17 @@ class Trial:
 
     @property
     def most(self) -> float:
-        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if it is lower.
-
-        If λ by faces is unknown, the upper bound by faces takes its place. The result is inf where nothing is known.
-        """
+        """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if lower; inf if unknown."""
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 
     def order(self) -> tuple[bool, float]:
-        """Return a sort key that ranks trials by λ, those with a lower bound by fields first.
-
-        They are ranked by this bound, the others by `most`, the highest first.
-        """
+        """Return a sort key: by lower bound by fields, then those without one by `most`."""
         known = math.isfinite(self.fields[0])
         return not known, -(self.fields[0] if known else self.most)
 
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check of the winning layout."""
-
     name: str
     words: str  # outcome, in a sentence
     values: dict[str, Any] = field(default_factory=dict)  # numbers for summary.json
@@ -183,13 +179,13 @@ class Design:
 
     @property
     def allowed(self) -> list[Trial]:
-        """Layouts that keep the limits and are proven to stand, in the order of `Trial.order`."""
+        """Layouts that keep the limits and are proven to stand, ordered."""
         standing = (one for one in self.trials if one.allowed and one.stands)
         return sorted(standing, key=Trial.order)
 
     @property
     def winner(self) -> Trial | None:
-        """First layout of `allowed`, the strongest; None if there is none."""
+        """Strongest layout of `allowed`, or None."""
         return next(iter(self.allowed), None)
 
     @property
@@ -199,11 +195,7 @@ class Design:
 
 
 def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
-    """Return a scene whose own labels are the given ones.
-
-    labels: (m,) True = dry. In space, labels are stated for pairs of elements. Raises InputError where two faces of one
-    pair have different labels.
-    """
+    """Return a scene that states the labels (m,), in space by pairs of elements."""
     if assembly.dimension == 2:
         mesh = vertex_mesh(assembly)
         return MovedScene(scene, assembly, labels, mesh).at(mesh.places)
@@ -232,17 +224,14 @@ def faces_of(bracket: tuple[float, float]) -> Bounds:
 def field_bounds(
     assembly: Assembly, labels: Bits, seconds: float, gap: float = 0.05, *, lower_first: bool = True
 ) -> Bounds:
-    """Compute bounds by fields on the governing factor, the least λ / required of all cases.
-
-    labels: (m,) True = dry. Returns (lower, upper) bound, infinite where fields do not apply.
-    """
+    """Compute bounds by fields on the governing factor, infinite where fields do not apply."""
     if why_no_fields(assembly):
         return NONE
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=lower_first)
 
 
 def at_low_friction(scene: Scene, low: float) -> Scene:
-    """Return a scene with the friction coefficient of the material of dry joints set to `low`."""
+    """Return a scene with the friction of dry joints set to `low`."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"]["dry"].pop("friction_angle", None)
     document["materials"]["dry"]["friction_coefficient"] = low
@@ -261,5 +250,162 @@ def one_case(scene: Scene, number: int) -> Scene:
 
 
 def built(trial: Trial) -> Assembly:
-    """Build the assembly of a trial's scene."""
     return build_assembly(trial.scene)
+
+
+# Share of the time that is left for each check, in their order
+_SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 0.8, "without cuts": 1.0}
+
+_LEAST: Final = 0.3  # shortest time in which a check is begun, s
+
+_LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment may end, s: its program starts anew
+
+
+def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
+    """Check the winner of a design in five ways, and return the results in order."""
+    found = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
+    say(f"check        {found[0].words}")
+    # the experiment has a process of its own, beside which bounds by fields are refined
+    experiment = _begin_experiment(work, until)
+    try:
+        later = (("by fields", _by_fields), ("low friction", _at_low_friction), ("without cuts", _without_cuts))
+        for name, make in later:
+            found.append(_timed(work, name, make, until.within(_SHARES[name] * until.remaining())))
+            say(f"check        {found[-1].words}")
+        found.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(*experiment, until))
+        say(f"check        {found[1].words}")
+    finally:
+        if not isinstance(experiment, Check):
+            with experiment[0] as process:  # its pipes are closed, even of a process that ended while nobody read them
+                process.kill()
+    return found
+
+
+def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
+    """Return the result of a check, or that no time was left."""
+    # a first mesh and a first solve end late rather than never
+    return Check(name, f"{name}: no time was left") if until.remaining() < _LEAST else make(work, until)
+
+
+def _winner(work: Design) -> Trial:
+    if work.winner is None:
+        raise ValueError("the design has no layout to check")
+    return work.winner
+
+
+def _span(bounds: Bounds) -> str:
+    """Describe bounds on λ in words; infinite ones are unproven."""
+    low, high = bounds
+    if not math.isfinite(low):
+        return "no lower bound was found in time"
+    return f"{low:.4g} ≤ λ" + (f" ≤ {high:.4g}" if math.isfinite(high) else "")
+
+
+def _by_fields(work: Design, until: Deadline) -> Check:
+    """Refine the bounds on λ by fields of the winner until a deadline."""
+    # The winner in `work.trials` is replaced. Where fields do not apply, the check gives the reason.
+    winner = _winner(work)
+    assembly = built(winner)
+    problem = why_no_fields(assembly)
+    if problem:
+        return Check("by fields", f"blocks that crack anywhere: not checked, {problem}")
+    low, high = field_bounds(assembly, assembly.labels, until.remaining())
+    best = (max(low, winner.fields[0]), min(high, winner.fields[1]))
+    better = replace(winner, fields=best)
+    work.trials = [better if one is winner else one for one in work.trials]
+    values = {"fields_lo": number(best[0]), "fields_hi": number(best[1])}
+    return Check("by fields", f"blocks that crack anywhere: {_span(best)}", values)
+
+
+def _at_low_friction(work: Design, until: Deadline) -> Check:
+    """Bound λ of the winner at the low value of friction, by fields or else by faces."""
+    # Without a stated friction of dry joints the check says so.
+    winner = _winner(work)
+    dry = winner.scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
+    value = dry.get("friction_coefficient")
+    if value is None and "friction_angle" in dry and isinstance(dry["friction_angle"], float | int):
+        low = LOW_FRICTION * float(np.tan(np.radians(dry["friction_angle"])))
+    elif isinstance(value, dict):
+        low = float(value["low"])
+    else:
+        return Check("low friction", "low friction: not checked, the scene states no friction to lower")
+    scene = at_low_friction(winner.scene, low)
+    assembly = build_assembly(scene)
+    if why_no_fields(assembly):
+        result = solve_rigid(assembly)
+        words = f"friction of {low:.3g}: by faces λ = {result.load_factor:.4g} ({result.status})"
+        return Check("low friction", words, {"friction": low, "load_factor": number(result.load_factor)})
+    bounds = field_bounds(assembly, assembly.labels, until.remaining())
+    values = {"friction": low, "fields_lo": number(bounds[0]), "fields_hi": number(bounds[1])}
+    return Check("low friction", f"friction of {low:.3g}: by fields {_span(bounds)}", values)
+
+
+def _without_cuts(work: Design, until: Deadline) -> Check:
+    """Compare the winner by faces with the structure without cuts."""
+    winner = _winner(work)
+    assembly = built(winner)
+    high = most_without_cuts(winner.scene, assembly, search_space(winner.scene, assembly))
+    if high is None or until.passed():
+        return Check("without cuts", "without cuts: not compared")
+    if winner.faces[0] > high:
+        return Check("without cuts", stronger_cut(high), {"uncut_at_most": high})
+    return Check("without cuts", f"without cuts: by faces at most {high:.4g}; the cuts are not proven to gain anything")
+
+
+def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
+    """Load the winner in a virtual experiment, in a process; return it, a description and a command."""
+    # a check is returned where no time is left
+    winner = _winner(work)
+    assembly = built(winner)
+    result, names = solve_rigid(assembly), [case.name for case in assembly.cases]
+    number = names.index(str(result.governing)) if result.governing in names else 0
+    place = work.folder / "experiment.json"
+    scene = one_case(winner.scene, number)
+    write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    told = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
+    again = f"jld experiment {place}"
+    if until.remaining() < _LEAST_EXPERIMENT:
+        return Check("experiment", f"{told}: no time was left; {again}")
+    command = [sys.executable, "-m", "jld_explore", "experiment", str(place), "--json"]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), told, again
+
+
+def _end_experiment(process: subprocess.Popen[str], told: str, again: str, until: Deadline) -> Check:
+    """Wait for a virtual experiment, and return its result; a failure is reported in the check."""
+    try:
+        out, errors = process.communicate(timeout=until.remaining())
+    except subprocess.TimeoutExpired:
+        return Check("experiment", f"{told}: it did not end in time; {again}")
+    if process.returncode not in (0, 4):
+        return Check("experiment", f"{told}: not run, {errors.strip() or 'it was stopped'}")
+    facts: dict[str, Any] = json.loads(out)
+    values = {name: facts.get(name) for name in ("collapse_load", "load_factor", "ratio", "stands", "rate_error")}
+    if not facts["stands"]:
+        return Check("experiment", f"{told}: it does not stand under its dead loads alone", values)
+    load = facts["collapse_load"]
+    words = f"{told}: it comes down at λ = {load:.4g}" if load is not None else f"{told}: it does not come down"
+    return Check("experiment", f"{words}, with brittle cracks and joints that do not dilate", values)
+
+
+def _laid(work: Design, until: Deadline) -> Check:
+    """Find an order in which the blocks of the winner can be laid, and the props it needs."""
+    # The check names the blocks that lock one another if there is no order.
+    winner = _winner(work)
+    assembly: Assembly = built(winner)
+    start = LAID[work.options.laid or "translation"][1]
+    try:
+        with until.enforced():
+            sideways = winner.scene.search.assemble_out_of_plane
+            found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
+    except DeadlinePassed:
+        return Check("laying", f"order of laying: no time was left; jld assembly {work.folder}")
+    if not found.possible:
+        names = ", ".join(found.blocks.name(block) for block in found.locked)
+        return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
+    props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
+    held = (
+        "no stage needs a prop" if found.stands else f"props of {force_in_words(props, assembly.units[1])} at the most"
+    )
+    values = {"possible": True, "steps": len(found.steps), "props": props}
+    first = "" if start == "ground" else f" from the {start}"
+    return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)

@@ -1,7 +1,4 @@
-"""Design check with partial factors: utilisation, reactions, joints near their limit.
-
-Functions are imported from the modules that define them.
-"""
+"""Design check with partial factors: utilisation, reactions, joints near their limit."""
 
 from __future__ import annotations
 

@@ -18,8 +18,6 @@ from jld_core.assembly import Assembly, LoadCase
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import FIELD_SECONDS, CaseBounds, LimitAnalysisResult, SolveOptions, Status, number
-from jld_core.limit.force_range import extreme_value
-from jld_core.limit.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
 from jld_core.loads import Loads
 from jld_core.mechanics import require_materials
 from jld_core.models import limit_analysis, solve_by_fields, solve_rigid
@@ -34,15 +32,15 @@ from jld_core.scene.design_values import at_design_values
 from jld_core.solvers import make_solver
 from jld_core.strengths import Route
 from jld_core.threads import one_thread
-from jld_practice.reliability.bounds import SampleBounds
+from jld_practice.reactions.force_range import extreme_value
+from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
 from jld_practice.reliability.form import LimitFunction
-from jld_practice.reliability.structure import Growth, RandomStructure, Variables
+from jld_practice.reliability.structure import Growth, RandomStructure, SampleBounds, Variables
 
-ROUTE: Final = Route("the design check")
-"""Reader of strengths: partial factors are known for the standard ones alone."""
+ROUTE: Final = Route("the design check")  # reader of strengths: partial factors are known for the standard ones alone
 
+# which factor of a permanent action counts; "parts" where each of its parts has its own
 Effect = Literal["unfavourable", "favourable", "parts"]
-"""Which of both factors of a permanent action counts; "parts" where each of its parts has its own."""
 
 _BOTH: Final[tuple[Effect, Effect]] = ("unfavourable", "favourable")
 
@@ -91,11 +89,10 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
 
 
 def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
-    """Return a structure whose loads are multiplied by partial factors."""
+    """Multiply the loads of a structure by partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
-        """Return a dead load with factors."""
         stated = chosen["dead"] * _stated(assembly, dead)
         return replace(stated, body=stated.body + chosen["self_weight"] * _weights(assembly))
 
@@ -113,7 +110,7 @@ def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Co
 
 
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
-    """Return the load cases; the single load of a structure without cases is one."""
+    """Return the load cases; a single load without cases is one."""
     return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
 
 
@@ -130,17 +127,14 @@ def _stated(assembly: Assembly, dead: Loads) -> Loads:
     return replace(dead, body=rest)
 
 
-COARSE: Final = 0.9
-"""Gap of the first bounds of every load case: one mesh."""
+COARSE: Final = 0.9  # gap of the first bounds of every load case: one mesh
 
-FINER: Final = (0.4, 0.15, 0.05)
-"""Gaps of the bounds of load cases that the first ones leave open, one after the other."""
+FINER: Final = (0.4, 0.15, 0.05)  # gaps of the bounds of load cases that the first ones leave open, one after the other
 
 _REFUTED: Final = 0.1  # share of the time that may be spent on the utilisation of a case that is refuted anyway
 
 
-Assess = Callable[[int, float, float], bool | None]
-"""Assess the case of a number to a gap within seconds."""
+Assess = Callable[[int, float, float], bool | None]  # assess the case of a number to a gap within seconds
 
 
 @dataclass(frozen=True)
@@ -168,8 +162,7 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
 def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int], float]) -> None:
     """Assess load cases until each is settled, one is refuted, or the time is over.
 
-    count: number of cases. seconds: time for all. assess: returns whether a case verifies, None if undecided, for a gap
-    and a time, s. least: sort key by which cases are refined; of refuted ones only the first is, for its number.
+    assess: whether a case verifies, None if undecided, for a gap and a time, s. least: sort key for refinement.
     """
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
@@ -212,7 +205,7 @@ _SAFE: Final = 1e-6  # relative share of a lower bound from affine forces that i
 
 @dataclass(frozen=True)
 class WorstParts:
-    """Worst assignment found for one load case: its combination and structure, and proven bounds of all assignments."""
+    """Worst assignment found for one load case, and proven bounds of all assignments."""
 
     combination: Combination
     structure: Assembly
@@ -221,14 +214,12 @@ class WorstParts:
 
 
 def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> WorstParts:
-    """Bound λ of a structure with one load case over all assignments of factors to parts of permanent loads.
-
-    labels: (m,) True = dry.
-    """
+    """Bound λ of one load case over all assignments of factors to parts of permanent loads."""
     search = _Search(structure, labels, factors, combination)
     few = len(search.names) <= _ALL
     (low, high, worst), stands = search.all_assignments() if few else search.by_mechanisms()
-    chosen, loaded = search.combination_of(worst), search.loaded(worst)
+    heavier = tuple(name for name, up in zip(search.names, worst > search.middle, strict=True) if up)
+    chosen, loaded = replace(combination, heavier=heavier), search.loaded(worst)
     if low == high == -math.inf:
         return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), False)
     if low == math.inf:
@@ -240,11 +231,7 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
 
 
 def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
-    """Return the parts of the permanent loads of a structure with one load case, and the design loads beside them.
-
-    Parts: names (k,), loads (k, n, q), and their factors (k, 2), favourable and unfavourable. Loads beside them: (n,
-    q).
-    """
+    """Return parts of permanent loads: names (k,), loads (k, n, q), factors (k, 2); and loads beside them (n, q)."""
     # Parts are the weights of free elements, and stated dead loads on elements. Beside them are prestress and loads
     # whose factors are equal.
     elements, stress = structure.elements, structure.members.self_stress
@@ -273,7 +260,7 @@ class _Search:
     """Assignments of one load case; factors (parts,) are values of random variables that its loads follow."""
 
     def __init__(self, structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> None:
-        self.labels, self.plain = labels, combination
+        self.labels = labels
         self.names, self.loads, self.ends, self.rest = parts_of(structure, factors)
         self.middle = self.ends.mean(axis=1)
         # live loads at design values; permanent loads follow by parts
@@ -286,20 +273,15 @@ class _Search:
         base = self.base.with_strengths(self.base.strengths(ROUTE))
         return replace(base, dead_loads=loads, live_loads=direction * base.live_loads)
 
-    def combination_of(self, values: Floats) -> Combination:
-        """Return the combination of factors (parts,), of which those above their mean are unfavourable."""
-        heavier = tuple(name for name, up in zip(self.names, values > self.middle, strict=True) if up)
-        return replace(self.plain, heavier=heavier)
-
     def bounds(self, direction: float = 1.0) -> SampleBounds:
-        """Return bounds on the factor of the live load, or of its opposite, for given factors of the parts."""
+        """Return bounds on the factor of the live load, or its opposite, for factors of the parts."""
         base, count = self.loaded(self.middle, direction), len(self.names)
         variables = Variables(self.names, self.middle, np.ones(count), np.zeros(count, dtype=bool))
         growths = tuple(Growth((k,), load, np.zeros_like(base.live)) for k, load in enumerate(self.loads))
         return SampleBounds(RandomStructure(base, variables, (), (growths,)), self.labels)
 
     def all_assignments(self) -> tuple[tuple[float, float, Floats], bool | None]:
-        """Return least bounds of all assignments with the worst one, and whether all stand without live load."""
+        """Return least bounds of all assignments with the worst, and whether all stand without live load."""
         grid = np.array(list(itertools.product(*self.ends))).reshape(2 ** len(self.names), -1)
         found, back = self.bounds().of(grid), self.bounds(-1.0).of(grid)
         worst = int(np.argmin(np.where(np.isnan(found.high), np.inf, found.high)))
@@ -350,11 +332,9 @@ class _Search:
 
 
 def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
-    """Return a scaled λ ≥ 0 at which forces affine in ξ carry the dead load plus ξ·parts for all |ξ| ≤ 1, or −inf.
-
-    parts: (k, q·free) scaled loads. Each is carried by forces of least norm, weighted by the room that faces have; the
-    yield sets of all faces are diminished by what these forces can take up together.
-    """
+    """Return a scaled λ ≥ 0 at which forces affine in ξ carry dead load plus ξ·parts, all |ξ| ≤ 1, or −inf."""
+    # parts (k, q·free) are carried by forces of least norm, weighted by the room of faces; yield sets shrink by what
+    # these take
     program = template.program(labels)
     resultants, equations = template.matrix.shape[1], program.structure.equalities
     matrix = program.matrix.tocsr()
@@ -404,11 +384,9 @@ def _least_slack(program: ConicProgram, slack: Floats) -> float:
     return min(values)
 
 
-LISTED: Final = 8
-"""Number of joints and of blocks that a check lists, those nearest to their limit."""
+LISTED: Final = 8  # joints and blocks that a check lists, those nearest to their limit
 
-Solution = LimitAnalysisResult | FieldResult
-"""Solution of a structure under all its load cases."""
+Solution = LimitAnalysisResult | FieldResult  # solution of a structure under all its load cases
 
 
 @dataclass(frozen=True)
@@ -434,7 +412,7 @@ class CaseCheck:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Return the proven bounds of the utilisation: 0 and inf where nothing is proven."""
+        """Proven bounds of the utilisation: 0 and inf where nothing is proven."""
         if self.bounds.status in (Status.UNSTABLE, Status.FAILED) or self.stands is False:
             return (math.inf if self.bounds.status is not Status.FAILED else 0.0), math.inf
         if self.bounds.status is Status.LOCKED:
@@ -444,18 +422,16 @@ class CaseCheck:
 
     @property
     def verified(self) -> bool | None:
-        """Return True if utilisation ≤ 1 is proven, False if it is refuted, None if neither is."""
+        """True if utilisation ≤ 1 is proven, False if it is refuted, else None."""
         least, most = self.range
         if self.stands is True and most <= 1.0:
             return True
         return False if least > 1.0 else None
 
     def _over(self, load_factor: float) -> float:
-        """Return the required factor over a load factor; inf for one that is not positive."""
         return self.required / load_factor if load_factor > 0.0 else math.inf
 
     def to_json(self) -> dict[str, Any]:
-        """Return the check of the case as plain values; None for infinite and unknown numbers."""
         return {
             "utilisation": number(self.utilisation),
             "utilisation_bracket": [number(end) for end in self.range],
@@ -490,22 +466,22 @@ class DesignCheck:
 
     @property
     def governing(self) -> CaseCheck:
-        """Return the load case of largest utilisation of both crack models, the first of several that are equal."""
+        """Load case of largest utilisation of both crack models, the first of equal ones."""
         return _worst((*self.cases, *self.anywhere))
 
     @property
     def as_drawn(self) -> CaseCheck:
-        """Return the governing load case by the crack model of the scene."""
+        """Governing load case by the crack model of the scene."""
         return _worst(self.cases)
 
     @property
     def if_anywhere(self) -> CaseCheck | None:
-        """Return the governing load case where blocks may crack anywhere; None if that is not checked."""
+        """Governing load case where blocks may crack anywhere; None if that is not checked."""
         return _worst(self.anywhere) if self.anywhere else None
 
     @property
     def verified(self) -> bool | None:
-        """Return True if all cases are verified by both crack models, False if one is refuted, else None."""
+        """True if all cases are verified by both crack models, False if one is refuted, else None."""
         found = [one.verified for one in (*self.cases, *self.anywhere)]
         return False if False in found else None if None in found else True
 
@@ -518,12 +494,7 @@ def design_check(
     seconds: float = FIELD_SECONDS,
     states: bool = True,
 ) -> DesignCheck:
-    """Check one layout with partial factors.
-
-    labels: (m,) labels, True = dry; None for those of the scene. Result: utilisation of every load case under its worst
-    combination, reactions and reserves. Raises InputError if the scene cannot be solved, or its design values
-    contradict one another.
-    """
+    """Check one layout with partial factors, by the scene's labels unless labels (m,) are given."""
     # Where blocks may crack, the check by the faces or cells that are drawn is repeated by fields, and both must
     # verify.
     assembly = build_assembly(scene)
@@ -571,11 +542,7 @@ def _structures(
     factors: PartialFactors,
     combinations: list[Combination],
 ) -> list[tuple[Assembly, Bits]]:
-    """Return the structure and its labels under each combination, at design values; loads of parts are characteristic.
-
-    labels: (m,) True = dry. Where blocks crack by cells, these are the finer cells. Raises InputError for contradictory
-    design values.
-    """
+    """Return structure and labels under each combination, at design values; loads of parts are characteristic."""
     found: dict[float, tuple[Assembly, Bits]] = {}
     structures = []
     for combination in combinations:
@@ -625,7 +592,7 @@ def _cases(
 def _with_cracks_anywhere(
     check: DesignCheck, labels: Bits, combinations: list[Combination], seconds: float
 ) -> DesignCheck:
-    """Add the check by fields to one by faces or cells; labels: (m,) of the joint grid, True = dry."""
+    """Add the check by fields to one by faces or cells; labels: (m,) of the joint grid."""
     scene, factors = check.scene, check.factors
     if isinstance(scene.cracks, FieldCracks):
         return check
@@ -685,10 +652,7 @@ def _cases_by_parts(
 
 
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
-    """Return the governing case: refuted, else undecided, else of largest utilisation.
-
-    Of several with overlapping bounds it is the first.
-    """
+    """Return the first governing case: refuted, else undecided, else of largest utilisation."""
     for verdict in (False, None):
         if group := [one for one in cases if one.verified is verdict]:
             break
@@ -699,7 +663,6 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:
-    """Return the solution of one load case, None for fields."""
     if isinstance(solution, FieldResult):
         return None
     return solution.cases[case.name] if solution.cases else solution

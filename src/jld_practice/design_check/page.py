@@ -58,7 +58,7 @@ def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[
 
 
 def html_of(check: DesignCheck, content: Content, language: str) -> str:
-    """Return the HTML page of a design check, with its pictures inside."""
+    """Return the HTML page of a design check with its pictures."""
     figure = Figure(figsize=(10.0, 3.2))
     _draw(check, content, figure, 0.03, 0.94, 0.02, 0.86)
     parts = [f"<h1>{html.escape(content.title)}</h1>"]
@@ -80,7 +80,6 @@ def html_of(check: DesignCheck, content: Content, language: str) -> str:
 
 
 def _rows(table: Table) -> str:
-    """Return a table as HTML."""
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in table.head if cell)
     rows = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in table.rows)
     return f"<table><tr>{head}</tr>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>"
@@ -106,17 +105,16 @@ def sheet_of(check: DesignCheck, content: Content) -> Figure:
 
 
 def _foot(check: DesignCheck) -> str:
-    """Return the last line of the page: scene, its digest and version."""
     return f"{check.scene.name} · {check.scene.fingerprint[:12]} · {check.factors.name} · jld {__version__}"
 
 
 def _line(size: float) -> float:
-    """Return the height of a line of letters, relative to the sheet; size: points."""
+    """Return the height of a line, relative to the sheet; size: of letters, points."""
     return _STEP * size / 72.0 / _PAPER[1]
 
 
 def _drop(size: float) -> float:
-    """Return the height from a line's top to its base line over the sheet; size: points."""
+    """Return the height from a line's top to its base line, likewise."""
     return 0.8 * size / 72.0 / _PAPER[1]
 
 
@@ -141,7 +139,7 @@ def _fitting(content: Content, room: float) -> float:
 
 
 def _text(figure: Figure, top: float, text: str, size: float) -> float:
-    """Write a text from the height `top` on, wrapped; return the height below."""
+    """Write a wrapped text from the height `top` on; return the height below."""
     for part in _wrapped(text, size):
         figure.text(_MARGIN, top - _drop(size), part, fontsize=size, color=INK)
         top -= _line(size)

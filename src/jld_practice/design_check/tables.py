@@ -16,7 +16,6 @@ from jld_core.build.materials import friction
 from jld_core.build.plausibility import weight_facts
 from jld_core.limit import Status, number
 from jld_core.limit.result import effects
-from jld_core.limit.thrust import Reserve
 from jld_core.scene.cracks import cracks_to_json
 from jld_core.scene.design import STATED, UNREDUCED
 from jld_core.scene.design_values import at_design_values
@@ -25,7 +24,9 @@ from jld_core.scene.uncertain import uncertain_values
 from jld_core.tolerances import GAP
 from jld_explore.report.languages import words_in
 from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
+from jld_practice.reactions.thrust import Reserve
 
+# texts by key, in the order of `report.languages.LANGUAGES`
 WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Design check", "Nachweis", "Verifica di progetto"),
     "verified": (
@@ -252,7 +253,6 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "path": ("λ along the path", "λ entlang des Weges", "λ lungo il percorso"),
     "distance": ("first axle along the path", "erste Achse entlang des Weges", "primo asse lungo il percorso"),
 }
-"""Texts by key, in the order of `report.languages.LANGUAGES`."""
 
 
 @dataclass(frozen=True)
@@ -278,7 +278,7 @@ class Content:
 
 
 def content_of(check: DesignCheck, language: str = "en") -> Content:
-    """Return the content of the page of a design check; language: "en", "de" or "it"."""
+    """Return the content of the page in one language: "en", "de" or "it"."""
     words = words_in(language, WORDS)
     tables = [_factors(check, words), _materials(check, words), _cases(check, words)]
     if check.reactions:
@@ -291,7 +291,6 @@ def content_of(check: DesignCheck, language: str = "en") -> Content:
 
 
 def _result(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
-    """Return the sentences on the outcome."""
     worst = check.governing
     low, high = worst.range
     if worst.verified is None:
@@ -364,7 +363,6 @@ def _combination(check: DesignCheck, one: CaseCheck, words: Mapping[str, str]) -
 
 
 def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of partial factors with their sources."""
     rows = []
     for one in fields(check.factors)[1:-1]:
         value = getattr(check.factors, one.name)
@@ -400,7 +398,7 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of load cases, the most utilised first where there are many."""
+    """Return the load cases, the most utilised first where there are many."""
     verdicts = {True: words["yes"], False: words["no"], None: words["open"]}
     every = (*check.cases, *check.anywhere)
     order = sorted(range(len(every)), key=lambda k: (-every[k].range[1], k))
@@ -418,7 +416,7 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of reactions: one row for each support, one column for each component."""
+    """Return the reactions: a row for each support, a column for each component."""
     by_place: dict[str, dict[str, str]] = {}
     largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
     for one in check.reactions:
@@ -437,7 +435,7 @@ def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of the dry joints nearest to their limit."""
+    """Return the dry joints nearest to their limit."""
     length, force = check.assembly.units
     found = joints_of(check)
     share = "–" if check.reserve is None else f"{100.0 * check.reserve.bracket[1]:.1f} %"
@@ -465,7 +463,7 @@ def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of the blocks nearest to cracking."""
+    """Return the blocks nearest to cracking."""
     found = blocks_near_cracking(check)
     rows = [[one["block"], "–".join(one["face"]), _percent(one["share"])] for one in found[:LISTED]]
     head = [words["block"], words["face"], words["share"]]
@@ -473,7 +471,6 @@ def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _members(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of the forces of members."""
     found = members_of(check)
     rows = [[one["name"], f"{one['force']:.4g}", _percent(one["share"])] for one in found[:LISTED]]
     head = [words["member"], f"{words['force']} [{check.assembly.units[1]}]", words["share"]]
@@ -568,7 +565,7 @@ def members_of(check: DesignCheck) -> list[dict[str, Any]]:
 
 
 def to_json(check: DesignCheck) -> dict[str, Any]:
-    """Return the object that `jld check-design --json` prints."""
+    """Return what `jld check-design --json` prints."""
     worst = check.governing
     length, force = check.assembly.units
     return {
@@ -598,7 +595,6 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
 
 
 def in_words(check: DesignCheck) -> str:
-    """Describe a design check in lines of text."""
     content = content_of(check)
     lines = [content.title, *content.result]
     for table in content.tables:
@@ -622,5 +618,4 @@ def _end(value: float | None, largest: float) -> str:
 
 
 def _percent(share: float) -> str:
-    """Return a share in per cent."""
     return f"{100.0 * share:.1f} %"

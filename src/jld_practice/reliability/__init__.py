@@ -1,7 +1,4 @@
-"""Reliability of a layout: first-order method, simulation, comparison of layouts.
-
-Its functions are imported from the modules that define them.
-"""
+"""Reliability of a layout: first-order method, simulation, comparison of layouts."""
 
 from __future__ import annotations
 

@@ -13,7 +13,6 @@ from jld_core.assembly import Assembly
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
 from jld_core.errors import InputError, ParameterError
 from jld_core.scene import Scene
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.form import Form, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import (
     CONFIDENCE,
@@ -24,7 +23,7 @@ from jld_practice.reliability.monte_carlo import (
     is_rare,
     simulate,
 )
-from jld_practice.reliability.structure import RandomStructure, Variables, random_structure
+from jld_practice.reliability.structure import RandomStructure, SampleBounds, Variables, random_structure
 
 # Probability of unseen failures, over that of known ones, that the spread of samples is chosen for
 _SHARE: Final = 0.05
@@ -45,17 +44,14 @@ _STREAM: Final = 1  # number that keeps these random numbers apart from those of
 
 @dataclass(frozen=True)
 class Exploration:
-    """Design points of a layout, nearest first, and what they do not explain.
-
-    unseen: upper end of the confidence interval of the probability of failures away from them; 1 if unknown.
-    """
+    """Design points of a layout, nearest first, and what they do not explain."""
 
     points: tuple[Form, ...]
-    unseen: float
+    unseen: float  # upper end of the confidence interval of failures away from them; 1 if unknown
 
 
 def explore_failures(function: LimitFunction, first: Form, samples: int, seed: int, jobs: int) -> Exploration:
-    """Find design points with samples of larger variance; first: result of the first-order method from the means."""
+    """Find design points with samples of larger variance, from that of the first-order method."""
     # The result does not depend on `jobs`, the number of threads.
     points = [first] if first.found else []
     expected = first.probability if first.found else 1.0 / samples
@@ -107,8 +103,7 @@ def _unexplained(samples: Floats, points: list[Form]) -> np.ndarray:
     return np.asarray((samples @ centres.T < _NEAR * (centres**2).sum(axis=1)).all(axis=1))
 
 
-SAMPLES: Final = 100_000
-"""Default number of samples."""
+SAMPLES: Final = 100_000  # default number of samples
 
 # Relative difference by which a failing sample must be nearer to the means than the design point to replace it
 _NEARER: Final = 1e-3
@@ -116,8 +111,6 @@ _NEARER: Final = 1e-3
 
 @dataclass(frozen=True)
 class ReliabilityOptions:
-    """Options of a reliability analysis."""
-
     required: float = 1.0  # governing load factor below which the structure fails
     samples: int = SAMPLES
     seed: int = 0
@@ -147,11 +140,10 @@ class Reliability:
 
     @property
     def design_values(self) -> Floats | None:
-        """Return the values (v,) of the variables at the design point; None where there is none."""
+        """Values (v,) of the variables at the design point; None where there is none."""
         return self.variables.values(self.form.point) if self.form.found else None
 
     def to_json(self) -> dict[str, Any]:
-        """Return all results as plain numbers, None for what does not exist."""
         form, simulation, names = self.form, self.simulation, self.variables.names
         alpha = form.direction.tolist() if form.found else [None] * len(names)
         values = self.design_values
@@ -189,10 +181,7 @@ class Reliability:
 
 
 def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStructure:
-    """Return the random structure of a scene whose layout is to be analysed.
-
-    Raises InputError for a scene without values with uncertainty, and for models that samples do not have.
-    """
+    """Return the random structure of a scene; InputError for models that samples do not have."""
     if scene.cracks != "faces":
         raise InputError("cracks", "reliability supports cracks by faces only", '"faces"')
     structure = random_structure(scene)
@@ -202,18 +191,15 @@ def structure_of(scene: Scene, assembly: Assembly, labels: Bits) -> RandomStruct
 
 
 def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOptions) -> Reliability:
-    """Compute the reliability of a layout by the first-order method and by simulation.
-
-    Where failures are rare, other design points are searched for, and what they leave unseen counts at the upper end of
-    the interval. labels: (m,) layout, True = dry. Raises InputError: a material that the layout needs is missing.
-    """
+    """Compute the reliability of a layout (m,) by the first-order method and by simulation."""
     bounds = SampleBounds(structure, labels)
     function = LimitFunction(bounds, options.required)
     return estimate(function, structure.variables, options)
 
 
 def estimate(function: LimitFunction, variables: Variables, options: ReliabilityOptions) -> Reliability:
-    """Compute the reliability of a limit function by both methods; see `analyse`."""
+    """Compute the reliability of a limit function by both methods."""
+    # where failures are rare other design points are searched for, and what they leave unseen counts at the upper end
     samples, seed, jobs = options.samples, options.seed, options.jobs
     form = design_point(function)
     points: tuple[Form, ...] = (form,) if form.found else ()

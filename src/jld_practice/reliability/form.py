@@ -14,7 +14,7 @@ from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.mechanics.yield_set import FrictionSet
 from jld_core.scene.standard import PARAMETERS
 from jld_core.threads import one_thread
-from jld_practice.reliability.bounds import SampleBounds
+from jld_practice.reliability.structure import SampleBounds
 
 _STEPS: Final = 60  # largest number of iterations
 
@@ -69,28 +69,21 @@ class Form:
 
     @property
     def found(self) -> bool:
-        """Return True if there is a design point."""
         return not self.problem
 
     @property
     def probability(self) -> float:
-        """Return the probability of failure of the linearised problem, Φ(−β)."""
+        """Probability of failure of the linearised problem, Φ(−β)."""
         return float(ndtr(-self.beta))
 
     @property
     def direction(self) -> Floats:
-        """Unit vector α (v,) from the means to the design point.
-
-        Its squares are the shares of the variables in the variance.
-        """
+        """Unit vector α (v,) to the design point; squares are shares of the variance."""
         return self.point / self.beta if self.beta else np.zeros_like(self.point)
 
 
 class LimitFunction:
-    """Governing factor less the required one, as a function of standard normal variables.
-
-    bounds: layout whose load factor is asked. required: required governing factor.
-    """
+    """Governing factor less the required one, as a function of standard normal variables."""
 
     def __init__(self, bounds: SampleBounds, required: float) -> None:
         self.bounds, self.required = bounds, required
@@ -137,10 +130,7 @@ class LimitFunction:
 
 
 def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.ndarray) -> dict[str, Floats]:
-    """Return the derivatives (m,) of scaled λ by scaled strengths, at unit live work.
-
-    jumps: (m, q). normal: (m,) normal forces of the collapse state. labels: (m,) True = dry.
-    """
+    """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
     frictions = [one for one in PARAMETERS if one.side == "friction"]
     found = {one.field: np.where(labels == (one.label == "dry"), slip, 0.0) for one in frictions}
@@ -155,10 +145,7 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
 
 
 class _Iteration:
-    """Iteration for the design point, with the gradients that it met.
-
-    function: the limit function. point: (v,) where it begins.
-    """
+    """Iteration for the design point, with the gradients that it met."""
 
     def __init__(self, function: LimitFunction, point: Floats) -> None:
         self.function, self.point, self.reach = function, point, function.variables.reach
@@ -201,12 +188,12 @@ class _Iteration:
         return False
 
     def arrived(self, target: Floats) -> bool:
-        """Return True if the point lies on the failure surface and equals the target."""
+        """Return whether the point lies on the failure surface and equals the target."""
         return abs(self.here.distance) <= _SURFACE and _close(target, self.point)
 
 
 def _close(one: Floats, other: Floats) -> bool:
-    """Return True if two points are equal to the accuracy of a design point."""
+    """Return whether two points are equal to the accuracy of a design point."""
     return float(np.linalg.norm(one - other)) <= _POINT * max(1.0, float(np.linalg.norm(other)))
 
 
@@ -216,10 +203,8 @@ def _merit(point: Floats, limit: Limit, penalty: float) -> float:
 
 
 def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
-    """Return the u (v,) of least norm with slopes·u ≤ sides; None if there is none.
-
-    slopes: (k, v). sides: (k,). Source: Lawson and Hanson, Solving Least Squares Problems (1974), problem LDP.
-    """
+    """Return the u (v,) of least norm with slopes (k, v)·u ≤ sides (k,); None if there is none."""
+    # Lawson and Hanson, Solving Least Squares Problems (1974), problem LDP
     from scipy.optimize import nnls  # takes long to import, and every search would wait for it
 
     system = np.vstack([-slopes.T, -sides])
@@ -230,11 +215,9 @@ def _least_distance(slopes: Floats, sides: Floats) -> Floats | None:
 
 
 def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
-    """Find the point of the failure surface nearest to the means, in standard normal space.
-
-    start: (v,) first point; default: the means. A step that does not lessen ½|u|² + c |g| is halved. Where that does
-    not help, at a kink of λ, the gradients met at both of its sides are linearised together.
-    """
+    """Find the point of the failure surface nearest to the means, in standard normal space."""
+    # a step that does not lessen ½|u|² + c |g| is halved; at a kink of λ the gradients of both sides are linearised
+    # together
     # docs/method.md (12.3) to (12.5). Sources: Hasofer and Lind (1974); Rackwitz and Fiessler (1978); the step control
     # follows Zhang and Der Kiureghian (1995).
     means = np.zeros(len(function.variables))

@@ -1,7 +1,4 @@
-"""Monte Carlo simulation of a layout; proven bounds decide every sample.
-
-Rare failures are sampled around the design points (importance sampling).
-"""
+"""Monte Carlo simulation of a layout, decided by proven bounds; rare failures by importance sampling."""
 
 from __future__ import annotations
 
@@ -15,8 +12,8 @@ from scipy.special import betaincinv, ndtri
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
-from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
 from jld_practice.reliability.form import Form
+from jld_practice.reliability.structure import GoverningBounds, SampleBounds
 
 _FEW: Final = 1000  # failures expected of plain sampling below which samples are drawn around the design points
 
@@ -26,8 +23,7 @@ _PLAIN: Final = 10
 # Share of the other samples that is divided evenly among the design points; the rest follows their probabilities
 _EVEN: Final = 0.5
 
-CONFIDENCE: Final = 0.95
-"""Confidence of intervals."""
+CONFIDENCE: Final = 0.95  # of intervals
 
 _Result = TypeVar("_Result")
 
@@ -51,7 +47,7 @@ class MonteCarlo:
 
     @property
     def beta(self) -> float | None:
-        """Return the reliability index −Φ⁻¹(p); None where no sample or every sample fails."""
+        """Reliability index −Φ⁻¹(p); None where no sample or every sample fails."""
         return index_of(self.probability)
 
     @property
@@ -79,7 +75,7 @@ class _Part:
 
 
 def is_rare(points: Sequence[Form], samples: int) -> bool:
-    """Return True if plain samples are expected to fail too seldom."""
+    """Return whether plain samples are expected to fail too seldom."""
     return bool(points) and samples * sum(one.probability for one in points) < _FEW
 
 
@@ -128,10 +124,7 @@ def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Re
 
 @dataclass(frozen=True)
 class _Drawing:
-    """Samples in standard normal space, portion by portion.
-
-    A portion has random numbers of its own, so that neither threads nor their number change them.
-    """
+    """Samples in standard normal space, by portions with random numbers of their own."""
 
     seed: int
     counts: Ints  # (c,) number of samples around each centre. Samples of one centre follow one another.
@@ -176,10 +169,7 @@ class _Drawing:
 
 
 def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bools, Bools, int]:
-    """Decide samples (k, v) by proven bounds; solve those again that the batch leaves open.
-
-    Returns masks (k,) of those that surely fail and of those that stay open, and how many were solved again.
-    """
+    """Return (k,) which samples (k, v) surely fail and which stay open, and how many were solved again."""
     found = bounds.of(values, required)
     fails, open_ = found.fails(required), ~(found.fails(required) | found.holds(required))
     again = np.flatnonzero(open_) if bounds.batched else np.zeros(0, dtype=np.int64)
@@ -200,10 +190,7 @@ def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Flo
 
 
 def exact_interval(failures: int, undecided: int, samples: int) -> tuple[float, float]:
-    """Return the Clopper–Pearson interval of a probability.
-
-    Undecided samples count as safe at the lower end and as failures at the upper one.
-    """
+    """Return the Clopper–Pearson interval; undecided samples are safe below and fail above."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     most = failures + undecided
     low = 0.0 if failures == 0 else float(betaincinv(failures, samples - failures + 1, tail))
@@ -232,15 +219,12 @@ class Comparison:
 
     @property
     def probability(self) -> float:
-        """Return the share of samples in which the first layout surely carries more."""
+        """Share of samples in which the first layout surely carries more."""
         return self.stronger / self.samples
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return the confidence interval of the probability that the first layout carries more.
-
-        Its upper end counts undecided samples as such.
-        """
+        """Confidence interval of the probability that the first carries more, undecided ones above."""
         return exact_interval(self.stronger, self.undecided, self.samples)
 
 

@@ -1,27 +1,33 @@
-"""Structure whose strengths and loads depend on random variables.
-
-The dependence is measured once, on scenes rebuilt with one value changed: which strengths of which faces follow the
-value, and by how much loads grow with it. Samples then need no scene.
-"""
+"""Structure whose strengths and loads depend on random variables, and proven bounds of its samples."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.batch.batch_solver import FALLS, LOCKED, SAMPLES_OF_A_CALL, BatchSolver
+from jld_core.batch.rows import BatchRows, rows_of_samples
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status
+from jld_core.limit.bounds import crossed
 from jld_core.loads import Loads
+from jld_core.mechanics import require_materials, yield_set
+from jld_core.mechanics.standard import scaled_strengths
+from jld_core.mechanics.yield_set import FrictionSet
+from jld_core.models import limit_analysis, solve_labelling
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.standard import ENDS, PARAMETERS
 from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
 from jld_core.strengths import Route, Strengths
+from jld_core.threads import one_thread
 
 _FARTHEST: Final = 1e3  # largest size of a standard normal variable
 
@@ -30,11 +36,7 @@ _FACTOR: Final = 12.0  # natural logarithm of the largest factor on the median o
 
 @dataclass(frozen=True)
 class Variables:
-    """Independent normal and lognormal random variables.
-
-    docs/method.md (12.1), (12.2): a normal variable is x = m + s u, a lognormal one |x| = exp(ν + ζ u) with ζ² = ln(1 +
-    s²/m²) and ν = ln |m| − ζ²/2.
-    """
+    """Independent normal and lognormal random variables, docs/method.md (12.1), (12.2)."""
 
     names: tuple[str, ...]  # key of each in the scene, with the face or element where each has its own
     # mean, deviation: (v,) means and standard deviations, in the units of the scene
@@ -51,7 +53,7 @@ class Variables:
 
     @property
     def reach(self) -> Floats:
-        """Return the largest sizes (v,) of standard normal variables at which values are computed."""
+        """Largest sizes (v,) of standard normal variables at which values are computed."""
         return np.where(self.lognormal, np.minimum(_FARTHEST, _FACTOR / self._spread()), _FARTHEST)
 
     def values(self, normal: Floats) -> Floats:
@@ -90,10 +92,7 @@ class _Follower:
 
 @dataclass(frozen=True)
 class Growth:
-    """Loads of one case that grow with random variables: Π (x − mean) times loads.
-
-    The product is over `variables`.
-    """
+    """Loads of one case that grow with random variables: Π (x − mean) times loads."""
 
     variables: tuple[int, ...]  # one or two
     # dead, live: (n, q) loads
@@ -112,20 +111,14 @@ class RandomStructure:
 
     @cached_property
     def cases(self) -> tuple[Assembly, ...]:
-        """Return the assembly of each load case, at the means."""
         return self.assembly.by_case
 
     @property
     def varies_in_strength(self) -> bool:
-        """Return True if a strength is random."""
         return bool(self.followers)
 
     def strengths(self, values: Floats) -> Strengths:
-        """Return the strengths of all faces of samples, sample by sample, in scene units.
-
-        values: (k, v) of the variables. A strength below 0 counts as 0. The tensile strength of an inner face counts as
-        at most that at the apex of its friction.
-        """
+        """Return the strengths of all faces, scene units, of samples (k, v); 0 for negative ones."""
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
         for one in self.followers:
@@ -144,10 +137,7 @@ class RandomStructure:
         return Strengths(**{name: np.ascontiguousarray(table.ravel()) for name, table in tables.items()})
 
     def loads(self, values: Floats, case: int) -> tuple[Floats, Floats]:
-        """Return the dead and live loads (k, n, q) of samples under a load case, in scene units.
-
-        values: (k, v) of the variables.
-        """
+        """Return the dead and live loads (k, n, q), scene units, of samples (k, v) under a load case."""
         assembly, away = self.cases[case], values - self.variables.mean
         dead, live = (np.repeat(load[None], len(values), axis=0) for load in (assembly.dead, assembly.live))
         linear = self._linear[case]
@@ -164,7 +154,7 @@ class RandomStructure:
 
     @cached_property
     def _linear(self) -> list[tuple[Ints, Floats, Floats] | None]:
-        """Return for each case the variables (r,) of linear loads, and their rates (r, n·q)."""
+        """For each case the variables (r,) of linear loads, and their rates (r, n·q)."""
         found: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
             plain = [one for one in growths if len(one.variables) == 1]
@@ -186,11 +176,7 @@ class RandomStructure:
     def rates(
         self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
     ) -> Floats:
-        """Return derivatives (v,) by the variables, from derivatives by strengths and loads.
-
-        values: (v,) of the variables. by_strength: (m,) derivatives by fields of `Strengths`. by_load: (n, q)
-        derivatives by dead and by live loads.
-        """
+        """Return derivatives (v,) by the variables, from those by strengths (m,) and loads (n, q)."""
         found, away = np.zeros(len(values)), values - self.variables.mean
         for one in self.followers:
             slope: Any = 1.0
@@ -212,11 +198,7 @@ def _tangent(degrees: Floats) -> Floats:
 
 
 def random_structure(scene: Scene) -> RandomStructure:
-    """Return the structure of a scene as it depends on the values with uncertainty.
-
-    Raises InputError for a scene without such values, or where a value acts in another way than this package knows, as
-    on the bond of joints.
-    """
+    """Return a structure as it depends on uncertain values; InputError for one that acts otherwise."""
     found = list(uncertain_values(scene))
     if not found:
         given = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
@@ -241,7 +223,6 @@ class _Measurement:
         self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
     def structure(self) -> RandomStructure:
-        """Return the structure with all variables."""
         variables_of = [self._add(path, value) for path, value in self.found]
         self._add_products(variables_of)
         mean = np.array([float(one) for one in self.sizes])
@@ -293,10 +274,7 @@ class _Measurement:
         return list(range(first, first + many))
 
     def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
-        """Return the strengths that follow a value: name, faces (m,), True if by its tangent.
-
-        Raises InputError where strengths change in another way.
-        """
+        """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
         found = []
         key = str(next(one for one in reversed(path) if isinstance(one, str)))
         mean = float(_value(self.document, path)) if "angle" in key else 0.0
@@ -343,10 +321,7 @@ class _Measurement:
         ]
 
     def _grow(self, rates: list[tuple[Floats, Floats]], first: int, split: Ints | None) -> None:
-        """Add loads that grow with the variables from `first` on, one per element of `split`.
-
-        rates: dead and live loads (n, q) of each load case. None for `split`: all grow with one variable.
-        """
+        """Add loads that grow with the variables from `first` on, one per element of `split`, or one."""
         for growths, (dead, live) in zip(self.growths, rates, strict=True):
             if split is None:
                 if dead.any() or live.any():
@@ -414,7 +389,7 @@ def _unknown(path: Path) -> InputError:
 
 
 def _copied(part: Any) -> Any:
-    """Return a copy of nested dicts and lists; lists of numbers are shared."""
+    """Copy nested dicts and lists; lists of numbers are shared."""
     if isinstance(part, dict):
         return {key: _copied(one) for key, one in part.items()}
     if isinstance(part, list):
@@ -423,12 +398,145 @@ def _copied(part: Any) -> Any:
 
 
 def _value(document: Any, path: Path) -> Any:
-    """Return the value at a path of nested dicts and lists."""
     for key in path:
         document = document[key]
     return document
 
 
 def _put(document: Any, path: Path, value: Any) -> None:
-    """Set the value at a path of nested dicts and lists."""
     _value(document, path[:-1])[path[-1]] = value
+
+
+_OPTIONS = SolveOptions()  # model of all samples: associative friction, convex contact
+
+
+@dataclass(frozen=True)
+class GoverningBounds:
+    """Bounds on the governing factor of k samples: least λ / required of all load cases."""
+
+    # low, high: (k,) proven bounds. Both are −inf where no λ ≥ 0 is admissible, +inf where λ is unbounded; the upper
+    # one is +inf where the lower one is known to suffice.
+    low: Floats
+    high: Floats
+
+    def fails(self, required: float) -> Bools:
+        """Return a mask (k,) of samples that surely carry less than `required`."""
+        return np.asarray(self.high < required)
+
+    def holds(self, required: float) -> Bools:
+        """Return a mask (k,) of samples that surely carry at least `required`."""
+        return np.asarray(self.low >= required)
+
+
+class SampleBounds:
+    """Bounds on the governing load factor of samples of one layout; thread-safe."""
+
+    def __init__(self, structure: RandomStructure, labels: Bits) -> None:
+        require_materials(structure.assembly, labels, ~labels)
+        self.structure, self.labels = structure, labels
+        self.analyses = [limit_analysis(case, _OPTIONS, reference=labels) for case in structure.cases]
+        self._plain = [self._rows(case, structure.variables.mean[None]) for case in range(len(self.analyses))]
+
+    @property
+    def batched(self) -> bool:
+        """True if the batch solver takes the samples of all load cases."""
+        return all(one.batch is not None for one in self.analyses) and None not in self._plain
+
+    @cached_property
+    def _stacked(self) -> FrictionSet:
+        """Yield sets of the faces of all samples of a call, to receive their strengths."""
+        assembly, template = self.structure.assembly, self.analyses[0].template
+        faces = np.tile(np.arange(len(self.labels)), SAMPLES_OF_A_CALL)
+        many = replace(
+            assembly, interfaces=assembly.interfaces.take(faces), face_strengths=assembly.face_strengths.take(faces)
+        )
+        return yield_set(many, template.scaling).associative
+
+    def _rows(self, case: int, values: Floats) -> BatchRows | None:
+        """Return the yield rows of samples (k, v), one or a whole call, under a load case."""
+        assembly, template = self.structure.assembly, self.analyses[case].template
+        count, unit = len(values), assembly.interfaces.area / template.scaling.force
+        scaled = scaled_strengths(self.structure.strengths(values), np.tile(unit, count))
+        own = self._stacked if count > 1 else template.yield_set.associative
+        return rows_of_samples(own.with_strengths(scaled), np.tile(self.labels, (count, 1)), assembly.dimension)
+
+    @one_thread()
+    def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
+        """Compute bounds for samples (k, v)."""
+        if not self.batched:
+            return self.proven(values)
+        parts = [
+            self._portion(values[k : k + SAMPLES_OF_A_CALL], required) for k in range(0, len(values), SAMPLES_OF_A_CALL)
+        ]
+        return GoverningBounds(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("low", "high")))
+
+    def _portion(self, values: Floats, required: float | None) -> GoverningBounds:
+        """Compute bounds for at most as many samples as one call takes."""
+        count = len(values)
+        full = np.concatenate([values, np.repeat(values[-1:], SAMPLES_OF_A_CALL - count, axis=0)])
+        low, high = np.full(len(full), np.inf), np.full(len(full), np.inf)
+        for case in range(len(self.analyses)):
+            least, most = self._of_case(case, full, required)
+            low, high = np.minimum(low, least), np.minimum(high, most)
+        return GoverningBounds(low[:count], high[:count])
+
+    def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
+        """Return bounds (k,) on λ over the required one under a load case."""
+        analysis = self.analyses[case]
+        template, batch, asked = analysis.template, analysis.batch, float(self.structure.assembly.required[case])
+        assert isinstance(batch, BatchSolver)
+        plain = self._plain[case]
+        rows = self._rows(case, values) if self.structure.varies_in_strength else _repeated(plain, len(values))
+        assert rows is not None
+        dead, live = self.structure.loads(values, case)
+        free, scaling = self.structure.assembly.elements.free, template.scaling
+        dead, live = (load[:, free].reshape(len(values), -1) / scaling.row.ravel() for load in (dead, live))
+        enough = None if required is None else np.full(len(values), required * asked / scaling.load)
+        found = batch.solve_samples(rows, dead, scaling.load * live, enough)
+        low, high = found.low.copy(), found.high.copy()
+        wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
+        low[wrong], high[wrong] = -np.inf, np.inf
+        low[found.verdict == FALLS] = high[found.verdict == FALLS] = -np.inf
+        low[found.verdict == LOCKED] = high[found.verdict == LOCKED] = np.inf
+        share = scaling.load / asked
+        return share * low, share * high
+
+    def proven(self, values: Floats) -> GoverningBounds:
+        """Compute bounds of single samples that the batch solver left open."""
+        brackets = np.array([self._proven(one) for one in values]).reshape(-1, 2)
+        return GoverningBounds(brackets[:, 0], brackets[:, 1])
+
+    def _proven(self, values: Floats) -> tuple[float, float]:
+        """Return the bounds on the governing factor of one sample (v,)."""
+        low = high = math.inf
+        for case, asked in enumerate(self.structure.assembly.required.tolist()):
+            analysis, proof = self.solved(values, case)
+            least, most = bracket_of(analysis, proof)
+            low, high = min(low, least / asked), min(high, most / asked)
+        return low, high
+
+    def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:
+        """Solve a load case at values (v,) of the variables; return analysis and proof."""
+        analysis = limit_analysis(
+            self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
+        )
+        return analysis, solve_labelling(analysis, self.labels, _OPTIONS)
+
+
+def _repeated(rows: BatchRows | None, count: int) -> BatchRows | None:
+    """Return rows of one sample for `count` samples."""
+    if rows is None:
+        return None
+    many = {name: getattr(rows, name) for name in ("rows", "keep", "parabolas")}
+    many = {name: None if one is None else np.repeat(one, count, axis=0) for name, one in many.items()}
+    return replace(rows, **many)
+
+
+def bracket_of(analysis: LimitAnalysis, proof: Proof) -> tuple[float, float]:
+    """Return proven bounds on λ, scene units: both −inf where unstable, +inf where locked."""
+    if proof.status is Status.UNSTABLE:
+        return -math.inf, -math.inf
+    if proof.status is Status.LOCKED:
+        return math.inf, math.inf
+    load = analysis.template.scaling.load
+    return load * proof.low, load * proof.high

@@ -1,10 +1,4 @@
-"""Element graph for operators on segmentations: atoms, pairs that may be joined, limits.
-
-An **atom** is a set of elements that every labelling keeps in one block, through fixed inner faces and touching
-supports. A segmentation is a partition of the atoms into **parts**. A part is connected through candidate faces,
-contains no **wall** (a face fixed dry between two of its atoms) and keeps all limits. The data are plain lists: an
-operator uses a handful of atoms, for which calling numpy costs more than computing.
-"""
+"""Element graph for operators on segmentations: atoms, pairs that may be joined, limits, in plain lists."""
 
 from __future__ import annotations
 
@@ -19,11 +13,9 @@ from jld_core.arrays import Bools, Ints
 from jld_explore.space import SearchSpace
 from jld_explore.space.limits import CELLS, EXEMPT, Range, Sized
 
-Parts = list[int]
-"""Partition: the name of the part of each atom, (atoms,); names are any integers."""
+Parts = list[int]  # partition: the name, any integer, of the part of each atom
 
-Item = TypeVar("Item")
-"""Type of the items of a list."""
+Item = TypeVar("Item")  # items of a list
 
 _BLOCK = 4096  # random numbers generated in one call of numpy
 
@@ -31,17 +23,10 @@ _BLOCK = 4096  # random numbers generated in one call of numpy
 class BufferedRandom:
     """Random choices from numbers that a numpy Generator produces in batches.
 
-    One call of a Generator takes as long as a whole operator.
-
     Parameters
     ----------
     generator : numpy.random.Generator
-        Source of the numbers.
-
-    Attributes
-    ----------
-    generator : numpy.random.Generator
-        As the parameter, for callers that need many numbers at once.
+        Source of the numbers; also an attribute, for callers that need many at once.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
@@ -71,8 +56,7 @@ class BufferedRandom:
         return [items[i] for _, i in sorted((self.real(), i) for i in range(len(items)))]
 
 
-Seams = list[tuple[int, int, int]]
-"""Pairs of atoms that touch, as (a, b, number of faces between them)."""
+Seams = list[tuple[int, int, int]]  # pairs of atoms that touch, as (a, b, number of faces between them)
 
 
 @dataclass(frozen=True)
@@ -85,17 +69,14 @@ class Sink:
     most: float  # largest total volume left out
 
     def takes(self, members: list[int]) -> bool:
-        """Return True if all atoms of the part that contains the sink may be left out together."""
+        """Return whether all atoms of the part that contains the sink may be left out together."""
         inside = all(a in self.may or a == self.atom for a in members)
         return inside and sum([self.volume[a] for a in members]) <= self.most
 
 
 @dataclass(frozen=True)
 class PartLimits:
-    """Limits of a search as operators handle them.
-
-    `feasible` checks the limits on counts that are no sums of ones.
-    """
+    """Limits of a search as operators handle them."""
 
     # limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
     # cells are converted to limits on cells.
@@ -120,7 +101,7 @@ class PartLimits:
 
 @dataclass(frozen=True)
 class AtomGraph:
-    """Graph of the atoms of a search space: groups of elements that no labelling separates."""
+    """Graph of atoms: groups of elements that no labelling separates, by inner faces or supports."""
 
     of_element: Ints  # (n,) atom of each element
     first: Ints  # (atoms,) one element of each atom
@@ -136,6 +117,7 @@ class AtomGraph:
     face_b: Ints
 
     def __len__(self) -> int:
+        # plain lists, since operators use a handful of atoms, for which numpy costs more than it saves
         return len(self.cells)
 
 
@@ -189,7 +171,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
 
 
 def _reach(links: list[list[tuple[int, int]]]) -> list[int]:
-    """Return for each atom the first atom of its connected component; links as in `AtomGraph`."""
+    """Return for each atom the first atom of its connected component."""
     first = [-1] * len(links)
     for start in range(len(links)):
         if first[start] < 0:

@@ -1,11 +1,4 @@
-"""Cut a region of the atom graph into allowed parts: spanning tree, then cheapest cuts.
-
-One number for each pair of atoms, its **key**, decides everything. A key above the threshold asks for a joint, a
-lower key for none; the distance is the weight of the request. The tree takes pairs in ascending order of keys. Where
-limits on cells are the only limits, dynamic programming finds the cuts of the tree that agree best with the keys and
-leave only allowed parts. Its state is the number of cells of the open part at an atom. Every segmentation results
-from some keys: low inside its parts and high between them.
-"""
+"""Cut a region of the atom graph into allowed parts: spanning tree, then cheapest cuts."""
 
 from __future__ import annotations
 
@@ -16,15 +9,11 @@ from jld_explore.space.limits import CELLS
 
 
 class Cutter:
-    """Algorithm that cuts regions into parts within the limits on single parts.
-
-    A region is a list of atoms (groups of elements that no labelling separates), and so is a part.
-
-    graph: atoms of the search space. exact: True if cuts keep all limits on single parts: they are on cells alone, and
-    there are no walls.
-    """
+    """Algorithm that cuts regions, lists of atoms, into parts within the limits on single parts."""
 
     def __init__(self, graph: AtomGraph, limits: PartLimits) -> None:
+        # A number for each pair of atoms, its key, decides: above the threshold it asks for a joint, by its distance.
+        # Every segmentation results from some keys: low inside its parts and high between them.
         self.graph, self.limits = graph, limits
         self._walled = any(graph.walls)
         self.exact = limits.only_cells and not self._walled
@@ -42,7 +31,7 @@ class Cutter:
         self._bounded = self._cap > 0
 
     def fits(self, members: list[int]) -> bool:
-        """Return True if a part is within the upper limits and contains no wall."""
+        """Return whether a part is within the upper limits and contains no wall."""
         cells, sink = self.graph.cells, self.limits.sink
         if sink is not None and sink.atom in members:
             return sink.takes(members)
@@ -58,7 +47,7 @@ class Cutter:
         return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def large_enough(self, members: list[int]) -> bool:
-        """Return True if a part is within the lower limits, is exempt, or has no free element."""
+        """Return whether a part is within the lower limits, is exempt, or has no free element."""
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
         if count == 0 or self._is_exempt(members):
@@ -68,7 +57,6 @@ class Cutter:
         return all(self._size(members, adds) >= bounds.least for bounds, adds in self._others)
 
     def _is_exempt(self, members: list[int]) -> bool:
-        """Return True if a part is exempt from limits on single parts."""
         return bool(self.limits.exempt) and any(a in self.limits.exempt for a in members)
 
     def _size(self, members: list[int], adds: list[float] | None) -> float:
@@ -80,10 +68,7 @@ class Cutter:
         return float(max(corner[i] + corner[d + i] for i in range(d)))
 
     def components(self, members: list[int]) -> list[list[int]]:
-        """Return the connected components of a set of atoms, in the order of their first atoms.
-
-        members: atoms; those of a component come in the order of a breadth-first search.
-        """
+        """Return the connected components of a set of atoms, each in breadth-first order."""
         left, found = dict.fromkeys(members), []
         for start in members:
             if start not in left:
@@ -110,12 +95,12 @@ class Cutter:
     def assemble(
         self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float
     ) -> list[list[int]] | None:
-        """Cut a region into parts by keys.
+        """Cut a region into parts by keys (key, pair, a, b) in ascending order; None if not allowed.
 
-        keyed: (key, index of the pair, a, b) of all pairs inside the region, in ascending order. Result: the parts.
-        None if no cuts of the spanning tree leave allowed parts. With limits other than those on cells parts may be too
-        small, but never too large.
+        With limits other than those on cells parts may be too small, but never too large.
         """
+        # the tree takes pairs in ascending order of keys; dynamic programming over the cells of open parts then finds
+        # the cuts that agree best with the keys
         if not self.exact:
             return self.grow(members, keyed, threshold)
         root = {a: a for a in members}
@@ -163,10 +148,7 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
-        """Join parts in ascending order of the keys of pairs, where the union `fits`.
-
-        Returns all parts, among them those that remain too small.
-        """
+        """Join parts in ascending order of keys where the union `fits`; some may remain too small."""
         # Pairs whose key exceeds the threshold stay apart. Arguments are as in `assemble`.
         name = {a: a for a in members}
         parts = {a: [a] for a in members}

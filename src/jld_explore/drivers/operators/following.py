@@ -25,23 +25,14 @@ _JOIN_PROBABILITY: Final = 0.7  # probability that a remaining piece of the two 
 
 
 class Following:
-    """Operator that joins blocks where their mechanism moves, and cuts blocks at rest.
-
-    Call `parts` for labellings, then `changes`, as often as wanted.
-
-    operators: operators of the space, used for changes that ignore the mechanism.
-    """
+    """Operator that joins blocks where their mechanism moves, and cuts blocks at rest."""
 
     def __init__(self, space: SearchSpace, operators: Operators) -> None:
         self.space, self._operators = space, operators
         self._segmentations = operators if isinstance(operators, Segmentations) else None
 
     def changes(self, labellings: Bits, parts: list[Parts], moving: Floats, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Change each labelling once where a change is found.
-
-        labellings: (k, m) True = dry. moving: (k, m) jumps at the faces relative to the largest one; zero where
-        unknown. Result: (j, m) changed labels; (j,) the labelling, of the k given ones, that each row changes.
-        """
+        """Change labellings (k, m) by relative jumps (k, m); return rows (j, m) and their origin (j,)."""
         segmentations = self._segmentations
         rows: list[Bits] = []
         children: list[Parts] = []
@@ -60,17 +51,11 @@ class Following:
         return (np.array(rows) if rows else empty), np.array(of, dtype=np.int64)
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partition of each labelling (k, m), for `changes`.
-
-        The partitions are empty lists if slits are allowed, since labellings are changed face by face there.
-        """
+        """Return the partition of each labelling (k, m), empty lists if slits are allowed."""
         return [[] for _ in labellings] if self._segmentations is None else self._segmentations.parts(labellings)
 
     def _closed(self, labels: Bits, moving: Floats, rng: BufferedRandom) -> list[Bits]:
-        """Make one moving dry face inner, or vary at random; used if slits are allowed.
-
-        labels, moving: (m,). Returns one changed labelling, or none if it breaks a limit.
-        """
+        """Make one moving dry face of labels (m,) inner, or vary at random, where slits are allowed."""
         faces = self._moving_joints(labels, moving)
         if not faces or rng.real() >= _JOIN_SHARE:
             return list(self._operators.vary(labels[None], rng))
@@ -81,10 +66,7 @@ class Following:
     def _child(
         self, segmentations: Segmentations, labels: Bits, part: Parts, moving: Floats, rng: BufferedRandom
     ) -> Parts | None:
-        """Return a partition joined at a moving face, cut where nothing moves, or varied.
-
-        None where the chosen change fails.
-        """
+        """Return a partition joined at a moving face, cut at rest, or varied; None if that fails."""
         # The choice is random.
         choice = rng.real()
         if choice < _JOIN_SHARE and (faces := self._moving_joints(labels, moving)):

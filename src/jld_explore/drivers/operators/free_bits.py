@@ -1,9 +1,4 @@
-"""Operators on single labels, for searches that allow slits: flip, crossover, repair.
-
-Limits refer to blocks, and inner faces determine the blocks with or without slits. A labelling is therefore repaired
-through its blocks. The blocks are first changed to keep all limits, as those of a segmentation. Labels inside blocks
-then keep their values as far as each block stays connected.
-"""
+"""Operators on single labels, for searches that allow slits: flip, crossover, repair."""
 
 from __future__ import annotations
 
@@ -22,15 +17,10 @@ from jld_explore.space.search_space import feasible
 
 
 class FreeBits:
-    """Operators on the labellings of a search space that allows slits.
-
-    The methods are those of `Operators`.
-    """
+    """Operators on the labellings of a search space that allows slits."""
 
     offspring_factor = 2
-    """Children made for each evaluated one."""
     always_feasible = False
-    """Always False: rows must be checked for feasibility."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -50,10 +40,7 @@ class FreeBits:
         self.keys = len(self._faces)
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw random labellings, each with its own share of dry faces, and repair them.
-
-        At most `count` rows (j, m) result; those that cannot be repaired are left out.
-        """
+        # each labelling has its own share of dry faces
         rows = np.repeat(self.space.fixed[None], count, axis=0)
         for row in rows:
             share = rng.real()
@@ -61,10 +48,6 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Flip one random label of each parent (k, m), sometimes more, and repair the results.
-
-        Returns the rows (j, m), j ≤ k, that could be repaired.
-        """
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)
@@ -75,10 +58,6 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Take each label from either parent at random, and repair the results.
-
-        Returns the rows (j, m) that could be repaired of the k couples of `first` and `second` (k, m).
-        """
         rows = first.copy()
         for row, other in zip(rows, second, strict=True):
             take = [face for face in self._faces if rng.real() < 0.5]
@@ -86,26 +65,19 @@ class FreeBits:
         return self._repaired(rows, rng)
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Return children as `cross` does; also return (j,) the couple of each child."""
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
     def read(self, keys: list[float]) -> Bits:
-        """Return the labelling (1, m) whose faces with keys above 0.5 are dry, repaired.
-
-        keys: one per candidate face. The result is (0, m) if the repair fails.
-        """
         row = self.space.fixed.copy()
         row[self._faces] = np.asarray(keys) > 0.5
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         return self._repaired(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return one key for each candidate face of a labelling (m,): 0.75 if dry, 0.25 if inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, then one change of each single parent; see `Operators`."""
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
@@ -124,6 +96,8 @@ class FreeBits:
 
     def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
         """Repair one row (m,) through its blocks; return None if no repair is found."""
+        # limits refer to blocks, which inner faces determine: blocks are changed first, labels inside keep their values
+        # as far as each block stays connected
         new = self._repair(part, rng)
         if new is None:
             return None

@@ -13,13 +13,7 @@ _TRIES = 4  # random cuts tried of one region before it is enlarged, and number 
 
 
 class Repair:
-    """Algorithm that repairs partitions of the atoms of one search space.
-
-    Call it with a partition, random numbers, and the names of the parts that may break a limit (None: any part). It
-    returns the repaired partition, or None if no repair is found.
-
-    graph: atoms of the search space. limits: limits to keep. cutter: cuts regions into parts.
-    """
+    """Algorithm that repairs partitions of the atoms of one search space."""
 
     def __init__(self, graph: AtomGraph, limits: PartLimits, cutter: Cutter) -> None:
         self.graph, self.limits, self.cutter = graph, limits, cutter
@@ -31,10 +25,7 @@ class Repair:
         return self._counted_parts or bool(self.limits.seams)
 
     def __call__(self, part: Parts, rng: BufferedRandom, unchecked: list[int] | None = None) -> Parts | None:
-        """Return a partition near the given one that keeps every limit, or None if none is found.
-
-        part: (atoms,) names; a part that is not connected is split into its components.
-        """
+        """Return a partition near a given one that keeps every limit, or None; `unchecked`: parts to check."""
         groups = Groups(self.graph, self.cutter, part, unchecked)
         for _ in range(6 + len(self.graph) // 2):
             checkpoint()
@@ -97,11 +88,7 @@ class Repair:
         return False
 
     def _join(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """Reduce the number of parts or of dry faces in `groups`; return False if that fails.
-
-        Two neighbours are joined where that is allowed. Otherwise two to four neighbours are cut into fewer parts, or
-        into as many with fewer dry faces.
-        """
+        """Reduce the number of parts or of dry faces; return False if that fails."""
         names = rng.shuffled(list(groups))
         for name in names:
             for other in rng.shuffled(groups.around([name])):
@@ -111,11 +98,7 @@ class Repair:
         return self._regroup(groups, names, rng, lambda before, after: after < before)
 
     def _divide(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """Increase the number of parts or of dry faces in `groups`; return False if that fails.
-
-        One part is cut where that is allowed. Otherwise two to four neighbours are cut into more parts, or into as many
-        with more dry faces.
-        """
+        """Increase the number of parts or of dry faces; return False if that fails."""
         names = rng.shuffled(list(groups))
         for name in names:
             if len(groups[name]) > 1 and self._recut(groups, [name], rng, lambda pieces: len(pieces) > 1):
@@ -146,12 +129,7 @@ class Repair:
 
 
 class Groups:
-    """Partition under construction: the atoms of each part by its name, an integer.
-
-    graph: atoms of the search space. cutter: cuts regions and checks limits. part: initial partition, of which parts to
-    check that are not connected are split; the attribute is the part of each atom at present. unchecked: names of the
-    parts to check; None for all parts.
-    """
+    """Partition under construction: the atoms of each part by its name, an integer."""
 
     def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, unchecked: list[int] | None) -> None:
         self.graph, self.cutter = graph, cutter
@@ -171,11 +149,9 @@ class Groups:
                 self.replace([name], pieces)
 
     def __iter__(self) -> Iterator[int]:
-        """Iterate over the names of the parts."""
         return iter(self._members)
 
     def __getitem__(self, name: int) -> list[int]:
-        """Return the atoms of a part, given by its name."""
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
@@ -192,7 +168,7 @@ class Groups:
             self._next += 1
 
     def violating_part(self) -> int | None:
-        """Return the name of a part that breaks a limit on single parts; None if no part does."""
+        """Return the name of a part that breaks a limit on single parts, or None."""
         while self._unchecked:
             name = next(iter(self._unchecked))
             members = self._members[name]
@@ -215,10 +191,7 @@ class Groups:
         return sum(1 for members in self._members.values() if any(cells[a] for a in members))
 
     def dry(self, seams: Seams | None = None) -> int:
-        """Return the number of dry faces, without slits, among some seams.
-
-        seams: triples (a, b, number of faces) of atoms that touch; None for all faces between free elements.
-        """
+        """Return the number of dry faces, without slits, among some seams; None: all seams."""
         part = self.part
         return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])
 

@@ -1,11 +1,4 @@
-"""Operators on labellings: draw one, change one, cross two, convert keys to one.
-
-On segmentations the operators change blocks and joints, never single labels. They split a block, merge two, move a
-cell across a joint, shift a joint line, or cut the union of blocks anew. Two parents are crossed by overlaying their
-joints and merging the fragments. A result that breaks a limit is repaired, or dropped if repair fails. Operators may
-therefore return fewer rows than requested. All rows are in the search space, but may be neither canonical nor new;
-`Register` removes such rows.
-"""
+"""Operators on labellings: draw one, change one, cross two, convert keys to one."""
 
 from __future__ import annotations
 
@@ -26,8 +19,7 @@ from jld_explore.drivers.operators.repair import Repair
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import blocks_of
 
-THRESHOLD: Final = 0.5
-"""Threshold: a pair with a key above it is separated, a pair with a lower key is joined."""
+THRESHOLD: Final = 0.5  # a pair with a key above it is separated, a pair with a lower key is joined
 
 _ROUNDS: Final = 2  # passes over all pairs that join parts that are too small to others
 
@@ -41,19 +33,11 @@ _LEAST: Final = np.array([0.0, 0.95, 0.25, 0.55])
 # Smallest keys of pairs that a change keeps: inside a block, and between two blocks
 _LEAST_KEPT: Final = np.array([0.2, 0.7])
 
-Names = NDArray[Any]
-"""Integer array of part names."""
+Names = NDArray[Any]  # integer array of part names
 
 
 class Batches:
-    """Batch operators on segmentations, for spaces with limits on cells alone.
-
-    A key is a number in [0, 1] for each pair of atoms that may be joined: pairs with keys up to a threshold are joined,
-    lowest first, while limits allow. Labellings are rows (k, m), True = dry; keys are rows (k, pairs). Results hold at
-    most one row per requested one. Rows are in the search space, but may be neither canonical nor new.
-
-    graph: its atoms.
-    """
+    """Batch operators on segmentations, by keys (k, pairs), for limits on cells alone."""
 
     def __init__(self, space: SearchSpace, graph: AtomGraph, limits: PartLimits) -> None:
         self.space, self.graph = space, graph
@@ -71,15 +55,12 @@ class Batches:
         self._span = float(np.ptp(centre, axis=0).max())
 
     def draw(self, count: int, rng: np.random.Generator) -> Bits:
-        """Draw at most `count` random segmentations (j, m).
-
-        Each has a random threshold of its own, so that numbers of blocks spread.
-        """
+        """Draw at most `count` random segmentations (j, m), each with its own threshold."""
         keys = rng.random((count, len(self._p)))
         return self.read(keys, rng.random((count, 1)))
 
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one child of each couple of parents (k, m), for `read`."""
+        """Return keys (k, pairs) of one child of each couple of parents (k, m)."""
         # Joints of both parents stay, and so do pairs that both have inside blocks. At other pairs the child follows
         # `first` in a patch and `second` outside, or one of them at random for each pair.
         one, two = first[:, self._face], second[:, self._face]
@@ -97,7 +78,7 @@ class Batches:
         return keys
 
     def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
-        """Return keys (k, pairs) of one change of each parent (k, m), for `read`."""
+        """Return keys (k, pairs) of one change of each parent (k, m)."""
         # The change cuts the two blocks beside a random joint anew, sometimes with a third one. Otherwise it moves one
         # atom, or all atoms along the straight line of the joint, across the joint.
         cut, count = parents[:, self._face], len(parents)
@@ -131,11 +112,7 @@ class Batches:
         return keys
 
     def _region(self, name: Ints, inside: Bools, rng: np.random.Generator) -> Bools:
-        """Add a third block that touches the region to 40 % of the rows, chosen at random.
-
-        name: (k, atoms) block of each atom. inside: (k, atoms) True in two blocks of each row; changed in place and
-        returned.
-        """
+        """Add a third block that touches the region to 40 % of the rows of `inside` (k, atoms), in place."""
         rows = np.flatnonzero(rng.random(len(name)) < 0.4)
         touching = inside[rows][:, self._p] != inside[rows][:, self._q]
         pair = np.argmax(touching * rng.random(touching.shape), axis=1)
@@ -147,8 +124,7 @@ class Batches:
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
         """Return a mask (k, atoms) of the atoms that a move transfers to the block beyond a joint.
 
-        name: (k, atoms) block of each atom. cut: (k, pairs) True = dry. old, new: (k, 1) blocks. joint: (k,) pair of
-        atoms. here: (k,) atom of `old` at the joint. single: (k,).
+        name: (k, atoms) block of each atom. joint: (k,) pair of atoms. here: (k,) atom of block `old` at the joint.
         """
         # Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along
         # the straight line of the joint.
@@ -182,10 +158,7 @@ class Batches:
         return found
 
     def read(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> Bits:
-        """Convert keys (k, pairs) to labellings (j, m), j ≤ k; keys that break a limit give none.
-
-        The threshold is a number, or (k, 1) for one number per row.
-        """
+        """Convert keys (k, pairs) to labellings (j, m), j ≤ k; keys that break a limit give none."""
         return self.read_some(keys, threshold)[0]
 
     def read_some(self, keys: Floats, threshold: float | Floats = THRESHOLD) -> tuple[Bits, Ints]:
@@ -195,10 +168,7 @@ class Batches:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """Join atoms by keys as `read`; return the part of each atom (j, atoms).
-
-        Also returns (k,) True for the j rows without a part that is too small; the others are left out.
-        """
+        """Join atoms by keys: parts (j, atoms), and (k,) True for the j rows without a part too small."""
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -223,11 +193,7 @@ class Batches:
 
 
 class _Forest:
-    """Partitions under construction, one per row, as disjoint sets.
-
-    count: number of rows. cells: (atoms,) cells of each atom. least, most: least and largest number of cells of a part.
-    name: (rows, atoms) part of each atom. size: (rows · atoms,) cells of each part, at the index of its name.
-    """
+    """Partitions under construction, one per row, as disjoint sets."""
 
     def __init__(self, count: int, cells: Ints, least: int, most: float) -> None:
         self.least, self.most, self.atoms = least, most, len(cells)
@@ -278,14 +244,7 @@ _LEAST_SHARE: Final = 0.125
 
 
 class Segmentations:
-    """Operators on the segmentations of a search space: draw, change and cross them.
-
-    A segmentation is handled as a partition: the part, a block, of each atom. An atom is a group of elements that no
-    labelling separates. Methods that fail return None or leave rows out.
-
-    graph: atoms of the space. cutter: cuts regions into parts. repair: repairs partitions that break a limit. sound:
-    whether cuts keep all limits, so that no repair is needed.
-    """
+    """Operators on segmentations, as partitions of atoms: blocks and joints change, never single labels."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -309,7 +268,7 @@ class Segmentations:
         ]  # fmt: skip
 
     def labels(self, parts: list[Parts]) -> Bits:
-        """Return the labellings (k, m), True = dry, of k partitions."""
+        """Return the labellings (k, m) of k partitions."""
         names = np.array(parts, dtype=np.int64).reshape(len(parts), len(self.graph))
         across = names[:, self.graph.face_a] != names[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
@@ -320,7 +279,6 @@ class Segmentations:
         return found
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Draw at most `count` random segmentations (j, m)."""
         # Each has a random threshold of its own, so that numbers of blocks spread.
         if self._batches is not None:
             found = self._batches.draw(_DRAWN_PER_REQUESTED * count, rng.generator)
@@ -334,22 +292,13 @@ class Segmentations:
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """Change each parent (k, m) once, sometimes two or three times."""
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple by overlaying the joints of its parents.
-
-        first, second: (k, m) parents. Couples without a child are left out.
-        """
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Return one child of each couple, and the couple of each child (j,); see `Operators`.
-
-        Children are made in batches where limits allow.
-        """
         if self._batches is not None:
             found, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
             if len(found) >= _LEAST_SHARE * len(first):
@@ -359,10 +308,6 @@ class Segmentations:
         return self.labels([child for child in made if child is not None]), of
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, and one change of each single parent.
-
-        Both are made in batches where limits allow.
-        """
         if self._batches is not None:
             children = self._batches.cross(first, second, rng.generator)
             changed = self._batches.vary(single, rng.generator)
@@ -372,17 +317,12 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: list[float]) -> Bits:
-        """Convert keys to a segmentation (1, m), or (0, m) if none is found."""
         # the seed derives from the keys, so that the same keys give the same repair
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         part = self._assemble(keys, THRESHOLD, BufferedRandom(seed))
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
-        """Return one key for each pair of neighbouring atoms of a segmentation (m,).
-
-        It is 0.25 inside a block and 0.75 between two blocks.
-        """
         part = self.parts(labelling[None])[0]
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
@@ -446,10 +386,7 @@ class Segmentations:
         return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, rng)
 
     def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Merge the two blocks beside a random joint; return None without a joint or repair.
-
-        A union that is too large is cut anew.
-        """
+        """Merge the two blocks beside a random joint; return None without a joint or repair."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -511,18 +448,12 @@ class Segmentations:
         return self.repair(child, rng, list(unchecked))
 
     def _side(self, a: int, b: int) -> bool:
-        """Return True if atom a lies before its neighbour b, in the order of coordinates.
-
-        The result is the same for all pairs along a straight line of faces.
-        """
+        """Return whether atom a lies before its neighbour b, alike along a straight line of faces."""
         first, second = self._corner[a], self._corner[b]
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cross two parents: overlay their joints, and merge the fragments.
-
-        Result: the partition of the child, None if none is found.
-        """
+        """Cross two parents: overlay their joints, and merge the fragments; None if that fails."""
         # A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
         # faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
         # face.
@@ -555,10 +486,7 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """Return a random pair of neighbours in different parts, None if all are in one part.
-
-        Result: (a, b, index of the pair), a and b in random order.
-        """
+        """Return a random pair (a, b, index) of neighbours in different parts, or None."""
         pairs = self.graph.pairs
         if not pairs:
             return None
@@ -585,10 +513,9 @@ class Segmentations:
 
 
 class Operators(Protocol):
-    """Interface of the operators on labellings: draw, change and cross them.
+    """Interface of the operators on labellings (k, m): draw, change and cross them.
 
-    Labellings are rows (k, m), True = dry. Results (j, m) hold at most one row per requested one: those are left out
-    that cannot be made to keep the limits. They may be neither canonical nor new.
+    Rows that cannot be made to keep the limits are left out; the others may be neither canonical nor new.
     """
 
     keys: int
@@ -610,23 +537,13 @@ class Operators(Protocol):
         """Return one child of each couple of `first` and `second` (k, m)."""
 
     def cross_indexed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """Return one child of each couple where one is found.
-
-        first, second: (k, m) parents of each couple. Result: (j, m) children; (j,) couple of each child.
-        """
+        """Return one child of each couple, as `cross`, and the couple of each child (j,)."""
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """Return one child of each couple, then one change of each single parent.
-
-        first, second: (k, m) parents of the couples. single: (i, m) single parents. Children and changes are made in
-        one batch where possible.
-        """
+        """Return one child of each couple (k, m), then one change of each single parent (i, m)."""
 
     def read(self, keys: list[float]) -> Bits:
-        """Convert keys in [0, 1] to a labelling (1, m), or (0, m) if none is found.
-
-        The same keys always give the same labelling.
-        """
+        """Convert keys in [0, 1] to a labelling (1, m), or (0, m); equal keys give an equal labelling."""
 
     def write(self, labelling: Bits) -> list[float]:
         """Return keys of a labelling (m,), from which `read` makes the same labelling again."""
@@ -638,11 +555,10 @@ def operators(space: SearchSpace) -> Operators:
     Parameters
     ----------
     space : SearchSpace
-        The search space.
 
     Returns
     -------
     Operators
-        Operators on segmentations, or on single labels if slits are allowed.
+        On segmentations, or on single labels if slits are allowed.
     """
     return Segmentations(space) if space.search.segmentation else FreeBits(space)

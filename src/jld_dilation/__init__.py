@@ -1,0 +1,51 @@
+"""Collapse without dilation of one labelling: one solution, the lowest and highest found, a proven bound below all.
+
+- `ProximalOptions`: parameters of the fixed-point search
+- `prove`: prove λ without dilation of one labelling, as `jld_core` asks for it
+- `prove_zero_dilation`: the same with parameters, and the range of λ
+
+Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
+
+- Φ = (F, λ, 1) are forces and load factor, w = (u, t) velocities and slides, X = Φ wᵀ their products.
+- A mode is a rate z ≥ 0 of a hinge or a slide. The slack of its yield row is y ≥ 0, and y z = 0 in a solution.
+- A closed mode has z = 0, a held mode has y = 0, in all solutions of a region.
+- The cost of a mechanism is Σ_hinges z + Σ_faces C |slip|, C the friction or shear capacity of the face.
+- The slack σ is the decrease of λ per unit of cost in a program. It gives the multipliers the margin of a proof.
+- Force bounds are upper bounds on |Φ|, velocity bounds upper bounds on |w| per unit of cost.
+- m, n and q are the numbers of faces, free elements and resultants; 2e is the number of forms from loops.
+"""
+
+from jld_core.arrays import Bits
+from jld_core.limit import LimitAnalysis, Model, Proof
+from jld_dilation.fixed_point_search import ProximalOptions
+from jld_dilation.range import prove_zero_dilation
+
+__all__ = ["ProximalOptions", "prove", "prove_zero_dilation"]
+
+
+def prove(analysis: LimitAnalysis, labels: Bits, model: Model, stands: bool, pruning_threshold: float) -> Proof:
+    """Prove λ without dilation of one labelling, as `jld_core` asks for it.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis with associative friction.
+    labels : (m,) bool array
+        Labels, True = dry.
+    model : Model
+        Options: effective areas, and the range with its time for a lower bound, s.
+    stands : bool
+        Also decide whether the structure stands at λ = 0.
+    pruning_threshold : float
+        λ, scene units, at or below which the labelling is of no interest.
+
+    Returns
+    -------
+    Proof
+        Proof in the scaled units of `analysis`.
+    """
+    options = ProximalOptions(effective_area=model.effective_area)
+    seconds = model.floor_seconds if model.range else None
+    return prove_zero_dilation(
+        analysis, labels, options, stands=stands, pruning_threshold=pruning_threshold, range=seconds
+    )

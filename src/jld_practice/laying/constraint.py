@@ -1,0 +1,331 @@
+"""Assembly sequence as a constraint on labellings, with the labels that violate it.
+
+Blocks that lock one another do so in every labelling in which each of them is part of a separate block. Further blocks
+only add obstacles, and a group that could leave would leave with those of them that it contains. Two kinds of labels
+therefore suffice as a conflict: inner faces that hold each of these blocks together, and dry faces around all of them
+but one, which keep them separate. A single block, locked between supports, must also stay separate from the supports.
+Obstacles joined to a support are held there by inner faces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from jld_core.arrays import Bits, Bools, Ints
+from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_practice.laying.freedom import Bodies, Freedom, blocks_of_labelling
+from jld_practice.laying.order import (
+    GROUP,
+    MOST_STAGES,
+    Laying,
+    SequenceRule,
+    assembly_order,
+    emptied,
+    locked_blocks,
+    turn_of,
+    words_of_fall,
+)
+from jld_practice.laying.standing import Parts, Standing
+
+
+@dataclass(frozen=True)
+class Built:
+    """Result of `built_up`: whether an order of single blocks with standing stages exists."""
+
+    # True where an order was found, False where none exists, None where the search reached its limit or a stage was
+    # undecided
+    possible: bool | None
+    seen: Bools  # (n,) bool mask of the elements of all blocks that were laid or tried, and of the fixed block
+
+
+def built_up(freedom: Freedom, standing: Standing) -> Built:
+    """Search an order of single blocks, each touching a laid one, whose every stage stands."""
+    # Depth first, the lowest block first. If single blocks can be removed until none is left, an order is found
+    # wherever one exists. A block that touches no laid block cannot stand. The outcome therefore depends on the visited
+    # blocks alone.
+    blocks = freedom.blocks
+    failed: set[bytes] = set()
+    turn = turn_of(blocks)
+    tried = blocks.fixed.copy()
+    looked, settled = 0, True
+
+    def search(laid: Bools) -> bool | None:
+        """Return True if the laid blocks can be completed, False if not, None at the limit."""
+        nonlocal looked, settled
+        key = np.packbits(laid).tobytes()
+        if laid.all():
+            return True
+        if key in failed:
+            return False
+        near = laid[blocks.first] != laid[blocks.second]
+        border = np.unique(np.concatenate([blocks.first[near], blocks.second[near]]))
+        moves = [((block,), freedom.bodies.up) for block in border[~laid[border]].tolist()]
+        for move in sorted(moves, key=lambda move: turn(laid, move[0]), reverse=True):
+            if looked >= MOST_STAGES:
+                return None
+            looked += 1
+            tried[move[0][0]] = True
+            more = laid.copy()
+            more[move[0][0]] = True
+            stands = standing.stage(more).stands
+            settled &= stands is not None
+            if not stands or freedom.way_out(move[0][0], more) is None:
+                continue
+            found = search(more)
+            if found is not False:
+                return found
+        failed.add(key)
+        return False
+
+    possible = search(blocks.fixed.copy())
+    return Built(possible if possible or settled else None, tried[blocks.of])
+
+
+COUNTED: Final = {"translation": 2000, "standing": 60}
+"""Number of labellings that can be tested within seconds, by rule."""
+
+_COMPARED: Final = 8  # largest number of refused labellings whose orders are compared for a message
+
+
+@dataclass(frozen=True)
+class Lock:
+    """Conflict of the assembly constraint: labels on some faces that allow no assembly order.
+
+    Every labelling with `labels` on `faces` is refused.
+    """
+
+    faces: Ints  # (k,) faces of the conflict
+    labels: Bits  # (k,) their labels, True = dry
+    elements: Ints  # (e,) elements of the blocks that prevent the assembly
+    # False where the search for stages that stand stopped at its limit, or a stage was undecided. An order may then
+    # exist although none is known, and the conflict covers all faces.
+    proven: bool = True
+
+
+class SequenceConstraint:
+    """Test whether labellings of one assembly can be assembled, with memory of results.
+
+    Conflicts found for one labelling also refute other labellings.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    wish : {"translation", "standing"}
+        Some order by translations must exist; "standing": every stage of it must also stand without props.
+    may_join : (m,) bool array
+        Faces that may be inner.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
+    """
+
+    def __init__(
+        self, assembly: Assembly, wish: SequenceRule, may_join: Bools, *, sideways: bool = False, group: int = GROUP
+    ) -> None:
+        assembly.members.refuse("an assembly sequence")
+        self.assembly, self.wish, self.group = assembly, wish, group
+        self._bodies = Bodies(assembly, sideways)
+        self._parts = Parts(assembly)
+        self._known: dict[bytes, Lock | None] = {}
+        self.locks: list[Lock] = []
+        faces = assembly.interfaces
+        # an inner face to a support makes the elements behind it part of the ground
+        self._may_rest = bool(
+            np.any((assembly.elements.support[faces.a] | assembly.elements.support[faces.b]) & may_join)
+        )
+
+    @property
+    def counted(self) -> int:
+        """Return the number of labellings that can be tested one by one within seconds.
+
+        Callers do not test more of them.
+        """
+        return COUNTED[self.wish]
+
+    @property
+    def refused(self) -> int:
+        """Number of different labellings tested so far without finding a sequence."""
+        return sum(lock is not None for lock in self._known.values())
+
+    @property
+    def undecided(self) -> int:
+        """Return the number of refused labellings whose conflict is not proven.
+
+        An unlimited search might find a sequence for them.
+        """
+        return sum(lock is not None and not lock.proven for lock in self._known.values())
+
+    def farthest(self) -> Laying | None:
+        """Return the order of a refused labelling with the largest share of standing steps.
+
+        None if no stage of the refused labellings is proven to fall.
+        """
+        # Up to eight labellings are compared, the first to be refused.
+        refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
+        best: tuple[float, Laying] | None = None
+        for key in refused:
+            packed = np.frombuffer(key, dtype=np.uint8)
+            labels = np.unpackbits(packed, count=len(self.assembly.interfaces)).astype(bool)
+            laying = assembly_order(self.assembly, labels, group=self.group, bodies=self._bodies, parts=self._parts)
+            if laying.first_fall is not None:
+                share = laying.first_fall[0] / len(laying.steps)
+                if best is None or share > best[0]:
+                    best = share, laying
+        return None if best is None else best[1]
+
+    def words_of_farthest(self, seconds: float) -> str | None:
+        """Describe where the refused order that gets farthest falls; None if none is found within `seconds`."""
+        try:
+            with Deadline(seconds).enforced():
+                laying = self.farthest()
+        except DeadlinePassed:
+            return None
+        return None if laying is None or laying.first_fall is None else words_of_fall(laying, *laying.first_fall)
+
+    def lock(self, labels: Bits) -> Lock | None:
+        """Return the conflict that refuses a labelling; None where an assembly sequence was found.
+
+        labels: (m,) True = dry. Results are stored, and conflicts found before are tried first.
+        """
+        key = np.packbits(labels).tobytes()
+        if key not in self._known:
+            known = next((one for one in self.locks if np.array_equal(labels[one.faces], one.labels)), None)
+            self._known[key] = known or self._found(labels)
+        return self._known[key]
+
+    def possible(self, labellings: Bits) -> Bools:
+        """Return a mask (k,) of the labellings for which an assembly sequence was found.
+
+        labellings: (k, m), True = dry.
+        """
+        return np.array([self.lock(labels) is None for labels in labellings], dtype=bool)
+
+    def _found(self, labels: Bits) -> Lock | None:
+        """Test a labelling (m,) and return its conflict, or None."""
+        members = locked_blocks(self.assembly, labels, group=self.group, bodies=self._bodies)
+        if members:
+            lock = self._lock_conflict(labels, np.array(members, dtype=np.int64))
+            self.locks.append(lock)
+            return lock
+        return None if self.wish == "translation" else self._stage_conflict(labels)
+
+    def _stage_conflict(self, labels: Bits) -> Lock | None:
+        """Return the conflict of a labelling without an order whose every stage stands.
+
+        None if there is such an order. labels: (m,) True = dry; blocks can be laid by translations. The conflict covers
+        all faces if the complete structure does not stand, or if blocks may be laid in groups. The conflict is not
+        proven if a search stopped at its limit or a stage was undecided.
+        """
+        every, elements = np.arange(len(labels)), self.assembly.elements
+        whole = Lock(every, labels, elements.free)
+        blocks = blocks_of_labelling(self.assembly, labels)
+        freedom, standing = Freedom(blocks, bodies=self._bodies), Standing(blocks, labels, self._parts)
+        stands = standing.stage(np.ones(len(blocks), dtype=bool)).stands
+        if not stands:
+            return replace(whole, proven=stands is False)
+        heavy = bool(np.linalg.norm(elements.weight[elements.free], axis=1).min() > 0.0)
+        if heavy and not np.any(emptied(freedom, np.ones(len(blocks), dtype=bool), 1) & ~blocks.fixed):
+            built = built_up(freedom, standing)
+            if built.possible:
+                return None
+            if built.possible is False:
+                return self._visited_conflict(built.seen, labels)
+        laying = assembly_order(
+            self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies, parts=self._parts
+        )
+        if laying.possible and laying.stands:
+            return None
+        return replace(whole, proven=not laying.undecided and laying.stands is not None)
+
+    def _visited_conflict(self, seen: Bools, labels: Bits) -> Lock:
+        """Return the conflict that an exhaustive search without success proves.
+
+        It has all faces of the elements that the search visited, and is stored if these are not all faces. seen: (n,)
+        mask of these elements. labels: (m,) True = dry.
+        """
+        faces, free = self.assembly.interfaces, ~self.assembly.elements.support
+        seen = seen & free
+        about = np.flatnonzero(seen[faces.a] | seen[faces.b])
+        lock = Lock(about, labels[about], np.flatnonzero(seen))
+        if len(about) < len(labels):
+            self.locks.append(lock)
+        return lock
+
+    def _lock_conflict(self, labels: Bits, members: Ints) -> Lock:
+        """Return the conflict of blocks that lock one another.
+
+        labels: (m,) True = dry. members: (e,) elements of the blocks.
+        """
+        elements, faces, count = self.assembly.elements, self.assembly.interfaces, len(self.assembly.elements)
+        # represent all supports by one node
+        place = np.where(elements.support, elements.support.argmax(), np.arange(count))
+        a, b = place[faces.a], place[faces.b]
+        block = connected_components(_graph(a[~labels], b[~labels], count), directed=False)[1]
+        among = np.isin(np.arange(count), members)
+        start = int(elements.support.argmax())
+        ground = ~elements.support & elements.support.any() & (block == block[start])
+        held = self._tree(among, a, b, labels)
+        needed = self._in_the_way(labels, among, ground)
+        if needed.any():
+            # inner faces on the path from an obstacle to a support
+            tree = self._tree(ground | elements.support, a, b, labels)
+            _, before = breadth_first_order(_graph(a[tree], b[tree], count), start, directed=False)
+            between = {(int(a[face]), int(b[face])): face for face in tree.tolist()}
+            path: set[int] = set()
+            for at in np.flatnonzero(needed).tolist():
+                while at != start:
+                    at, last = int(before[at]), at
+                    path.add(between.get((at, last), between.get((last, at), -1)))
+            held = np.concatenate([held, np.array(sorted(path), dtype=np.int64)])
+        around = [np.flatnonzero((block[a] == name) != (block[b] == name)) for name in np.unique(block[members])]
+        if len(around) > 1:
+            # The block with most faces around it needs none of them: the faces around the others separate them from it.
+            around.pop(int(np.argmax([len(one) for one in around])))
+        elif not self._may_rest:
+            around = []
+        found = np.concatenate([held, np.unique(np.concatenate([np.empty(0, dtype=np.int64), *around]))])
+        return Lock(found, labels[found], members)
+
+    def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
+        """Return a spanning forest of the inner faces between some elements, as face indices.
+
+        among: (n,) mask of the elements. a, b: (m,) nodes of each face, all supports being one node. labels: (m,) True
+        = dry.
+        """
+        faces = self.assembly.interfaces
+        inside = np.flatnonzero(among[faces.a] & among[faces.b] & ~labels)
+        _, first = np.unique(np.sort(np.column_stack([a[inside], b[inside]]), axis=1), axis=0, return_index=True)
+        tree = minimum_spanning_tree(_graph(a[inside[first]], b[inside[first]], len(among))).tocoo().data
+        return np.asarray(inside[first[np.round(tree).astype(np.int64) - 1]])
+
+    def _in_the_way(self, labels: Bits, among: Bools, ground: Bools) -> Bools:
+        """Return a small set of elements, held by supports, that lock blocks as obstacles.
+
+        labels: (m,) True = dry. among: (n,) mask of the elements of the locked blocks. ground: (n,) mask of the
+        candidates, free elements that a support holds. Candidates are dropped one by one while the blocks stay locked.
+        Returns a mask (n,), small but not minimum.
+        """
+        faces, support = self.assembly.interfaces, self.assembly.elements.support
+        blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
+        first = np.unique(blocks.of, return_index=True)[1]
+        freedom = Freedom(replace(blocks, fixed=blocks.fixed | ~among[first]), bodies=self._bodies)
+        needed = ground.copy()
+        for tried in [ground, *(np.arange(len(ground)) == e for e in np.flatnonzero(ground))]:
+            there = np.zeros(len(blocks), dtype=bool)
+            there[blocks.of[among | support | (needed & ~tried)]] = True
+            if np.array_equal(emptied(freedom, there, self.group), there):
+                needed &= ~tried
+        return needed
+
+
+def _graph(a: Ints, b: Ints, count: int) -> coo_array:
+    """Return a sparse matrix (count, count) of edges a to b, (k,), with values 1 to k."""
+    return coo_array((1.0 + np.arange(len(a)), (a, b)), shape=(count, count))

@@ -1,0 +1,452 @@
+"""Free translations of blocks, and the blocks that obstruct them.
+
+Along one direction to infinity, a block is obstructed by every other block that meets its swept volume. This gives a
+directed graph for each direction; a set without outgoing edges can be removed together. Source: Wilson & Latombe,
+Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396.
+
+The directions tried for a block depend on the block alone, and those for groups on the assembly alone. They never
+depend on the other blocks present. A block or group that can be removed can therefore still be removed when fewer
+blocks remain. Blocks that lock one another do so beside any other blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly, blocks_of
+from jld_core.deadline import checkpoint
+from jld_practice.laying.solids import Solids, tangents
+
+_SMALLER: Final = 1e-6  # relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding
+
+TURN: Final = 1e-7
+"""Angle, radians, by which a direction may point into an obstacle: accuracy of normals in drawings."""
+
+_SAME: Final = 1e-9  # distance, relative to the largest element, up to which two corners coincide
+
+# Angle, radians, up to which the end of an exact arc belongs to the end of an arc of the shrunk pieces
+_NEAR: Final = 1e-5
+
+_PIECES: Final = 150  # largest number of pieces for which groups are tried at all ends of arcs
+
+# Largest number of directions in which groups are tried. With more ends of arcs, or more than `_PIECES` pieces,
+# directions along contacts replace them.
+_TURNS: Final = 2000
+
+_CHUNK: Final = 1 << 22  # number of entries of one batch of the blocking table
+
+
+class Arcs:
+    """Blocked translation directions between the elements of a planar assembly.
+
+    Elements that are not convex are split into triangles. The resulting convex *pieces* are numbered over all elements;
+    `owner` (p,) is the element of each. For each pair, the directions in which one piece meets the other at rest form
+    one arc of angles. The arcs do not depend on the labelling.
+    """
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        pieces, owner = [], []
+        for element, shape in enumerate(assembly.elements.shape):
+            found = _convex_pieces(shape)
+            pieces += found
+            owner += [element] * len(found)
+        self.owner = np.array(owner, dtype=np.int64)
+        size = max(len(piece) for piece in pieces)
+        # Pad pieces to equally many corners by repeating the last one: only minima and maxima are taken over corners.
+        self._corner = np.array([piece[np.minimum(np.arange(size), len(piece) - 1)] for piece in pieces])
+        self._middle = np.array([piece.mean(axis=0) for piece in pieces])
+        self._smaller = self._middle[:, None] + (1.0 - _SMALLER) * (self._corner - self._middle[:, None])
+        self._size = float(max(np.ptp(shape, axis=0).max() for shape in assembly.elements.shape))
+        self._of: dict[int, Floats] = {}
+        self._exact: dict[int, Floats] = {}
+
+    def of(self, piece: int) -> Floats:
+        """Return the directions in which a piece would meet each of the p pieces, as arcs (p, 2).
+
+        A row has the begin in [0, 2π) and the width of the arc, radians. A width below 0 means that the piece is never
+        met. The pieces at rest are shrunk by a relative 1e-6, so that sliding along a contact is free.
+        """
+        if piece not in self._of:
+            begin, width = self._seen(piece, self._smaller, 0.0)
+            found = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
+            found[piece, 1] = -1.0
+            self._of[piece] = found
+        return self._of[piece]
+
+    def ends(self, piece: int) -> Floats:
+        """Return the directions in which a piece would meet each piece at its exact size, (p, 2).
+
+        A row has the angles of begin and end, radians; NaN for a piece that is never met. Motion along an end is
+        parallel to the faces in contact, which the shrunk pieces of `of` do not give exactly.
+        """
+        if piece not in self._exact:
+            begin, width = self._seen(piece, self._corner, _SAME * self._size)
+            found = np.column_stack([begin, begin + width])
+            found[self.of(piece)[:, 1] <= 0.0] = np.nan
+            self._exact[piece] = found
+        return self._exact[piece]
+
+    def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
+        """Compute the begin (p,) and width (p,) of the directions that each resting piece blocks.
+
+        resting: (p, k, 2) corners of the pieces at rest.
+        """
+        arm = resting[:, None] - self._corner[piece][None, :, None]
+        arm = arm.reshape(len(self._corner), -1, 2)
+        towards = self._middle - self._middle[piece]
+        along = np.einsum("pki,pi->pk", arm, towards)
+        across = towards[:, None, 0] * arm[:, :, 1] - towards[:, None, 1] * arm[:, :, 0]
+        angle = np.where(np.hypot(arm[:, :, 0], arm[:, :, 1]) <= same, 0.0, np.arctan2(across, along))
+        low, high = angle.min(axis=1), angle.max(axis=1)
+        # pieces that overlap by more than rounding only block directions towards one another
+        over = high - low >= np.pi + (TURN if same else 0.0)
+        low, high = np.where(over, -0.5 * np.pi, low), np.where(over, 0.5 * np.pi, high)
+        return np.arctan2(towards[:, 1], towards[:, 0]) + low, high - low
+
+    def way_out(self, moving: Bools, still: Bools, up: Floats) -> Floats | None:
+        """Return the direction nearest to `up` in which elements can leave others, or None.
+
+        moving, still: (n,) bool masks of the elements that move together and of those at rest. up: (2,) unit vector.
+        The result is a unit vector (2,); it is None where every direction is blocked.
+        """
+        mine, others = np.flatnonzero(moving[self.owner]), still[self.owner]
+        arcs = np.concatenate([self.of(int(piece))[others] for piece in mine])
+        arcs = arcs[arcs[:, 1] > 0.0]
+        wanted = float(np.arctan2(up[1], up[0])) % (2.0 * np.pi)
+        if not len(arcs):
+            return up
+        begin = arcs[np.argsort(arcs[:, 0], kind="stable")]
+        end = np.maximum.accumulate(begin[:, 0] + begin[:, 1])
+        # gaps between arcs: from the largest end so far, modulo a full turn, to the next begin
+        before = np.concatenate([[end[-1] - 2.0 * np.pi], np.maximum(end[:-1], end[-1] - 2.0 * np.pi)])
+        free = before <= begin[:, 0]
+        if not free.any():
+            return None
+        low, high = before[free], begin[free, 0]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        angle = _nearest(wanted, middle, half)
+        best = int(np.argmin(np.round(abs(_turned(angle - wanted)), 6)))
+        ends = np.concatenate([self.ends(int(piece))[others] for piece in mine])
+        # the same gap between exact arcs, whose ends differ from those of the shrunk pieces
+        after, before = _turned(ends[:, 1] - low[best]), _turned(ends[:, 0] - high[best])
+        low_end = low[best] + np.max(after, initial=0.0, where=abs(after) <= _NEAR)
+        high_end = high[best] + np.min(before, initial=0.0, where=abs(before) <= _NEAR)
+        between = float(_nearest(wanted, 0.5 * (low_end + high_end), max(0.5 * float(high_end - low_end), 0.0)))
+        direction = np.round([np.cos(between), np.sin(between)], 15)
+        return np.asarray(direction / np.linalg.norm(direction)) + 0.0
+
+    @cached_property
+    def turns(self) -> Floats:
+        """Angles (k,) of the directions tried for groups of blocks, radians, from 0 to 2π."""
+        # The directions are the ends of all arcs, at which blocking changes. An assembly with too many pieces or ends
+        # has the directions along its contacts instead, at most 2000.
+        if len(self.owner) <= _PIECES:
+            every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
+            found = _different(every[np.isfinite(every)])
+            if len(found) <= _TURNS:
+                return found
+        tangent = self.assembly.interfaces.e1
+        angles = np.arctan2(tangent[:, 1], tangent[:, 0])
+        return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
+
+    def blocking(self, of: Ints, count: int) -> Bools:
+        """Return a table (k, b, b) of the blocks that obstruct others, by direction of `turns`.
+
+        of: (n,) block of each element. count: number b of blocks. Entry (direction, i, j) is True where block i, moved
+        along the direction, meets block j.
+        """
+        place = of[self.owner]
+        table = np.array([self.of(piece) for piece in range(len(self.owner))])
+        found = np.zeros((len(self.turns), count, count), dtype=bool)
+        step = max(1, _CHUNK // max(1, table[:, :, 0].size))
+        holds = np.zeros((len(place), count), dtype=np.float32)
+        holds[np.arange(len(place)), place] = 1.0
+        for first in range(0, len(self.turns), step):
+            angle = self.turns[first : first + step, None, None]
+            # angles that differ by less than 1e-6 are equal: an arc blocks directions inside it by more than that
+            inside = (angle - table[:, :, 0] - 1e-6) % (2.0 * np.pi) < table[:, :, 1] - 2e-6
+            found[first : first + step] = (holds.T @ inside.astype(np.float32) @ holds) > 0.0
+        found[:, np.arange(count), np.arange(count)] = False
+        return found
+
+
+def _turned(angle: Floats | float) -> Floats:
+    """Reduce angles of any shape to −π … π, radians."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Floats:
+    """Return the angle nearest to the wanted one in each interval (middle ± half)."""
+    return np.asarray(middle + np.clip(_turned(wanted - middle), -half, half))
+
+
+def _different(angles: Floats) -> Floats:
+    """Reduce angles to [0, 2π) and drop repeated ones, equal when rounded to 1e-6.
+
+    The order is that of the rounded angles, modulo 2π. An angle just below 2π therefore counts as 0 and may come first.
+    """
+    angles = angles % (2.0 * np.pi)
+    _, first = np.unique(np.round(angles, 6) % round(2.0 * np.pi, 6), return_index=True)
+    return angles[first]
+
+
+def _convex_pieces(shape: Floats) -> list[Floats]:
+    """Split a polygon (k, 2) into convex polygons: itself if convex, else triangles."""
+    edge = np.roll(shape, -1, axis=0) - shape
+    turn = edge[:, 0] * np.roll(edge, -1, axis=0)[:, 1] - edge[:, 1] * np.roll(edge, -1, axis=0)[:, 0]
+    size = float(abs(edge).max())
+    if turn.min() >= -1e-9 * size * size:
+        return [shape]
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(shape)))
+    return [shapely.get_coordinates(part)[:3] for part in parts]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks of a labelling, numbered by their first element.
+
+    All elements joined to a support belong to one fixed block.
+    """
+
+    assembly: Assembly
+    of: Ints  # (n,) block of each element
+    fixed: Bools  # (k,) True for the block that holds the supports
+    # first, second: (c,) blocks on both sides of each contact between two blocks
+    first: Ints
+    second: Ints
+    normal: Floats  # (c, d) unit normals from the first to the second block
+
+    def __len__(self) -> int:
+        return len(self.fixed)
+
+    def elements(self, block: int) -> Ints:
+        """Return the indices of the elements of a block, ascending."""
+        return np.flatnonzero(self.of == block)
+
+    def name(self, block: int) -> str:
+        """Return the name of a block: the id of its first element."""
+        return self.assembly.elements.ids[int(self.elements(block)[0])]
+
+    def contacts_of(self, block: int) -> tuple[Ints, Floats]:
+        """Return the neighbour across each contact of a block (c,), and unit normals (c, d) to it.
+
+        A neighbour with several contacts is listed several times.
+        """
+        out, back = self.first == block, self.second == block
+        return (
+            np.concatenate([self.second[out], self.first[back]]),
+            np.concatenate([self.normal[out], -self.normal[back]]),
+        )
+
+
+def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
+    """Return the blocks of a labelling as rigid bodies; all supports form one fixed body.
+
+    labels: (m,) True = dry. Result: the k blocks and the contacts between them.
+    """
+    faces, elements = assembly.interfaces, assembly.elements
+    ground = np.flatnonzero(elements.support)
+    of = blocks_of(assembly, labels, (ground[:-1], ground[1:]))
+    fixed = np.zeros(int(of.max()) + 1, dtype=bool)
+    fixed[of[elements.support]] = True
+    between = np.flatnonzero(of[faces.a] != of[faces.b])
+    return Blocks(assembly, of, fixed, of[faces.a[between]], of[faces.b[between]], faces.normal[between])
+
+
+_TURN: Final = 1e-7  # sine of the angle by which a direction may point into a contact: accuracy of normals in drawings
+
+_DIRECTIONS: Final = 400  # largest number of directions in space that are tried for a block or a group
+
+
+_SIDEWAYS: Final = (0.0, 0.0, 1.0)  # direction out of the plane of a planar wall
+
+
+class Bodies:
+    """Translation data of an assembly's elements, computed once for all its labellings.
+
+    sideways: blocks of a planar wall may leave it out of its plane; without effect in space. The attribute `up` (d,) is
+    the unit vector against the total weight, or the last axis without weight.
+    """
+
+    def __init__(self, assembly: Assembly, sideways: bool = False) -> None:
+        self.assembly = assembly
+        self.sideways = sideways and assembly.dimension == 2
+        weight = assembly.elements.weight.sum(axis=0)
+        up = -weight if np.any(weight) else np.eye(assembly.dimension)[-1]
+        self.up: Floats = up / np.linalg.norm(up)
+        self._ways: dict[bytes, Floats] = {}
+
+    @cached_property
+    def arcs(self) -> Arcs:
+        """Return the directions in which pairs of elements block each other (planar only)."""
+        return Arcs(self.assembly)
+
+    @cached_property
+    def solids(self) -> Solids:
+        """Return the sweep tests between the elements of a spatial assembly."""
+        return Solids(self.assembly)
+
+    @cached_property
+    def common(self) -> Floats:
+        """Return the unit directions in space (k, 3) that are tried for groups, at most 400.
+
+        They follow from the contact normals of the assembly.
+        """
+        return _directions(self.assembly.interfaces.normal)
+
+    def ways_of(self, mine: Bools) -> Floats:
+        """Return the unit directions in space (k, 3) that are tried for one block, upward first.
+
+        mine: (n,) bool mask of the block's elements. The directions follow from the normals of its own contacts, and
+        include `common`.
+        """
+        key = np.packbits(mine).tobytes()
+        if key not in self._ways:
+            faces = self.assembly.interfaces
+            border = mine[faces.a] != mine[faces.b]
+            every = np.concatenate([_directions(faces.normal[border]), self.common])
+            every = every[np.sort(np.unique(np.round(every, 9), axis=0, return_index=True)[1])]
+            self._ways[key] = every[np.argsort(-np.round(every @ self.up, 6), kind="stable")]
+        return self._ways[key]
+
+
+class Freedom:
+    """Tests in which directions the blocks of one labelling can be translated away.
+
+    bodies: translation data of the assembly; made with `sideways` if not given.
+    """
+
+    def __init__(self, blocks: Blocks, sideways: bool = False, bodies: Bodies | None = None) -> None:
+        self.blocks = blocks
+        self.bodies = bodies or Bodies(blocks.assembly, sideways)
+        self.sideways = self.bodies.sideways
+        self._planar = blocks.assembly.dimension == 2
+        self._apart: dict[bytes, bool] = {}
+
+    def way_out(self, block: int, there: Bools) -> Floats | None:
+        """Return a unit direction (d,) in which one block can leave the other blocks present.
+
+        there: (k,) bool mask of the blocks present. The free direction nearest to upward is chosen among those tried;
+        None where there is none. Where `sideways` applies, the result is always the out-of-plane vector (3,). Raises
+        DeadlinePassed after an enforced deadline.
+        """
+        checkpoint()
+        if self.sideways:
+            return np.array(_SIDEWAYS)
+        of = self.blocks.of
+        mine, rest = of == block, there[of] & (of != block)
+        if self._planar:
+            return self.bodies.arcs.way_out(mine, rest, self.bodies.up)
+        others, normals = self.blocks.contacts_of(block)
+        touching = normals[there[others] & (others != block)]
+        ways = self.bodies.ways_of(mine)
+        ways = ways[(ways @ touching.T).max(axis=1, initial=-np.inf) <= _TURN]
+        elements, still = np.flatnonzero(mine), np.flatnonzero(rest)
+        free = (way for way in ways if not len(self.bodies.solids.swept(elements, still, way)))
+        return next(free, None)
+
+    def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
+        """Return the smallest group of blocks that can leave together, and its direction.
+
+        there: (k,) bool mask of the blocks present, fixed ones included. most: largest size of the group. Returns the
+        block indices, ascending, and a unit vector (d,); None where no such group exists. In space, the blocks of the
+        group must also be separable from one another afterwards. Those of a planar wall can be put together from the
+        side beforehand.
+        """
+        return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
+
+    def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
+        """Return the smallest group that must leave with each block, for each direction tried.
+
+        there: (k,) mask of the blocks present. most: largest size of a group. Groups that hold a fixed block are left
+        out. Each comes as block indices with a unit direction (d,), smaller groups first.
+        """
+        blocks = self.blocks
+        ways, table = self._blocking
+        standing = np.flatnonzero(there)
+        held = blocks.fixed[standing]
+        found: dict[bytes, tuple[Ints, Floats]] = {}
+        step = max(1, _CHUNK // max(1, len(standing) ** 2))
+        for first in range(0, len(ways), step):
+            reach = _closed(table[first : first + step][:, standing][:, :, standing])
+            good = (reach.sum(axis=2) <= most) & ~reach[:, :, held].any(axis=2)
+            for way, place in zip(*np.nonzero(good), strict=True):
+                group = standing[reach[way, place]]
+                found.setdefault(group.tobytes(), (group, ways[first + way]))
+        return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
+
+    def _separable(self, group: Ints) -> bool:
+        """Return True if the blocks of a group can be separated by translations."""
+        if len(group) < 2:
+            return True
+        key = group.tobytes()
+        if key not in self._apart:
+            there = np.zeros(len(self.blocks), dtype=bool)
+            there[group] = True
+            parts = [part for part, _ in self._groups(there, len(group) - 1)]
+            # the order of removal is irrelevant: fewer obstacles remain later
+            rest = None if not parts else np.setdiff1d(group, parts[0])
+            self._apart[key] = rest is not None and self._separable(parts[0]) and self._separable(rest)
+        return self._apart[key]
+
+    @cached_property
+    def _blocking(self) -> tuple[Floats, Bools]:
+        """Return directions (k, d) and a table (k, b, b) of the blocks that obstruct others."""
+        # Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
+        blocks, count = self.blocks, len(self.blocks)
+        if self._planar:
+            angle = self.bodies.arcs.turns
+            return np.column_stack([np.cos(angle), np.sin(angle)]), self.bodies.arcs.blocking(blocks.of, count)
+        ways = self.bodies.common
+        table = np.zeros((len(ways), count, count), dtype=bool)
+        towards = blocks.normal @ ways.T
+        for face, way in zip(*np.nonzero(abs(towards) > _TURN), strict=True):
+            ends = (blocks.first[face], blocks.second[face])
+            table[(way, *(ends if towards[face, way] > 0.0 else ends[::-1]))] = True
+        every = np.arange(len(blocks.of))
+        for block in np.flatnonzero(~blocks.fixed).tolist():
+            mine = blocks.of == block
+            for number, way in enumerate(ways):
+                others = every[~mine & ~table[number, block][blocks.of]]
+                met = self.bodies.solids.swept(np.flatnonzero(mine), others, way)
+                table[number, block, blocks.of[met]] = True
+        return ways, table
+
+
+def _closed(arrows: Bools) -> Bools:
+    """Return the reflexive transitive closure (k, b, b) of directed graphs (k, b, b)."""
+    reach = np.asarray(arrows | np.eye(arrows.shape[1], dtype=bool))
+    while True:
+        wide = reach.astype(np.float32)
+        wider = np.asarray((wide @ wide) > 0.0)
+        if np.array_equal(wider, reach):
+            return reach
+        reach = wider
+
+
+def _directions(normals: Floats) -> Floats:
+    """Return candidate unit directions in space (k, 3) derived from contact normals (c, 3)."""
+    # Candidates are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
+    if not len(normals):
+        return np.concatenate([np.eye(3), -np.eye(3)])
+    both = np.concatenate([normals, -normals]) + 0.0
+    normals = both[np.unique(np.round(both, 9) + 0.0, axis=0, return_index=True)[1]]
+    i, j = np.triu_indices(len(normals), 1)
+    edges = np.cross(normals[i], normals[j])
+    size = np.linalg.norm(edges, axis=1)
+    edges = edges[size > 1e-6] / size[size > 1e-6, None]
+    beside = [tangents(normal) for normal in normals[:16]]
+    first = np.concatenate([normals, edges, -edges, *beside])
+    first = first[np.sort(np.unique(np.round(first, 9), axis=0, return_index=True)[1])][:_DIRECTIONS]
+    i, j = np.triu_indices(len(first), 1)
+    between = first[i] + first[j]
+    size = np.linalg.norm(between, axis=1)
+    every = np.concatenate([first, between[size > 1e-6] / size[size > 1e-6, None]])
+    return every[np.sort(np.unique(np.round(every, 9), axis=0, return_index=True)[1])][:_DIRECTIONS]

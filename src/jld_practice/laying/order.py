@@ -1,0 +1,436 @@
+"""Search for an assembly order by disassembly: the block removed last is laid first.
+
+Removing a block never obstructs another one. If single blocks can be removed until nothing is left, any order of
+choices succeeds; only the condition that every stage stands needs a search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import ParameterError
+from jld_core.parameters import typed
+from jld_core.scene.units import force_in_words
+from jld_core.sub_assembly import labels_of
+from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
+from jld_practice.laying.standing import Parts, Stage, Standing
+
+LayingStart = Literal["ground", "left", "right", "springings"]
+"""Where laying starts: at the ground, from a side, or from all supports alike."""
+
+LAID: Final[dict[str, tuple[str, LayingStart]]] = {
+    "translation": ("translation", "ground"),
+    "standing": ("standing", "ground"),
+    "left-to-right": ("translation", "left"),
+    "right-to-left": ("translation", "right"),
+    "springings": ("translation", "springings"),
+}
+"""Wishes for laying: the limit `search.assemble` of each, and where laying starts."""
+
+_EQUAL: Final = 6  # decimals, relative to the size of the structure, to which two places are the same
+
+Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]
+"""Sort key of a removal: of the blocks present and those removed; the least is removed first."""
+
+
+def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
+    """Return the sort key by which removals are tried, so that laying begins at `start`.
+
+    Raises InputError for another start.
+    """
+    # ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right:
+    # farthest from that side first. springings: farthest from the supports first, in blocks between them.
+    if start not in get_args(LayingStart):
+        raise ParameterError("start", f"{start!r} is no start of laying", "one of " + ", ".join(get_args(LayingStart)))
+    elements, up = blocks.assembly.elements, upwards(blocks)
+    if start == "springings":
+        far: Floats | None = _steps_from_supports(blocks)
+    elif start == "ground":
+        far = None
+    else:
+        far = elements.centroid @ _to_the_right(blocks, up) * (1.0 if start == "left" else -1.0)
+
+    def key(there: Bools, removed: Sequence[int]) -> tuple[float, ...]:
+        """Return the sort key of removing some blocks: distance from the start, height, contacts.
+
+        there: (k,) mask of the blocks present.
+        """
+        touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in removed)
+        chosen = np.isin(blocks.of, removed)
+        weights = elements.volume[chosen]
+        height = float(np.average(elements.centroid[chosen], axis=0, weights=weights) @ up)
+        place = () if far is None else (-round(float(np.average(far[chosen], weights=weights)) / scale, _EQUAL),)
+        return (*place, -round(height / blocks.assembly.size, _EQUAL), float(touching))
+
+    scale = 1.0 if start == "springings" else blocks.assembly.size
+    return key
+
+
+def upwards(blocks: Blocks) -> Floats:
+    """Return the unit vector (d,) against the weight of all blocks."""
+    elements = blocks.assembly.elements
+    total = elements.weight[elements.free].sum(axis=0)
+    if not np.any(total):
+        total = -np.eye(blocks.assembly.dimension)[-1]
+    return np.asarray(-total / np.linalg.norm(total))
+
+
+def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
+    """Return the horizontal unit direction (d,) from left to right.
+
+    In space it runs along the longer side of the plan. up: (d,) unit vector.
+    """
+    if blocks.assembly.dimension == 2:
+        return np.array([up[1], -up[0]])
+    elements = blocks.assembly.elements
+    extent = elements.upper.max(axis=0) - elements.lower.min(axis=0)
+    axis = max((k for k in range(3) if abs(up[k]) < 0.5), key=lambda k: extent[k])
+    return np.asarray(np.eye(3)[axis])
+
+
+def _steps_from_supports(blocks: Blocks) -> Floats:
+    """Return for each element (n,) the least number of contacts from its block to a support.
+
+    Elements of fixed blocks have 0; without a connection the number is that of all blocks.
+    """
+    steps = np.where(blocks.fixed, 0.0, np.inf)
+    while True:
+        across = np.concatenate([steps[blocks.first], steps[blocks.second]])
+        reached = steps.copy()
+        np.minimum.at(reached, np.concatenate([blocks.second, blocks.first]), across + 1.0)
+        if np.array_equal(reached, steps):
+            return np.asarray(np.where(np.isfinite(steps), steps, len(steps))[blocks.of])
+        steps = reached
+
+
+SequenceRule = Literal["translation", "standing"]
+"""Rule for an assembly sequence: translations only, or also stages that stand without props."""
+
+GROUP: Final = 3
+"""Largest number of blocks that are moved together where single blocks are locked."""
+
+MOST_STAGES: Final = 400
+"""Largest number of stages examined in the search for an order whose stages stand."""
+
+_TRIED: Final = 6  # number of removals, the first in order, of which one is chosen
+
+_SAME: Final = 1e-6  # difference of prop forces, relative to the weight, below which two stages need the same
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of an assembly sequence: blocks that are laid together.
+
+    Attributes
+    ----------
+    blocks : tuple of int
+        Numbers of the blocks that are laid; several where they can only be moved together.
+    direction : (d,) or (3,) array
+        Unit vector along which they could be removed; they arrive along its negative. (3,) for out of the plane.
+    stage : Stage
+        Stability of the structure after the step.
+    """
+
+    blocks: tuple[int, ...]
+    direction: Floats
+    stage: Stage
+
+
+@dataclass(frozen=True)
+class Laying:
+    """Assembly sequence of a labelling, or the blocks that make one impossible.
+
+    Attributes
+    ----------
+    blocks : Blocks
+        Blocks of the labelling.
+    steps : tuple of Step
+        Steps in the order of laying; empty where there is no order.
+    locked : tuple of int
+        Blocks that lock one another: none of them, and no group up to the given size, can be moved. Empty where an
+        order exists.
+    searched : bool
+        True where the search for an order whose every stage stands found none, at its limit or exhaustively. Another
+        order may exist; `steps` then hold an order by translations.
+    undecided : bool
+        True where that search stopped at its limit or met an undecided stage, so that an order of its kind may exist.
+    """
+
+    blocks: Blocks
+    steps: tuple[Step, ...]
+    locked: tuple[int, ...]
+    searched: bool = False
+    undecided: bool = False
+
+    @property
+    def possible(self) -> bool:
+        """Return True if an order that meets the requested rule was found."""
+        return not self.locked and not self.searched
+
+    @property
+    def stands(self) -> bool | None:
+        """Return True if every stage of the order stands without props; None if one is undecided."""
+        verdicts = [step.stage.stands for step in self.steps]
+        return False if False in verdicts else None if None in verdicts else True
+
+    @property
+    def first_fall(self) -> tuple[int, Step] | None:
+        """Return number and step of the first stage proven to fall without props; None if none is.
+
+        Steps are numbered from 1.
+        """
+        return next(((k, step) for k, step in enumerate(self.steps, 1) if step.stage.stands is False), None)
+
+
+def words_of_fall(laying: Laying, number: int, step: Step) -> str:
+    """Describe a stage that falls without props: what is laid, and the props that it needs."""
+    blocks = laying.blocks
+    laid = " + ".join(blocks.name(block) for block in step.blocks)
+    propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
+    need = f"props of {force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
+    return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
+
+
+@typed
+def assembly_order(
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    wish: SequenceRule = "translation",
+    sideways: bool = False,
+    group: int = GROUP,
+    start: LayingStart = "ground",
+    bodies: Bodies | None = None,
+    parts: Parts | None = None,
+) -> Laying:
+    """Find an order in which the blocks of a labelling can be laid by translations.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    wish : {"translation", "standing"}
+        "standing" searches an order whose every stage stands under its own weight without props. "translation" accepts
+        any order and prefers stages that stand or need little prop force.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
+    start : {"ground", "left", "right", "springings"}
+        Start of laying: by courses from the ground, from a side, or from all supports alike, as an arch from its
+        springings. Directions and stages may enforce another order.
+    bodies : Bodies, optional
+        Translation data of the assembly, for reuse.
+    parts : Parts, optional
+        Solved stages of the assembly, for reuse.
+
+    Returns
+    -------
+    Laying
+        Steps with their stages, or the blocks that lock one another.
+
+    Raises
+    ------
+    InputError
+        `start` is none of these names.
+    """
+    assembly.members.refuse("an assembly sequence")
+    labels = labels_of(assembly, labels)
+    blocks = blocks_of_labelling(assembly, labels)
+    freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
+    turn = turn_of(blocks, start)
+    taken, there = _disassembly(freedom, standing, group, turn, by_courses=start == "ground")
+    if taken is None:
+        return Laying(blocks, (), _smallest_lock(freedom, there, group))
+    steps = _steps(blocks, standing, taken)
+    if wish == "translation" or all(step.stage.stands for step in steps):
+        return Laying(blocks, steps, ())
+    found, settled = _standing_order(freedom, standing, group, turn)
+    if found is None:
+        return Laying(blocks, steps, (), searched=True, undecided=not settled)
+    return Laying(blocks, _steps(blocks, standing, found), ())
+
+
+def locked_blocks(
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    group: int = GROUP,
+    bodies: Bodies | None = None,
+) -> tuple[int, ...]:
+    """Return the elements of blocks that prevent any assembly by translations.
+
+    labels: (m,) True = dry. Result: element indices, ascending; empty where the labelling can be assembled by
+    translations.
+    """
+    # The blocks found lock one another in every labelling that has them.
+    assembly.members.refuse("an assembly sequence")
+    blocks = blocks_of_labelling(assembly, labels)
+    freedom = Freedom(blocks, False, bodies)
+    there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
+    if not np.any(there & ~blocks.fixed):
+        return ()
+    lock = _smallest_lock(freedom, there, group)
+    return tuple(int(e) for e in np.flatnonzero(np.isin(blocks.of, lock)))
+
+
+Move = tuple[tuple[int, ...], Floats]
+"""One step of disassembly: block numbers and their direction of removal."""
+
+
+def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
+    """List the blocks that can be removed now with directions; else the smallest group.
+
+    there: (k,) mask of the blocks present.
+    """
+    blocks = freedom.blocks
+    found: list[Move] = []
+    for block in np.flatnonzero(there & ~blocks.fixed).tolist():
+        direction = freedom.way_out(block, there)
+        if direction is not None:
+            found.append(((block,), direction))
+    if not found and group > 1:
+        together = freedom.group_out(there, group)
+        if together is not None:
+            found.append((tuple(together[0].tolist()), together[1]))
+    return found
+
+
+def _without(there: Bools, move: Move) -> Bools:
+    """Return a mask (k,) of the blocks present after a move."""
+    left = there.copy()
+    left[list(move[0])] = False
+    return left
+
+
+def _course(blocks: Blocks, moves: list[Move]) -> list[Move]:
+    """Return the first moves, sorted from above, that belong to the course of the highest one."""
+    # A wall that grows from the ground needs its props when a course needs them: to put off a removal that needs one
+    # would leave a tower of it, which needs the same prop at the end.
+    elements, up = blocks.assembly.elements, upwards(blocks)
+    reach = (np.maximum(elements.lower @ up, elements.upper @ up), np.minimum(elements.lower @ up, elements.upper @ up))
+
+    def middle_and_half(move: Move) -> tuple[float, float]:
+        chosen = np.isin(blocks.of, move[0])
+        top, bottom = float(reach[0][chosen].max()), float(reach[1][chosen].min())
+        return 0.5 * (top + bottom), 0.5 * (top - bottom)
+
+    highest, half = middle_and_half(moves[0])
+    return [move for move in moves[:_TRIED] if middle_and_half(move)[0] >= highest - half]
+
+
+def _disassembly(
+    freedom: Freedom, standing: Standing, group: int, turn: Turn, *, by_courses: bool
+) -> tuple[list[Move] | None, Bools]:
+    """Take a structure apart; return the moves in order, and the blocks (k,) that remain."""
+    # The moves are None if the remaining blocks lock one another. At each step the first few moves in the order of
+    # `turn` are tried. The first whose remaining stage stands is taken, else the one that needs the least prop force.
+    blocks = freedom.blocks
+    there = np.ones(len(blocks), dtype=bool)
+    taken: list[Move] = []
+    while np.any(there & ~blocks.fixed):
+        moves = _moves(freedom, there, group)
+        if not moves:
+            return None, there
+        moves.sort(key=lambda move: turn(there, move[0]))
+        first = _course(blocks, moves) if by_courses else moves[:_TRIED]
+        choice = next((m for m in first if standing.stage(_without(there, m)).stands), None)
+        if choice is None:
+            stages = [standing.stage(_without(there, m)) for m in first]
+            least = min(float(stage.props.sum()) for stage in stages)
+            # of removals that need the same props up to rounding the first in order is taken
+            pairs = zip(first, stages, strict=True)
+            choice = next(m for m, stage in pairs if float(stage.props.sum()) <= least + _SAME * stage.weight)
+        taken.append(choice)
+        there = _without(there, choice)
+    return taken, there
+
+
+def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
+    """Return the mask (k,) of blocks that remain when all that can leave are removed.
+
+    there: (k,) bool mask of the blocks present.
+    """
+    blocks = freedom.blocks
+    there = there.copy()
+    while np.any(there & ~blocks.fixed):
+        progress = False
+        for block in np.flatnonzero(there & ~blocks.fixed).tolist():
+            if freedom.way_out(block, there) is not None:
+                there[block] = False
+                progress = True
+        if not progress:
+            together = freedom.group_out(there, group) if group > 1 else None
+            if together is None:
+                return there
+            there[together[0]] = False
+    return there
+
+
+def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
+    """Return the indices of an irreducible set of blocks that lock one another.
+
+    there: (k,) mask of the blocks present.
+    """
+    there = emptied(freedom, there, group)
+    blocks = freedom.blocks
+    for block in np.flatnonzero(there & ~blocks.fixed).tolist():
+        if not there[block]:
+            continue
+        tried = there.copy()
+        tried[block] = False
+        left = emptied(freedom, tried, group)
+        if np.any(left & ~blocks.fixed):
+            there = left
+    return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())
+
+
+def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
+    """Search moves of disassembly whose every stage stands, depth first."""
+    blocks = freedom.blocks
+    failed: set[bytes] = set()
+    looked, settled = 0, True
+
+    def search(there: Bools, taken: list[Move]) -> list[Move] | None:
+        """Return the moves that take the remaining blocks away with stages that stand, or None."""
+        nonlocal looked, settled
+        if not np.any(there & ~blocks.fixed):
+            return taken
+        key = np.packbits(there).tobytes()
+        if key in failed:
+            return None
+        if looked >= MOST_STAGES:
+            settled = False
+            return None
+        for move in sorted(_moves(freedom, there, group), key=lambda m: turn(there, m[0])):
+            looked += 1
+            left = _without(there, move)
+            stands = standing.stage(left).stands
+            settled &= stands is not None
+            if stands:
+                found = search(left, [*taken, move])
+                if found is not None:
+                    return found
+        failed.add(key)
+        return None
+
+    return search(np.ones(len(blocks), dtype=bool), []), settled
+
+
+def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:
+    """Reverse moves of disassembly to the steps of laying, each with the stage after it."""
+    laid = blocks.fixed.copy()
+    steps = []
+    for move in reversed(taken):
+        laid = laid.copy()
+        laid[list(move[0])] = True
+        steps.append(Step(move[0], move[1], standing.stage(laid)))
+    return tuple(steps)

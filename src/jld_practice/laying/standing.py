@@ -1,0 +1,269 @@
+"""Stability of assembly stages under self-weight, and the least prop forces otherwise.
+
+A prop is an upward force (against the weight) on an element, at its centroid or at the ends of its width. The least sum
+of prop forces is a conic program over equilibrium and the yield sets of the laid faces.
+
+Parts of a stage that do not touch one another are independent. They are solved separately, and each once for all
+labellings of an assembly (`Parts`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.deadline import checkpoint
+from jld_core.geometry import moment_about
+from jld_core.program import ConicProgram, Template, beginnings, pack
+from jld_core.solvers import solve_auxiliary
+from jld_practice.laying.freedom import Blocks
+from jld_practice.laying.solids import Stations
+
+# Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error. A stage stands up
+# to ten times this force.
+_NONE: Final = 1e-6
+
+
+_ELSEWHERE: Final = 100.0  # cost of a prop beside the places of a line of props, relative to one of these places
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Stability of one stage of an assembly sequence under self-weight."""
+
+    props: Floats  # (k,) upward force on each block, scene units, 0 where none is needed
+    error: float  # largest of the residuals of equations and yield rows and of the duality gap, relative to the weight
+    weight: float  # laid weight, force
+    # (s,) force at each place of props along a line, contained in `props`; empty without such a line
+    along: Floats = field(default_factory=lambda: np.zeros(0))
+    places: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (s, 2) these places, scene units
+
+    @property
+    def elsewhere(self) -> float:
+        """Return the sum of props that stand at no place of a line of props, force."""
+        return float(self.props.sum() - self.along.sum()) if self.along.size else 0.0
+
+    @property
+    def stands(self) -> bool | None:
+        """Return True if the stage stands without props, False if not; None if it was not solved.
+
+        A stage is solved if its error is at most 1e-6. It stands if all props together are at most 1e-5 of its weight.
+        """
+        if not self.error <= _NONE:
+            return None
+        return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Prop forces of one part of a stage; error, weight and along are as in `Stage`."""
+
+    props: Floats  # (n,) upward force on each element
+    error: float
+    weight: float
+    along: Floats
+
+
+class Standing:
+    """Solved assembly stages of one labelling, stored by the set of laid blocks.
+
+    blocks: blocks of the labelling. labels: (m,) True = dry. parts: parts solved for other labellings of the same
+    assembly, for reuse; created if not given.
+    """
+
+    def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
+        self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
+        self.parts = Parts(blocks.assembly) if parts is None else parts
+        self._known: dict[bytes, Stage] = {}
+
+    def stage(self, laid: Bools) -> Stage:
+        """Return the stability of the stage in which some blocks, and the fixed ones, are laid.
+
+        laid: (k,) bool mask of blocks. A stage is solved at the first call and stored. Raises DeadlinePassed after an
+        enforced deadline.
+        """
+        laid = laid | self.blocks.fixed
+        key = np.packbits(laid).tobytes()
+        if key not in self._known:
+            found = self.parts.of(laid[self.blocks.of], self.labels)
+            props = np.zeros(len(self.blocks))
+            for part in found:
+                np.add.at(props, self.blocks.of, part.props)
+            error = max((part.error for part in found), default=0.0)
+            along = np.zeros(self.parts.places)
+            for part in found:
+                along += part.along
+            weight, stations = sum(part.weight for part in found), self.parts.stations
+            if stations is None:
+                self._known[key] = Stage(props, error, weight)
+            else:
+                self._known[key] = Stage(props, error, weight, along, stations.points)
+        return self._known[key]
+
+
+class Parts:
+    """Store of solved parts of stages, shared by all labellings of one assembly.
+
+    Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
+    and the labels between them. stations: places of props. Props stand elsewhere only if these places cannot hold a
+    stage, or if a hundredth of the force suffices there.
+    """
+
+    def __init__(self, assembly: Assembly, stations: Stations | None = None) -> None:
+        self.assembly, self.stations = assembly, stations
+        self._known: dict[bytes, _Part] = {}
+
+    @property
+    def places(self) -> int:
+        """Return the number of places of props along a line, 0 without one."""
+        return 0 if self.stations is None else len(self.stations.element)
+
+    @cached_property
+    def template(self) -> Template:
+        """Return the program template of the first load case; its loads are not used."""
+        return Template(self.assembly.by_case[0])
+
+    def of(self, here: Bools, labels: Bits) -> list[_Part]:
+        """Return the prop forces of each part of a stage, solved or from the store.
+
+        here: (n,) bool mask of the laid elements. labels: (m,) True = dry. An empty list means that no free element is
+        laid.
+        """
+        faces, support = self.assembly.interfaces, self.assembly.elements.support
+        free = here & ~support
+        joined = np.flatnonzero(free[faces.a] & free[faces.b])
+        ends, count = (faces.a[joined], faces.b[joined]), len(here)
+        link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
+        name = connected_components(link, directed=False)[1]
+        return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
+
+    def _part(self, here: Bools, labels: Bits) -> _Part:
+        """Return one part from the store, or solve and store it.
+
+        here: (n,) mask of the elements of the part. labels: (m,) True = dry.
+        """
+        faces = self.assembly.interfaces
+        key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
+        if key not in self._known:
+            checkpoint()
+            self._known[key] = self._solved(here, labels)
+        return self._known[key]
+
+    def _solved(self, here: Bools, labels: Bits) -> _Part:
+        """Minimise the sum of prop forces of one part.
+
+        here: (n,) mask of the elements of the part. labels: (m,) True = dry. A part without weight needs no props.
+        """
+        assembly, template = self.assembly, self.template
+        elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
+        props = np.zeros(len(here))
+        free = elements.free
+        standing = np.flatnonzero(here[free])
+        weight = float(np.linalg.norm(elements.weight[free[standing]], axis=1).sum())
+        if weight == 0.0:
+            return _Part(props, 0.0, weight, np.zeros(self.places))
+        program = template.program(labels)
+        own = np.zeros((len(free), q))
+        own[:, : assembly.dimension] = elements.weight[free]
+        weight_of = (own / template.scaling.row).ravel()
+        # select faces between laid elements and equations of laid elements; drop the column of λ
+        face = here[faces.a] & here[faces.b]
+        pattern = template.yield_set.pattern
+        equations = (q * standing[:, None] + np.arange(q)).ravel()
+        first = template.structure.equalities + 1
+        linear = first + np.flatnonzero(face[pattern.row_face[: pattern.linear]])
+        heads = pattern.linear + beginnings(pattern.cones)
+        kept = [k for k in range(len(pattern.cones)) if face[pattern.row_face[heads[k]]]]
+        conic = [first + heads[k] + np.arange(pattern.cones[k]) for k in kept]
+        yields = np.concatenate([linear, *conic]) if conic else linear
+        matrix = program.matrix.tocsr()
+        of_yield, of_equations = matrix[yields], matrix[equations]
+        used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
+        used = used[used < matrix.shape[1] - 1]
+        push, owner, place = self._props(standing)
+        size = push.shape[1]
+        forces = sp.vstack([of_equations[:, used], sp.csr_array((size, len(used))), of_yield[:, used]])
+        upward = sp.vstack([sp.csr_array(push), -sp.eye_array(size), sp.csr_array((len(yields), size))])
+        rows = sp.hstack([forces, upward])
+        rhs = np.concatenate([-weight_of[equations], np.zeros(size), program.rhs[yields]])
+        cost = np.where(place < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
+        objective = np.concatenate([np.zeros(len(used)), cost])
+        cones = tuple(pattern.cones[k] for k in kept)
+        stated = pack(rows, rhs, objective, len(equations), size + len(linear), cones)
+        answer = solve_auxiliary(stated)
+        error = _error(stated, answer.point, answer.dual)
+        force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
+        force = np.where(force > _NONE * weight / size, force, 0.0)
+        np.add.at(props, owner, force)
+        along = np.zeros(self.places)
+        np.add.at(along, place[place >= 0], force[place >= 0])
+        relative = template.scaling.force / weight
+        return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
+
+    def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
+        """Return unit prop forces (q·k, props), and element and place (props,) of each.
+
+        standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid, at extreme
+        corners of each element, and at the stations. A place is the number of a station, −1 elsewhere. A column holds
+        force and moment in the scaled equations of the laid elements.
+        """
+        assembly, template = self.assembly, self.template
+        elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
+        total = elements.weight[elements.free].sum(axis=0)
+        up = -total / np.linalg.norm(total)
+        across = np.eye(d) - np.outer(up, up)
+        sides = across[np.argsort(-np.linalg.norm(across, axis=1))[: d - 1]]
+        columns, owner, place = [], [], []
+        for position, row in enumerate(standing.tolist()):
+            element = int(elements.free[row])
+            points, places = [elements.centroid[element]], [-1]
+            if self.stations is not None:
+                here = np.flatnonzero(self.stations.element == element)
+                points += list(self.stations.points[here])
+                places += here.tolist()
+            for side in sides:
+                along = elements.shape[element] @ side
+                points += [
+                    elements.shape[element][int(np.argmin(along))],
+                    elements.shape[element][int(np.argmax(along))],
+                ]
+            places += [-1] * (len(points) - len(places))
+            for point, station in zip(points, places, strict=True):
+                arm = point - elements.centroid[element]
+                column = np.zeros(q * len(standing))
+                column[q * position : q * (position + 1)] = (
+                    np.concatenate([up, moment_about(arm, up)]) * template.scaling.force / template.scaling.row[row]
+                )
+                columns.append(column)
+                owner.append(element)
+                place.append(station)
+        return np.array(columns).T, np.array(owner, dtype=np.int64), np.array(place, dtype=np.int64)
+
+
+def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
+    """Return the largest violation of primal and dual rows and the duality gap of a solution.
+
+    Computed anew, independently of the solver's own status.
+    """
+    if not (np.isfinite(point).all() and np.isfinite(dual).all()):
+        return np.inf
+    structure = program.structure
+    slack = program.rhs - program.matrix @ point
+    equal, end = structure.equalities, structure.equalities + structure.linear
+    worst = float(abs(slack[:equal]).max(initial=0.0))
+    worst = max(worst, float((-slack[equal:end]).max(initial=0.0)), float((-dual[equal:end]).max(initial=0.0)))
+    start = end
+    for size in structure.cones:
+        for part in (slack[start : start + size], dual[start : start + size]):
+            worst = max(worst, float(np.linalg.norm(part[1:]) - part[0]))
+        start += size
+    error = program.objective + program.matrix.T @ dual
+    worst = max(worst, float(abs(error).max(initial=0.0)))
+    return max(worst, abs(float(program.objective @ point + program.rhs @ dual)))

@@ -1,0 +1,153 @@
+"""Figure of an assembly sequence as a strip of stages with arriving blocks and props."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from jld_core.arrays import Bools, Floats
+from jld_core.deadline import checkpoint
+from jld_core.scene.units import force_in_words
+from jld_core.views.look import INK, SOFT, SUPPORT
+from jld_core.views.structure import painter_order, projection_of
+from jld_practice.laying import Laying
+from jld_practice.laying.order import Step
+
+LAID: Final = "#d9d4c7"
+"""Fill colour of blocks laid before."""
+
+COMING: Final = "#d98c3f"
+"""Fill colour of arriving blocks."""
+
+PROP: Final = "#2c5f9e"
+"""Colour of props."""
+
+_ACROSS: Final = 5  # largest number of stages per row
+
+_MOST: Final = 60  # largest number of stages drawn
+
+
+def figure_of_laying(laying: Laying, title: str) -> Figure:
+    """Return a figure of an assembly sequence: a strip of its stages in order.
+
+    Raises DeadlinePassed after an enforced deadline.
+    """
+    # Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
+    # blue triangles below the blocks, or at their places along a line; the title of each stage has their total force.
+    # Of more than 60 stages a regular selection is drawn.
+    steps = list(laying.steps)
+    shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
+    number = {id(step): k + 1 for k, step in enumerate(steps)}
+    count = max(len(shown), 1)
+    across = min(count, _ACROSS)
+    down = math.ceil(count / across)
+    low, high = _span(laying)
+    ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+    width = 2.6
+    figure = Figure(
+        figsize=(width * across, (width * min(max(ratio, 0.25), 2.5) + 0.45) * down + 0.5), layout="constrained"
+    )
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    laid = laying.blocks.fixed.copy()
+    position = 0
+    for step in steps:
+        before = laid.copy()
+        laid[list(step.blocks)] = True
+        if any(step is one for one in shown):
+            checkpoint()
+            _draw(axes[position], laying, step, before, number[id(step)], low, high)
+            position += 1
+    for ax in axes[position:]:
+        ax.set_axis_off()
+    if not steps:
+        axes[0].text(
+            0.5, 0.5, "no order of laying was found", ha="center", va="center", color=INK, transform=axes[0].transAxes
+        )
+    figure.suptitle(title, color=INK, fontsize=11, parse_math=False)
+    return figure
+
+
+def figure_of_stage(laying: Laying, number: int) -> Figure:
+    """Return a figure of one stage of an assembly sequence, drawn as in the strip."""
+    low, high = _span(laying)
+    ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+    figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")
+    laid = laying.blocks.fixed.copy()
+    for step in laying.steps[: number - 1]:
+        laid[list(step.blocks)] = True
+    _draw(figure.subplots(), laying, laying.steps[number - 1], laid, number, low, high)
+    return figure
+
+
+def _span(laying: Laying) -> tuple[Floats, Floats]:
+    """Return the lower and upper corner (2,) of a drawing of all elements, with margins."""
+    assembly = laying.blocks.assembly
+    points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
+    low, high = points.min(axis=0), points.max(axis=0)
+    pad = 0.12 * float((high - low).max())
+    return low - pad, high + 2.5 * pad
+
+
+def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
+    """Draw one stage of an assembly sequence on axes, with its arriving blocks and props.
+
+    before: (k,) mask of the blocks laid before. low, high: (2,) corners of the drawing.
+    """
+    blocks = laying.blocks
+    assembly = blocks.assembly
+    elements, projection = assembly.elements, projection_of(assembly)
+    order = range(len(elements)) if assembly.dimension == 2 else painter_order(assembly, projection.toward)
+    for e in order:
+        block = int(blocks.of[e])
+        if not before[block] and block not in step.blocks:
+            continue
+        face = SUPPORT if elements.support[e] else COMING if block in step.blocks else LAID
+        shapes = (
+            [elements.shape[e]]
+            if assembly.dimension == 2
+            else [elements.shape[e][list(loop)] for loop in elements.faces[e]]
+        )
+        ax.add_collection(
+            PolyCollection(
+                [projection(shape) for shape in shapes],
+                facecolors=face,
+                edgecolors=INK,
+                linewidths=0.6,
+                hatch="///" if block in step.blocks else None,
+            )
+        )
+    chosen = np.isin(blocks.of, step.blocks)
+    middle = projection(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen])[None])[0]
+    size = 0.22 * float((high - low).max())
+    if assembly.dimension == 2 and len(step.direction) == 3:
+        ax.plot(*middle, marker="o", markersize=7, markerfacecolor="none", markeredgecolor=INK)
+        ax.plot(*middle, marker=".", markersize=3, color=INK)
+    else:
+        way = projection(step.direction[None])[0] * size
+        ax.annotate(
+            "", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2}
+        )
+    stage = step.stage
+    # places along a line exist in the plane alone
+    for foot in projection(stage.places[stage.along > 0.0]) if stage.along.any() else ():
+        ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
+    beside = not stage.along.size or stage.elsewhere > 1e-5 * stage.weight
+    for block in np.flatnonzero(stage.props > 0.0).tolist() if beside else ():
+        points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
+        foot = np.array([points[:, 0].mean(), points[:, 1].min()])
+        ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
+    props = f"props {force_in_words(float(stage.props.sum()), assembly.units[1])}"
+    verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else props
+    ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_aspect("equal")
+    ax.set_xticks([])
+    ax.set_yticks([])
+    for spine in ax.spines.values():
+        spine.set_color(SOFT)

@@ -1,0 +1,375 @@
+"""Proven ranges of reactions of supports and of resultants across joints, under a given load.
+
+A structure of rigid blocks has many states of equilibrium, so that a reaction is an interval and not a number. Both
+ends of the interval are optima over all admissible states and are bracketed like λ (`force_range`). Whatever state a
+test, a distinct-element program or an elastic analysis finds, its reaction lies in this interval if friction and
+strengths are those of the model.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.errors import ParameterError
+from jld_core.geometry import moment_about
+from jld_core.limit import LimitAnalysis, State, number
+from jld_core.limit.result import without_idle
+from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
+from jld_core.mechanics.yield_set import used
+from jld_core.strengths import Route
+from jld_core.threads import one_thread
+from jld_practice.reactions.force_range import ForceFunction, Thrust, extreme_value
+
+# Components in the axes of the scene, by dimension
+_GLOBAL: Final = {2: ("Fx", "Fy", "M"), 3: ("Fx", "Fy", "Fz", "Mx", "My", "Mz")}
+
+# Components in the axes of a face, by dimension
+_LOCAL: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """One component of the resultant of some faces, as a function of the forces."""
+
+    place: str  # name of the faces: "support NAME", "joint A, B" or "section x, y to x, y"
+    # fx, Fy, Fz, Mx, My, Mz or, planar, M in the axes of the scene; N, V, V1, V2, M, M1, M2 or MT in those of a face
+    component: str
+    point: Floats  # (d,) point about which moments are taken, scene units
+    function: ForceFunction  # value of the component for any forces at the interfaces, scene units
+
+
+@dataclass(frozen=True)
+class ResultantRange:
+    """Least and greatest value of a resultant over all admissible states."""
+
+    resultant: Resultant
+    # least, most: both ends, each with its bracket
+    least: Thrust
+    most: Thrust
+
+    @property
+    def interval(self) -> tuple[float | None, float | None]:
+        """Return the proven interval that contains the resultant in every admissible state.
+
+        An end without a proven bound is None.
+        """
+        return number(self.least.bracket[0]), number(self.most.bracket[1])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the range as plain numbers.
+
+        Result: place, component, point, interval, and of both ends value, bracket, gap and status; None where missing.
+        """
+        what = self.resultant
+        return {
+            "place": what.place,
+            "component": what.component,
+            "point": what.point.tolist(),
+            "interval": list(self.interval),
+            **{
+                name: {
+                    "value": number(end.value),
+                    "bracket": [number(bound) for bound in end.bracket],
+                    "gap": number(end.gap),
+                    "status": end.status,
+                }
+                for name, end in (("least", self.least), ("most", self.most))
+            },
+        }
+
+
+@dataclass(frozen=True)
+class ThrustRanges:
+    """Ranges of reactions and resultants of one structure under one load."""
+
+    assembly: Assembly  # the structure; its dead load holds the given part of the live load
+    labels: Bits  # (m,) True = dry
+    load_factor: float  # factor of the live load that acts
+    stands: bool | None  # True if the structure stands under this load, False if not; None where undecided
+    ranges: tuple[ResultantRange, ...]  # one per resultant; empty if the structure does not stand
+    seconds: float  # wall-clock time
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object that `jld thrust --json` prints for each load case.
+
+        Result: load factor, whether it stands, ranges and seconds.
+        """
+        return {
+            "load_factor": self.load_factor,
+            "stands": self.stands,
+            "ranges": [one.to_json() for one in self.ranges],
+            "seconds": self.seconds,
+        }
+
+
+@one_thread()
+def thrust_ranges(
+    assembly: Assembly,
+    labels: Bits | None = None,
+    *,
+    resultants: Sequence[Resultant] | None = None,
+    load_factor: float = 0.0,
+    gap: float = tolerances.GAP,
+) -> ThrustRanges:
+    """Bracket the least and greatest value of reactions or other resultants.
+
+    labels: (m,) labels, True = dry. Default: those of the assembly. Result: one range per resultant; none if the
+    structure does not stand. Raises InputError if a material that the labelling needs is missing, or the assembly has
+    members. Raises ParameterError if the load factor is not finite; the parameter is `load_factor`.
+    """
+    # The model has associative friction and convex contact.
+    assembly.members.refuse("the range of reactions and joint forces")
+    if not np.isfinite(load_factor):
+        raise ParameterError("load_factor", f"{load_factor} is wrong", "a finite number")
+    start = time.perf_counter()
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    require_materials(assembly, own, ~own)
+    if load_factor:
+        assembly = replace(assembly, dead_loads=assembly.dead_loads + load_factor * assembly.live_loads)
+    stands = LimitAnalysis(assembly).stands(own)
+    ranges: list[ResultantRange] = []
+    if stands is not False:
+        for one in reactions_of_supports(assembly) if resultants is None else resultants:
+            least, most = (
+                extreme_value(assembly, one.function, own, greatest=greatest, gap=gap) for greatest in (False, True)
+            )
+            ranges.append(ResultantRange(one, least, most))
+    return ThrustRanges(assembly, own, load_factor, stands, tuple(ranges), time.perf_counter() - start)
+
+
+def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None) -> tuple[Resultant, ...]:
+    """Return all components of the reactions that supports put on a structure.
+
+    Result: three (planar) or six (spatial) per support, in the axes of the scene. Raises ParameterError if a name is no
+    support that touches a free element; the parameter is `support`.
+    """
+    # Moments are about the centroid of the contact with the structure.
+    elements, faces = assembly.elements, assembly.interfaces
+    bearing = [k for k in np.flatnonzero(elements.support).tolist() if ((faces.a == k) | (faces.b == k)).any()]
+    if names is not None:
+        known = {elements.ids[k]: k for k in bearing}
+        for name in names:
+            if name not in known:
+                raise ParameterError("support", f"no support that bears something is named {name!r}", ", ".join(known))
+        bearing = [known[name] for name in names]
+    found: list[Resultant] = []
+    for k in bearing:
+        own = np.flatnonzero((faces.a == k) | (faces.b == k))
+        place = f"support {elements.ids[k]}"
+        found += _resultant(assembly, place, own, np.where(faces.a[own] == k, faces.b[own], faces.a[own]), local=False)
+    return tuple(found)
+
+
+def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
+    """Return all components of the resultant of the faces between two elements, as it acts on the second one.
+
+    Raises ParameterError if an element is unknown or the two do not touch; the parameter is `joint`.
+    """
+    # Components are in the axes of the faces if these are parallel (N is positive in compression), else in the axes of
+    # the scene.
+    elements, faces = assembly.elements, assembly.interfaces
+    for name in (first, second):
+        if name not in elements.index:
+            raise ParameterError("joint", f"no element is named {name!r}", "names of two elements, as A,B")
+    one, other = elements.index[first], elements.index[second]
+    own = np.flatnonzero(((faces.a == one) & (faces.b == other)) | ((faces.a == other) & (faces.b == one)))
+    if not len(own):
+        raise ParameterError(
+            "joint", f"{first!r} and {second!r} do not touch", "names of two elements that share a face"
+        )
+    return _resultant(assembly, f"joint {first}, {second}", own, np.full(len(own), other), local=True)
+
+
+def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequence[float]) -> tuple[Resultant, ...]:
+    """Return N, V and M of all faces of a planar structure that lie on a straight line.
+
+    start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure is spatial, the line has no
+    length, or no face lies on it; the parameter is `section`. The resultant acts on the part to the left of the
+    direction from start to end.
+    """
+    if assembly.dimension != 2:
+        raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
+    first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    length = float(np.linalg.norm(last - first))
+    if not length > tolerances.CONTACT * assembly.size:
+        raise ParameterError("section", "both ends of the line are the same point", "two points, as X,Y,X,Y")
+    along = (last - first) / length
+    left = np.array([-along[1], along[0]])
+    near = tolerances.SNAP * assembly.size
+    faces = assembly.interfaces
+    own = [
+        k
+        for k, polygon in enumerate(faces.polygon)
+        if (abs((polygon - first) @ left) <= near).all()
+        and ((polygon - first) @ along >= -near).all()
+        and ((polygon - first) @ along <= length + near).all()
+    ]
+    if not own:
+        raise ParameterError("section", "no face lies on the line", "a line along faces")
+    kept = np.array(own)
+    side = np.where(faces.normal[kept] @ left > 0.0, faces.b[kept], faces.a[kept])
+    place = "section " + " to ".join(f"{x:.6g}, {y:.6g}" for x, y in (first, last))
+    return _resultant(assembly, place, kept, side, local=True)
+
+
+def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
+    """Build the functions of forces that give each component of the resultant of some faces.
+
+    faces: (k,) indices. side: (k,) element of each face on which its forces act.
+    """
+    # The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
+    # area.
+    joints, d, q = assembly.interfaces, assembly.dimension, assembly.freedoms
+    point = np.average(joints.origin[faces], axis=0, weights=joints.area[faces])
+    free = replace(assembly.elements, support=np.zeros(len(assembly.elements), dtype=bool))
+    matrix = equilibrium_matrix(replace(assembly, elements=free)).tocsr()
+    total = np.zeros((q, len(joints), q))
+    for face, element in zip(faces.tolist(), side.tolist(), strict=True):
+        block = matrix[q * element : q * (element + 1), q * face : q * (face + 1)].toarray()
+        arm = assembly.elements.centroid[element] - point
+        block[d:] += moment_about(np.tile(arm, (q, 1)), block[:d].T).T.reshape(q - d, q)
+        total[:, face] = block
+    names, axes = _GLOBAL[d], np.eye(q)
+    first, towards = int(faces[0]), joints.normal[faces] * np.where(joints.b[faces] == side, 1.0, -1.0)[:, None]
+    if local and (towards @ towards[0] > 1.0 - tolerances.CONTACT).all():
+        names, axes = _LOCAL[d], _axes_of_face(assembly, first, towards[0])
+    total = np.tensordot(axes, total, axes=1)
+    return tuple(
+        Resultant(place, name, point, ForceFunction(total[k], 1.0 if k < d else assembly.size))
+        for k, name in enumerate(names)
+    )
+
+
+def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
+    """Return the matrix (q, q) from components in the axes of the scene to those of a face.
+
+    normal: (d,) unit normal towards the element on which the forces act. Planar: (normal, normal turned by +90°).
+    """
+    joints, d = assembly.interfaces, assembly.dimension
+    if d == 2:
+        return np.array([[normal[0], normal[1], 0.0], [-normal[1], normal[0], 0.0], [0.0, 0.0, 1.0]])
+    frame = np.stack([normal, joints.e1[face], joints.e2[face]])
+    axes = np.zeros((6, 6))
+    axes[:3, :3], axes[3:, 3:] = frame, frame[[1, 2, 0]]
+    return axes
+
+
+def words_of_range(one: ResultantRange, force: str, length: str) -> str:
+    """Describe one range in a line.
+
+    Result: component, both ends and their unit. An end may read "no least", "no greatest" or "uncertified".
+    """
+    unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
+    ends = []
+    for end, name in ((one.least, "least"), (one.most, "greatest")):
+        if math.isfinite(end.value):
+            ends.append(f"{end.value:.6g}" + ("" if end.status == "certified" else " (uncertified)"))
+        else:
+            ends.append(f"no {name}" if end.status == "unbounded" else "uncertified")
+    return f"{one.resultant.component:<2}  {ends[0]} to {ends[1]} {unit}"
+
+
+_ROUTE: Final = Route("the geometric reserve")
+
+_WIDTH: Final = 2e-3  # width of the bracket of the share at which its bisection ends
+
+_IDLE: Final = 1e-6  # shear over the largest force of the structure up to which it counts as none
+
+
+@dataclass(frozen=True)
+class Reserve:
+    """State in which the faces use the least possible share of their capacity."""
+
+    # proven bounds on the share: with less than the first one there is no state, with the second one there is
+    bracket: tuple[float, float]
+    forces: Floats  # (m, q) resultants of this state, scene units
+    share: Floats  # (m,) share of its capacity that each face uses, 0 to 1
+    bending: Floats  # (m,) share of the eccentricity, tension or compression alone
+    slip: Floats  # (m,) share of shear and torsion alone; reserve against slip is 1 minus it
+
+
+@one_thread()
+def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
+    """Find the state under the dead load in which faces use the least share of their capacity.
+
+    labels: (m,) True = dry. Result: the state; None if the structure is not proven to stand. Raises InputError if a
+    material that the labelling needs is missing.
+    """
+    # Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
+    # are nested. docs/method.md (3.16).
+    require_materials(assembly, labels, ~labels)
+    found = _state(assembly, labels, 1.0)
+    if found is None:
+        return None
+    least, high = 0.0, 1.0
+    while high - least > _WIDTH:
+        middle = 0.5 * (least + high)
+        one = _state(assembly, labels, middle)
+        if one is None:
+            least = middle
+        else:
+            high, found = middle, one
+    refuted = least > 0.0 and LimitAnalysis(shrunk(assembly, least)).stands(labels) is False
+    low = least if refuted else 0.0
+    forces = found[0].forces * found[1].face
+    return _reserve(assembly, labels, (low, high), forces)
+
+
+def shrunk(assembly: Assembly, share: float) -> Assembly:
+    """Return a structure whose faces have a share of their size, friction and strength."""
+    # Forces act where they did; members have the share of their capacity.
+    faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
+    members = assembly.of_members
+    size = np.where(members, 1.0, share)
+    area = size if assembly.dimension == 2 else size**2
+    polygon = tuple(
+        origin + scale * (corners - origin) if scale < 1.0 else corners
+        for corners, origin, scale in zip(faces.polygon, faces.origin, size, strict=True)
+    )
+    smaller = replace(
+        faces,
+        l1=faces.l1 * size,
+        l2=faces.l2 * (size if assembly.dimension == 3 else 1.0),
+        area=faces.area * area,
+        polygon=polygon,
+    )
+    stress = share / area
+    weaker = strengths.changed(lambda values: values * stress, lambda mu: mu * share)
+    return replace(assembly, interfaces=smaller).with_strengths(weaker)
+
+
+def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scaling] | None:
+    """Return an admissible state of a shrunk structure with its scaling, None if none is found."""
+    analysis = LimitAnalysis(shrunk(assembly, share))
+    state = analysis.repair.standing_state(labels)
+    return None if state is None else (state, analysis.template.scaling)
+
+
+def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], forces: Floats) -> Reserve:
+    """Return the shares of their capacity that faces use in a state.
+
+    bracket: proven bounds on the least share. forces: (m, q) resultants of the program, scene units, with bond.
+    """
+    scaling = scaling_of(assembly)
+    yields = yield_set(assembly, scaling, "uncoupled")
+    scaled, friction = forces / scaling.face, yields.associative
+    # `turned` has neither shear nor torsion, so that its utilisation is that of bending, tension and compression alone
+    turned = scaled.copy()
+    turned[:, 1 : assembly.dimension] = 0.0
+    turned[:, 5:] = 0.0
+    share, bending = yields.utilisation(scaled, labels), yields.utilisation(turned, labels)
+    if share is None or bending is None:
+        raise ValueError("the yield sets of this structure define no share of capacity")
+    shear = friction.shear_of(scaled)
+    capacity = friction.capacity_of(labels) + friction.friction_of(labels) * scaled[:, 0]
+    slip = np.minimum(used(shear, capacity, _IDLE * float(np.abs(scaled[:, :2]).max(initial=0.0))), 1.0)
+    return Reserve(bracket, without_idle(assembly, forces), share, bending, slip)

@@ -1,0 +1,191 @@
+"""Provide `jld thrust` and `jld settlement`: ranges of forces, and movements of supports."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from jld_core.assembly import Assembly
+from jld_core.build.settlements import settlements_of
+from jld_core.errors import InputError, ParameterError, error_context
+from jld_core.files import require_folder, write_text
+from jld_core.models import rigid
+from jld_explore.cli.ending import UNCERTIFIED
+from jld_explore.cli.layout import layout_of, require_whole_faces
+from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.streams import say
+from jld_practice.reactions import Settled
+from jld_practice.reactions.force_range import settle
+from jld_practice.reactions.thrust import (
+    Resultant,
+    ThrustRanges,
+    reactions_of_supports,
+    resultant_of_joint,
+    resultant_of_section,
+    thrust_ranges,
+    words_of_range,
+)
+
+
+def thrust(
+    source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.")],
+    rank: Rank = None,
+    load_factor: Annotated[float, typer.Option(help="Factor of the live load that acts beside the dead load.")] = 0.0,
+    support: Annotated[
+        list[str] | None, typer.Option(help="Name of a support; repeat it for several. Default: all that bear.")
+    ] = None,
+    joint: Annotated[
+        list[str] | None, typer.Option(help="Two elements that touch, as A,B: forces that A puts on B.")
+    ] = None,
+    section: Annotated[
+        list[str] | None,
+        typer.Option(help="A line along faces, as X,Y,X,Y in the scene's unit: forces on the part to its left."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thrust.json and pictures.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bracket the least and the greatest reaction of supports, or forces across joints.
+
+    Every state in equilibrium with the load that friction and strengths allow has its reactions in these intervals.
+    The exit code is 4 if an end stays uncertified.
+    """
+    if out is not None:
+        require_folder(out)
+    scene, assembly, labels, model = layout_of(source, rank)
+    with error_context(source):
+        require_whole_faces(model, "a range of reactions")
+        assembly, labels = rigid(assembly, labels, "a range of reactions")
+        resultants = _resultants(assembly, support, joint, section)
+        names: list[str | None] = [case.name for case in assembly.cases] or [None]
+        found = [thrust_ranges(one, labels, resultants=resultants, load_factor=load_factor) for one in assembly.by_case]
+    told: dict[str, Any] = {
+        "name": scene.name,
+        "units": dict(zip(("length", "force"), assembly.units, strict=True)),
+        "cases": [{"case": name, **one.to_json()} for name, one in zip(names, found, strict=True)],
+    }
+    if len(found) == 1:
+        told |= found[0].to_json()
+    if out is not None:
+        _write(found, json.dumps(told, indent=1), out)
+    say(json.dumps(told, indent=1) if as_json else "\n\n".join(map(_words, found)))
+    if any("uncertified" in (part.least.status, part.most.status) for one in found for part in one.ranges):
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _resultants(
+    assembly: Assembly, support: list[str] | None, joint: list[str] | None, section: list[str] | None
+) -> tuple[Resultant, ...]:
+    """Return the resultants that the options name; those of all supports if they name none."""
+    found: tuple[Resultant, ...] = ()
+    if support or not (joint or section):
+        found += reactions_of_supports(assembly, support or None)
+    for text in joint or []:
+        names = [part.strip() for part in text.split(",")]
+        if len(names) != 2:
+            raise ParameterError("joint", f"{text!r} is not a pair", "names of two elements, as A,B")
+        found += resultant_of_joint(assembly, names[0], names[1])
+    for text in section or []:
+        try:
+            numbers = [float(part) for part in text.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != 4 or not all(abs(one) < float("inf") for one in numbers):
+            raise ParameterError("section", f"{text!r} is not a line", "two points, as X,Y,X,Y")
+        found += resultant_of_section(assembly, numbers[:2], numbers[2:])
+    return found
+
+
+def _words(found: ThrustRanges) -> str:
+    """Describe all ranges of one load case in lines."""
+    load = f"{found.load_factor:g} × the live load" if found.load_factor else "the dead load alone"
+    if found.stands is False:
+        return f"{found.assembly.name}: falls under {load}, proven"
+    length, force = found.assembly.units
+    lines, place = [f"{found.assembly.name}: under {load}"], ""
+    for one in found.ranges:
+        what = one.resultant
+        if what.place != place:
+            place = what.place
+            digits = 6 - math.floor(math.log10(found.assembly.size))
+            point = ", ".join(f"{round(x, digits) + 0.0:.6g}" for x in what.point.tolist())
+            lines.append(f"  {place} (moments about {point})")
+        lines.append(f"    {words_of_range(one, force, length)}")
+    return "\n".join(lines)
+
+
+def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
+    """Write thrust.json and one picture per resultant and load case."""
+    from jld_core.views.figures import save_figure
+    from jld_practice.reactions.thrust_figure import figure_of_range
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "thrust.json", told)
+    number = 0
+    for one in found:
+        for part in one.ranges:
+            number += 1
+            name = re.sub(r"[^\w-]+", "_", f"{part.resultant.place}_{part.resultant.component}")[:50]
+            save_figure(figure_of_range(one, part), out / f"thrust-{number}-{name}.png")
+
+
+def settlement(
+    source: Annotated[
+        Path,
+        typer.Argument(help='A scene file with "settlements", or a folder written by jld explore.', show_default=False),
+    ],
+    rank: Rank = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for settlement.json and pictures.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bracket the thrust along each movement of supports that a scene names.
+
+    The output has the least and the greatest thrust, with the mechanisms at these ends. The exit code is 4 if an end
+    stays uncertified.
+    """
+    if out is not None:
+        require_folder(out)
+    scene, assembly, labels, model = layout_of(source, rank)
+    if not scene.settlements:
+        raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
+    with error_context(source):
+        require_whole_faces(model, "a movement of supports")
+        assembly, labels = rigid(assembly, labels, "a movement of supports")
+        found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
+    told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
+    if out is not None:
+        _write_settlement(found, json.dumps(told, indent=1), out)
+    say(json.dumps(told, indent=1) if as_json else "\n".join(map(_settlement_words, found)))
+    ends = [end for one in found for end in (one.least, one.most) if end is not None]
+    if any(end.status == "uncertified" for end in ends):
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _settlement_words(found: Settled) -> str:
+    """Describe the reactions under one settlement."""
+    from jld_practice.reactions.settled_figure import words_of
+
+    if found.stands is False:
+        return f"{found.settlement.name}: it falls under its dead load alone"
+    force = found.assembly.units[1]
+    return (
+        f"{found.settlement.name}\n"
+        f"  least reaction    {words_of(found.least, force)}\n"
+        f"  greatest reaction {words_of(found.most, force)}"
+    )
+
+
+def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
+    """Write settlement.json and one picture per settlement."""
+    from jld_core.views.figures import save_figure
+    from jld_practice.reactions.settled_figure import figure_of_settled
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "settlement.json", told)
+    for number, one in enumerate(found, 1):
+        name = re.sub(r"[^\w-]+", "_", one.settlement.name)[:40]
+        save_figure(figure_of_settled(one), out / f"settlement-{number}-{name}.png")
