@@ -56,8 +56,8 @@ for module in (sqlite3, sqlite3.dbapi2):
 # files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments
 # stand together, so that one process compiles the time steps
 LONG = (
-    *("test_moving_geometry.py", "test_experiments_of_a_study.py", "test_planar_experiment.py"),
-    *("test_spatial_experiment.py", "test_studies_of_the_experiment.py", "test_interruption.py", "test_deadline.py"),
+    *("test_moving_geometry.py", "test_studies_of_the_experiment.py", "test_planar_experiment.py"),
+    *("test_interruption.py", "test_deadline.py"),
     *("test_documentation.py", "test_studio.py", "test_hard_cases.py", "test_studies.py", "test_door.py"),
 )
 

@@ -1,7 +1,7 @@
 """The bound below every solution without dilation: controls in closed form, small walls, certificates that refuse.
 
 Two cubes rock at 1/2 (Iannuzzo et al. 2024, section 3.2b); walls whose ground course slides do so at μ = 0.65; the
-lowest value of the wall of 2 × 5 bricks is where a search from every side ends (test_zero_dilation_range.py), and this
+lowest value of the wall of 2 × 5 bricks is where a search from every side ends (test_zero_dilation.py), and this
 bound meets it from below by another route.
 """
 
