@@ -50,7 +50,7 @@ class _Unsynced(sqlite3.Connection):
 
 os.fsync = lambda _: None  # optuna's journal, at every trial
 for module in (sqlite3, sqlite3.dbapi2):
-    module.connect = partial(module.connect, factory=_Unsynced)  # type: ignore[attr-defined]
+    module.connect = partial(module.connect, factory=_Unsynced)
 
 
 # files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments

@@ -199,7 +199,6 @@ def test_every_block_can_be_removed_in_reverse(make: Callable[[], Scene]) -> Non
     assembly = build_assembly(make())
     labels = np.ones_like(assembly.labels)
     laying = order_without_stages(assembly, labels)
-    assert laying is not None
     blocks = blocks_of_labelling(assembly, labels)
     freedom, there = Freedom(blocks), np.ones(len(blocks), dtype=bool)
     for step in reversed(laying.steps):
@@ -294,7 +293,7 @@ def test_an_arch_is_laid_from_its_springings() -> None:
 def test_every_start_is_an_order_of_all_blocks(start: str) -> None:
     """Each free block is laid once, in a direction that is free: the same blocks whatever the start."""
     assembly = build_assembly(samples.wall(courses=3, length=1.2))
-    found = assembly_order(assembly, assembly.labels, start=start)  # type: ignore[arg-type]
+    found = assembly_order(assembly, assembly.labels, start=start)
     laid = [block for step in found.steps for block in step.blocks]
     assert sorted(laid) == np.flatnonzero(~found.blocks.fixed).tolist()
     assert found.stands
@@ -304,7 +303,7 @@ def test_another_start_is_refused() -> None:
     """A name that is no start is one line."""
     assembly = row()
     with pytest.raises(InputError, match="'middle' is no start of laying"):
-        assembly_order(assembly, assembly.labels, start="middle")  # type: ignore[arg-type]
+        assembly_order(assembly, assembly.labels, start="middle")
 
 
 def test_the_first_stage_that_falls_is_named(jld: Command, tmp_path: Path) -> None:

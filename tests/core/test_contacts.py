@@ -58,7 +58,7 @@ def contacts(found: Assembly) -> set[tuple[str, str, float, float, float, float,
             a, b, normal = b, a, -normal
         numbers = (round(float(v), 9) + 0.0 for v in (*faces.origin[k], faces.l1[k], *normal))
         rows.add((a, b, *numbers))
-    return rows  # type: ignore[return-value]
+    return rows
 
 
 FIGURES: dict[str, tuple[dict[str, Points], set[Any]]] = {

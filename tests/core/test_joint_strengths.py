@@ -68,7 +68,6 @@ def test_bonded_joint_pulls_as_much_as_its_strength() -> None:
     """λ F = σt A; N of the result is the tension."""
     result = solved(cantilever(2, [{"element": "b1", "force": [2.0, 0.0]}]))
     assert result.load_factor == pytest.approx(6.0 * 1.0 / 2.0, rel=1e-8)
-    assert result.forces is not None
     assert result.forces[:, 0] == pytest.approx(-6.0, rel=1e-6)
     assert utilisation(result).max() == pytest.approx(1.0, rel=1e-5)
 
@@ -381,7 +380,6 @@ def test_without_dilation(name: str) -> None:
     assert found.facts["dilation"] <= 1e-6
     rule = flow_rule(found)
     assert rule.margin.min() >= -1e-9
-    assert found.forces is not None
     scaling = scaling_of(assembly)
     assert yield_set(assembly, scaling).slack(found.forces / scaling.face, labels).min() >= -1e-9
 
@@ -456,7 +454,7 @@ def test_utilisation_is_that_of_the_model() -> None:
     scaled = forces / scaling_of(built).face
     one, two = abs(forces[0, 3]) / 0.5, abs(forces[0, 4]) / 1.0
     for bending, share in (("kern", one + two), ("uncoupled", max(one, two))):
-        analysis = LimitAnalysis(built, inner_bending=bending)  # type: ignore[arg-type]
+        analysis = LimitAnalysis(built, inner_bending=bending)
         found = result_of(analysis.template, labels, analysis.options, analysis.prove(labels), elapsed=0.0)
         expected = 3.0 * share / (WEIGHT + 5.0 * AREA)
         assert analysis.template.yield_set.utilisation(scaled, labels) == pytest.approx([expected])
@@ -469,7 +467,7 @@ def test_utilisation_is_one_on_the_boundary(bending: str) -> None:
     """Forces grown until they leave the set: used up there, less before."""
     materials = {"dry": {"friction_coefficient": 0.6, "cohesion": 0.2, "compressive_strength": 4.0}}
     built = cases_spatial.assembly(cases_spatial.wall(2, 2), materials=materials)
-    sets = yield_set(built, scaling_of(built), bending)  # type: ignore[arg-type]
+    sets = yield_set(built, scaling_of(built), bending)
     rng, m = np.random.default_rng(2), len(built.interfaces)
     for labels in (np.ones(m, dtype=bool), np.zeros(m, dtype=bool)):
         start = np.zeros((m, 6))
@@ -481,10 +479,8 @@ def test_utilisation_is_one_on_the_boundary(bending: str) -> None:
             inside = sets.slack(start + middle[:, None] * way, labels) >= 0.0
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         used = sets.utilisation(start + low[:, None] * way, labels)
-        assert used is not None
         assert used == pytest.approx(np.ones(m), abs=1e-9)
         before = sets.utilisation(start + 0.9 * low[:, None] * way, labels)
-        assert before is not None
         assert before.max() < 1.0 - 1e-3
 
 

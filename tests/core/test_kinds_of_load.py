@@ -608,7 +608,7 @@ def block_of_weight(pair: Document, push: Document, length: float = 1.0, force: 
         "loads": {"dead": pair.get("dead", []), "live": [push]},
         "members": pair.get("members", []),
     }
-    return scaled(document, "", length, force)  # type: ignore[no-any-return]
+    return scaled(document, "", length, force)
 
 
 @pytest.mark.parametrize(("length", "force"), [(1.0, 1.0), (1e3, 1e-3), (0.01, 1e4)])

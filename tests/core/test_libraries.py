@@ -72,7 +72,7 @@ def test_a_solve_and_a_search_take_one_thread(monkeypatch: pytest.MonkeyPatch, t
 
         def noted(*arguments: object, _whole: object = whole, **named: object) -> object:
             seen.append(threads())
-            return _whole(*arguments, **named)  # type: ignore[operator]
+            return _whole(*arguments, **named)
 
         monkeypatch.setattr(owner, name, noted)
     scene = load_scene(ROOT / "scenes" / "flat_beam_arch.json")

@@ -314,7 +314,6 @@ def test_load_factor_is_that_of_a_program_written_by_hand() -> None:
     labels = rng.random((3, len(assembly.interfaces))) < 0.6
     labels[:, assembly.faces :] = False
     analysis = LimitAnalysis(assembly)
-    assert analysis.batch is not None
     together = analysis.batch.solve(labels)
     scale = analysis.template.scaling.load
     for k, row in enumerate(labels):

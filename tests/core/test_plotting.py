@@ -192,14 +192,14 @@ def test_layout_tells_dry_from_inner_without_colour_and_hatches_supports(beam: L
     ax = axes()
     drawn = draw_assembly(ax, beam.assembly)
     dry, inner = drawn["dry"][0], drawn["inner"][0]
-    assert len(dry.get_segments()) == 2  # type: ignore[attr-defined]
-    assert len(inner.get_segments()) == 22  # type: ignore[attr-defined]
-    assert min(dry.get_linewidth()) > 2.0 * max(inner.get_linewidth())  # type: ignore[attr-defined]
-    assert dry.get_linestyle()[0][1] is None  # type: ignore[attr-defined]
-    assert inner.get_linestyle()[0][1] is not None  # type: ignore[attr-defined]
-    assert len(drawn["ticks"][0].get_segments()) == 2  # type: ignore[attr-defined]
-    assert drawn["supports"][0].get_hatch()  # type: ignore[attr-defined]
-    assert len(drawn["elements"][0].get_paths()) == 15  # type: ignore[attr-defined]
+    assert len(dry.get_segments()) == 2
+    assert len(inner.get_segments()) == 22
+    assert min(dry.get_linewidth()) > 2.0 * max(inner.get_linewidth())
+    assert dry.get_linestyle()[0][1] is None
+    assert inner.get_linestyle()[0][1] is not None
+    assert len(drawn["ticks"][0].get_segments()) == 2
+    assert drawn["supports"][0].get_hatch()
+    assert len(drawn["elements"][0].get_paths()) == 15
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
     assert ax.get_aspect() == 1.0
 
@@ -208,23 +208,23 @@ def test_point_loads_stand_at_their_points_and_body_loads_beside(
     beam: LimitAnalysisResult, wall: LimitAnalysisResult
 ) -> None:
     live = draw_assembly(axes(), beam.assembly)["live"][0]
-    assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))  # type: ignore[attr-defined]
-    assert live.V[1] == pytest.approx(2.0 * live.V[0])  # type: ignore[attr-defined]
-    assert live.pivot == "tip"  # type: ignore[attr-defined]
+    assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))
+    assert live.V[1] == pytest.approx(2.0 * live.V[0])
+    assert live.pivot == "tip"
     drawn = draw_assembly(axes(), wall.assembly)
     assert "live" not in drawn
     body = drawn["body"][0]
-    assert body.U[0] > 0.0  # type: ignore[attr-defined]
-    assert body.V[0] == pytest.approx(0.0)  # type: ignore[attr-defined]
-    assert body.get_offsets()[0][0] < wall.assembly.elements.lower[:, 0].min()  # type: ignore[attr-defined]
+    assert body.U[0] > 0.0
+    assert body.V[0] == pytest.approx(0.0)
+    assert body.get_offsets()[0][0] < wall.assembly.elements.lower[:, 0].min()
 
 
 def test_a_live_couple_is_drawn_the_way_it_turns() -> None:
     for moment, marker in ((1.0, "left"), (-1.0, "right")):
         drawn = draw_assembly(axes(), block_on_ground([{"element": "c0r0", "moment": moment}]))
         (mark,) = drawn["couples"]
-        assert marker in str(mark.get_marker())  # type: ignore[attr-defined]
-        assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])  # type: ignore[attr-defined]
+        assert marker in str(mark.get_marker())
+        assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])
 
 
 def test_labels_of_another_length_are_refused(beam: LimitAnalysisResult) -> None:
@@ -237,15 +237,14 @@ def test_arrow_of_a_rocking_block_stands_at_its_toe() -> None:
     assert result.load_factor == pytest.approx(80.0 / 3.0, rel=1e-6)
     drawn = draw_forces(axes(), result)
     arrow = drawn["press"][0]
-    assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)  # type: ignore[attr-defined]
+    assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)
     # what the block does to the ground: its weight down, the push to the right
-    assert arrow.U[0] / arrow.V[0] == pytest.approx(-(80.0 / 3.0) / 80.0, rel=1e-5)  # type: ignore[attr-defined]
+    assert arrow.U[0] / arrow.V[0] == pytest.approx(-(80.0 / 3.0) / 80.0, rel=1e-5)
     assert "yield dry" in drawn
 
 
 def test_force_at_the_centre_of_pressure_has_the_moment_of_the_face(wall: LimitAnalysisResult) -> None:
     assembly, forces = wall.assembly, wall.forces
-    assert forces is not None
     points, on_face = marks.pressure_points(assembly, forces)
     arm, vector = points - assembly.interfaces.origin, marks.face_vectors(assembly, forces)
     moment = arm[:, 0] * vector[:, 1] - arm[:, 1] * vector[:, 0]
@@ -279,14 +278,14 @@ def test_a_couple_without_thrust_and_tension_are_marked() -> None:
     assert "tension" in pulled
     assert "press" not in pulled
     (turn,) = pulled["couples on faces"]
-    assert turn.get_xydata()[0] == pytest.approx([1.0, 4.0])  # type: ignore[attr-defined]
+    assert turn.get_xydata()[0] == pytest.approx([1.0, 4.0])
 
 
 def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnalysisResult) -> None:
     column = solve(block_on_ground(PUSH_ON_TOP, angle=45.0, rows=("a", "b", "c", "#")))
     pieces = draw_forces(axes(), column)["thrust"]
     assert len(pieces) == 2
-    ends = [line.get_xydata() for line in pieces]  # type: ignore[attr-defined]
+    ends = [line.get_xydata() for line in pieces]
     low = max(float(end[:, 0].max()) for end in ends)
     assert low == pytest.approx(2.0, abs=1e-5)
     assert "thrust" not in draw_forces(axes(), wall)
@@ -294,11 +293,10 @@ def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnaly
 
 def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisResult) -> None:
     assembly, velocity = wall.assembly, wall.mechanism
-    assert velocity is not None
     drawn = draw_mechanism(axes(), wall)
     scale = marks.mechanism_scale(assembly, velocity)
     free = assembly.elements.free
-    paths = drawn["elements"][0].get_paths()  # type: ignore[attr-defined]
+    paths = drawn["elements"][0].get_paths()
     moved = np.array([path.vertices[:4].mean(axis=0) for path in paths]) - assembly.elements.centroid[free]
     assert moved == pytest.approx(scale * velocity[free, :2], abs=1e-9)
     assert float(np.sum(moved * assembly.live[free, :2])) == pytest.approx(scale, rel=1e-6)
@@ -312,7 +310,7 @@ def test_rocking_sliding_and_cracking_are_distinguished(beam: LimitAnalysisResul
     assert kinds == (marks.MovementSign.HINGE,)
     assert places[0] == pytest.approx([2.0, 4.0])
     (hinge,) = draw_mechanism(axes(), rocking)["hinge"]
-    assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)  # type: ignore[attr-defined]
+    assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)
     sliding = solve(block_on_ground(PUSH, angle=10.0))
     assert marks.movements(sliding)[0] == (marks.MovementSign.SLIDE,)
     lifted = outcome(block_on_ground(PUSH), mechanism=np.array([[0.1, 1.0, 0.0], [0.0, 0.0, 0.0]]))
@@ -342,7 +340,6 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
     whole = figure.bbox
     for ax in figure.axes:
         legend = ax.get_legend()
-        assert legend is not None
         box = legend.get_window_extent()
         assert not box.overlaps(ax.bbox)
         assert whole.x0 <= box.x0 < box.x1 <= whole.x1
@@ -350,8 +347,6 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
         assert legend_inches(ax) > 0.5
     for left, right in zip(figure.axes[:-1], figure.axes[1:], strict=True):
         one, other = left.get_legend(), right.get_legend()
-        assert one is not None
-        assert other is not None
         assert one.get_window_extent().x1 < other.get_window_extent().x0
 
 
@@ -422,7 +417,7 @@ def test_spatial_arrows_stand_at_centres_of_pressure() -> None:
     result = outcome(assembly, forces)
     arrow = draw_forces(axes(), result)["press"][0]
     expected = projection_of(assembly)(np.array([[1.5, 0.25, 0.0], [1.5, 0.5, 1.0]]))
-    assert arrow.get_offsets() == pytest.approx(expected)  # type: ignore[attr-defined]
+    assert arrow.get_offsets() == pytest.approx(expected)
     # lower face: x1 at 0.5 of 1, x2 at 0.25 of 0.5, shear 0.3 of 0.5 · 3
     assert marks.utilisation(result) == pytest.approx([0.5, 0.2])
 
@@ -442,7 +437,7 @@ def test_spatial_mechanism_and_figure() -> None:
     drawn = draw_assembly(axes(), assembly)
     assert [len(drawn[name]) for name in ("supports", "elements")] == [1, 1]
     # of each box three faces look to the eye; of each contact all four edges are there
-    assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4  # type: ignore[attr-defined]
+    assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4
 
 
 # Every drawing is made of planar and of spatial structures: a function without a row here fails.
@@ -587,7 +582,7 @@ WALL = SCENES / "ferris_tinloi_1.json"
 
 
 def texts(axes: object) -> list[str]:
-    return [artist.get_text().strip() for artist in axes.findobj(Text)]  # type: ignore[attr-defined]
+    return [artist.get_text().strip() for artist in axes.findobj(Text)]
 
 
 def test_ids_are_written_on_request_and_as_they_are() -> None:

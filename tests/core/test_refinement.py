@@ -147,7 +147,7 @@ def test_pairs_of_the_search_and_labels_follow_their_pieces() -> None:
     kept = [{found.parent[a], found.parent[b]} for a, b in found.scene.search.keep.inner]
     assert kept == [{"c1r0", "c1r1"}] * len(kept) != []
     assert found.scene.search.blocks == [1, None]
-    opened = [{found.parent[a], found.parent[b]} for a, b in found.scene.search.candidates]  # type: ignore[misc]
+    opened = [{found.parent[a], found.parent[b]} for a, b in found.scene.search.candidates]
     assert {"c0r0", "c1r0"} in opened
     assert {"c1r0", "c1r1"} not in opened
 

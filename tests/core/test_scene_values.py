@@ -57,7 +57,6 @@ def test_texts_become_numbers_of_the_units_of_the_scene() -> None:
     live = build_assembly(parse_scene(scene(units, force=["2500 N", 0.0], at=[0.5, 1.0], moment="3 kN·m"))).live
     assert live[1] == pytest.approx([2.5, 0.0, 3000.0], rel=1e-14)
     one = parse_scene(scene(units, cohesion="5 kPa")).materials.dry
-    assert one is not None
     assert one.cohesion == pytest.approx(5e-6, rel=1e-14)
 
 
@@ -120,8 +119,7 @@ def test_values_are_read_and_written_again() -> None:
 
 def test_a_text_with_a_unit_may_be_a_mean() -> None:
     scene = parse_scene(block(force=[vary("6 kN"), 0.0]))
-    assert scene.loads.live is not None
-    assert scene.loads.live[0].force[0] == 6000.0  # type: ignore[union-attr, index]
+    assert scene.loads.live[0].force[0] == 6000.0
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,6 @@ def test_opening_by_forces(monkeypatch: pytest.MonkeyPatch) -> None:
     template = Template(built)
     monkeypatch.setitem(LARGE, True, 1)
     opening = Repair(template, Prover(template)).opening()
-    assert opening is not None
     assert opening.margin > 0.1
 
 
@@ -446,9 +445,7 @@ def test_the_sums_are_those_of_virtual_work(name: str) -> None:
     built = BUILT[name]()
     template, labels = Template(built), small_blocks(built, 1)
     bodies = template.program(labels).bodies
-    assert bodies is not None
     sums = bodies.sums(template.structure.equalities)
-    assert sums is not None
     d, q = built.dimension, built.freedoms
     root = bodies.root
     roots = np.unique(root)
@@ -471,10 +468,8 @@ def test_the_changed_program_is_the_same_program(name: str) -> None:
     built = BUILT[name]()
     template, labels = Template(built), small_blocks(built, 3)
     program = template.program(labels)
-    assert program.bodies is not None
     edge = template.structure.equalities
     sums = program.bodies.sums(edge)
-    assert sums is not None
     equations = BlockEquations(program, sums)
     changed = equations.changed(program)
     plain, other = ClarabelSolver().solve(program), ClarabelSolver().solve(changed)
@@ -498,7 +493,6 @@ def test_blocks_of_a_support_and_single_elements_stay() -> None:
     template = Template(built)
     for value in (True, False):
         bodies = template.program(np.full(len(built.interfaces), value)).bodies
-        assert bodies is not None
         assert bodies.sums(template.structure.equalities) is None
 
 

@@ -45,7 +45,7 @@ def test_noise_on_a_wall_is_taken_out_again() -> None:
     assembly = build_assembly(parse_scene(document))
 
     def pairs(a: object) -> set[tuple[int, int]]:
-        return set(zip(a.interfaces.a.tolist(), a.interfaces.b.tolist(), strict=True))  # type: ignore[attr-defined]
+        return set(zip(a.interfaces.a.tolist(), a.interfaces.b.tolist(), strict=True))
 
     assert pairs(assembly) == pairs(exact)
     assert solve(assembly).load_factor == pytest.approx(solve(exact).load_factor, rel=0.05)

@@ -128,7 +128,6 @@ def planes(bow: ParabolicBending, limit: float) -> Floats:
     (curve, knee), rows = bow.parabola[0], bow.rows[0]
     found = [(rows[1, 0], rows[1, 1], 0.0, rows[1, 2]), (rows[2, 0], 0.0, rows[2, 1], rows[2, 2])]
     found += [(1.0 - 2.0 * curve * n, 0.0, 1.0, curve * n * n) for n in np.linspace(knee, 1.2 * limit, 200)]
-    assert bow.interaction is not None
     normal, moment, more, first, last, most, friction, cohesion = bow.interaction[0, :8]
     # tangents of |m| ≤ w m₀ + N₁ − N₁²/((1 − w) N_c), N₁ = N − w n₀, where N₁ = (1 − w) n
     for n in np.linspace(first, last, 200 if more else 0):

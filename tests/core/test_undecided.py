@@ -344,7 +344,6 @@ class Case:
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
         blocks = possible_blocks(space)
-        assert blocks is not None
         self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
         self.wedges = self.analysis.template.yield_set.coulomb_wedge(dry=True) is not None
         self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)

@@ -80,7 +80,6 @@ def test_results_of_earlier_rounds_are_kept(wall: Scene, tmp_path: Path) -> None
     move_in_rounds(work, Deadline(9.0), said.append)
     moved = [one for one in work.trials if one.kind == "moved"]
     assert moved
-    assert work.winner is not None
     assert work.winner.proven == max(one.proven for one in moved)
     assert np.isfinite(work.winner.proven)
     assert any("layouts moved" in line for line in said)

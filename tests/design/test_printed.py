@@ -275,7 +275,6 @@ def test_drawings_speak_the_language_of_the_page(language: str) -> None:
     draw_assembly(ax, own.assembly, own.labels)
     name = page.text(0.0, 0.0, "1.5")
     legend = ax.get_legend()
-    assert legend is not None
     before = [one.get_text() for one in legend.get_texts()]
     localise(page, language, {"1.5"})
     after = [one.get_text() for one in legend.get_texts()]

@@ -272,4 +272,4 @@ def test_last_digits_of_eigenvalues_are_rounded_away() -> None:
 
 def test_a_damping_scheme_that_does_not_exist() -> None:
     with pytest.raises(InputError, match="local or viscous or combined"):
-        Settings(damping_scheme="kinetic")  # type: ignore[arg-type]
+        Settings(damping_scheme="kinetic")

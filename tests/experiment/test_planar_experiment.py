@@ -141,7 +141,7 @@ and are tested on walls as well."""
 def test_flat_arch(inner: str, dilation: float | str, expected: float) -> None:
     """Brittle peaks are as sharp as the records are short. The ramp, which demands rest at every step, agrees."""
     assembly = build_assembly(leonardo_flat_arch())
-    joints = Joints(normal_stiffness=1e9, dilation=dilation, inner=inner)  # type: ignore[arg-type]
+    joints = Joints(normal_stiffness=1e9, dilation=dilation, inner=inner)
     settings = Settings(periods=400.0, length=12.0, hasten=4.0)
     curve = run_experiment(assembly, joints=joints, settings=settings)
     assert curve.rates_agree

@@ -280,7 +280,6 @@ def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> No
     space = search_space(scene, build_assembly(scene))
     truth = set(map(np.ndarray.tobytes, every_layout(space)))
     blocks = possible_blocks(space)
-    assert blocks is not None
     formula = Formula(space, blocks, partial=True)
     kinds = space.limits.block_shapes.kinds(blocks.members)
     formula.limit_kinds(kinds.tolist(), Range.of((low, high), whole=True))
@@ -363,7 +362,6 @@ def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyP
     scene = parse_scene(grid_document(["a" * 40] * 40 + ["#" * 40]))
     assembly = build_assembly(scene)
     plan = field_check.plan_check(scene, assembly, search_space(scene, assembly), ExploreSettings())
-    assert plan is not None
     assert plan.count == 0
     assert "triangles would take" in plan.skipped
 
@@ -552,10 +550,9 @@ def test_an_interrupt_ends_with_the_best_so_far(mover: object) -> None:
     scene = arch()
     assembly = build_assembly(scene)
     labels = np.ones(len(assembly.interfaces), dtype=bool)
-    done = mover(scene, assembly, labels, progress=stop_after(2))  # type: ignore[operator]
+    done = mover(scene, assembly, labels, progress=stop_after(2))
     assert done.end == "interrupted"
     assert len(done.points) == 2
-    assert done.after is not None
     assert done.after.load_factor == pytest.approx(solve(done.scene).load_factor, rel=1e-5)
     if mover is move_joints:
         assert done.value > done.start
@@ -571,7 +568,7 @@ def test_the_command_writes_its_results_when_interrupted(
 
     def mover(*arguments: object, progress: object, **options: object) -> object:
         assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
-        return move_joints(*arguments, progress=stop_after(2), **options)  # type: ignore[arg-type]
+        return move_joints(*arguments, progress=stop_after(2), **options)
 
     monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
     done = jld("move", file, "-o", out)
@@ -602,7 +599,7 @@ def test_a_move_keeps_time_for_its_checks(jld: Command, tmp_path: Path, monkeypa
 
     def mover(*arguments: object, seconds: float, **options: object) -> object:
         given.append(seconds)
-        return move_joints(*arguments, seconds=0.0, **options)  # type: ignore[arg-type]
+        return move_joints(*arguments, seconds=0.0, **options)
 
     file = tmp_path / "arch.json"
     file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))

@@ -60,8 +60,6 @@ def test_the_proof_agrees_with_the_race_of_all(proven: Exploration, tmp_path: Pa
     """Both bracket the strongest layout, so that neither lower bound exceeds the other's bound."""
     raced = searched(tmp_path / "out")
     for one, other in ((proven, raced), (raced, proven)):
-        assert one.summary.best is not None
-        assert other.summary.bound is not None
         assert one.summary.best <= other.summary.bound * (1 + 1e-9)
     assert proven.summary.stop_reason == "proven"
     assert proven.summary.facts["proof_check"]["passed"]
@@ -109,8 +107,6 @@ def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) ->
     assert (tmp_path / "out" / CONFLICTS_FILE).exists()
     done = searched(tmp_path / "out", driver="exact", resume=True)
     assert done.summary.facts["race"]["decided"]
-    assert done.summary.best is not None
-    assert proven.summary.bound is not None
     assert done.summary.best <= proven.summary.bound * (1 + 1e-9)
     assert done.summary.facts["proof_check"]["passed"]
     again = searched(tmp_path / "out", driver="exact", resume=True)
@@ -145,8 +141,6 @@ def test_a_race_is_resumed(tmp_path: Path) -> None:
     whole = searched(tmp_path / "whole", WIDE, driver="enumeration")
     assert (tmp_path / "out" / REFINED_FILE).exists()
     assert done.summary.facts["race"]["decided"]
-    assert done.summary.best is not None
-    assert whole.summary.bound is not None
     assert done.summary.best <= whole.summary.bound * (1 + 1e-9)
     assert len(done.results) == len(whole.results)
 
@@ -270,8 +264,6 @@ def test_partial_bounds_enclose_those_of_every_labelling() -> None:
         undecided = space.candidates & (rng.random(len(labels)) < 0.5)
         found = partial.field(labels, undecided)
         whole = partial.field(labels, np.zeros_like(undecided))
-        assert found is not None
-        assert whole is not None
         # a whole labelling has the bound that the other route gives
         assert whole.bound == pytest.approx(coarse.upper(labels)[0], rel=2e-3)
         assert found.bound >= whole.bound * (1 - 2e-3)
@@ -298,7 +290,6 @@ def test_bounds_on_all_layouts_fall_as_meshes_adapt() -> None:
     bounds, sizes = [], []
     while not meshes.ended and len(bounds) < 6:
         found = meshes.step()
-        assert found is not None
         bounds.append(found.bound)
         sizes.append(len(found.mesh))
         # the sum over triangles and faces is that of the mechanism, by another route
@@ -320,7 +311,7 @@ def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None
     space = search_space(scene, assembly)
     refuter, tasks = FieldRefuter(space, None), task_pool.TaskPool(1)
     meshes = refuter.common(0)
-    threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound  # type: ignore[union-attr]
+    threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound
     refuter.refute_on([meshes])
     rng = np.random.default_rng(2)
     drawn = [np.where(space.candidates, rng.random(len(space.fixed)) < 0.6, space.fixed) for _ in range(4)]
@@ -350,7 +341,6 @@ def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:
         (space.fixed, space.candidates, 2.0),
     ):
         found = partial.field(labels, undecided)
-        assert found is not None
         assert found.bound == pytest.approx(cells * weight, rel=1e-5)
 
 
@@ -360,13 +350,12 @@ def test_a_wall_slides_on_its_support_whatever_its_labels() -> None:
     assembly = build_assembly(scene)
     space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
     found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
-    assert found is not None
     assert found.bound == pytest.approx(0.6, rel=1e-6)
 
 
 def test_a_task_whose_process_died_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
     class Dying(ThreadPoolExecutor):
-        def submit(self, work: Any, *task: Any) -> Any:  # type: ignore[override]
+        def submit(self, work: Any, *task: Any) -> Any:
             future: Future[Any] = Future()
             future.set_exception(TimeoutError())
             return future
@@ -386,7 +375,6 @@ def test_a_structure_that_falls_has_a_bound_below_zero() -> None:
     assembly = build_assembly(scene)
     space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
     found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
-    assert found is not None
     assert found.bound < 0.0
 
 

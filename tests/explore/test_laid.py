@@ -169,7 +169,6 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
             monkeypatch.setattr(f"jld_practice.laying.{module}.MOST_STAGES", limit)
         asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
         lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))
-        assert lock is not None
         assert lock.proven is decided
         assert asked.undecided == (0 if decided else 1)
         assert asked.locks == [] or decided
@@ -199,7 +198,6 @@ def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path
         r"when (\S+) is laid: it needs props of (\S+) N below (\S+);",
         str(caught.value),
     )
-    assert found is not None
     step, steps, stone, force, below = found.groups()
     assert (step, steps, below) == ("3", "5", stone)
     assembly = build_assembly(scene)

@@ -290,7 +290,7 @@ def test_an_objective_of_the_user_is_asked_for_each_mirror_image() -> None:
 
     scene = parse_scene(lintel() | {"search": {"segmentation": False, "dry_faces": [1, 1]}})
     all_of_them = explore(scene, driver="enumeration", objective=left_joint, pictures=False)
-    left_joint.symmetric = True  # type: ignore[attr-defined]
+    left_joint.symmetric = True
     merged = explore(scene, driver="enumeration", objective=left_joint, pictures=False)
     assert all_of_them.summary.evaluated == 3
     assert merged.summary.evaluated == 2

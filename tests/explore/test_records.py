@@ -258,7 +258,6 @@ def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
         code = WRITER.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
         started = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
         with ended(started) as run:
-            assert run.stdout is not None
             for _ in range(wait):
                 told = int(run.stdout.readline())
             os.kill(run.pid, signal.SIGKILL)

@@ -96,7 +96,6 @@ def certificate(document: dict[str, Any], folder: Path) -> tuple[Path, float | N
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
     path, best = certificate(SCENES[name], tmp_path)
     done = verify(path, parse_scene(SCENES[name]))
-    assert best is not None
     assert best * (1.0 - 1e-6) <= done.claim.bound <= best * (1.0 + 2e-6)
     assert done.claim.load_factor == pytest.approx(best, rel=1e-6)
 
@@ -132,7 +131,6 @@ def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
     analysis, balances = LimitAnalysis(assembly), Balances(assembly)
     sets, template, rng = analysis.template.yield_set, analysis.template, np.random.default_rng(3)
     opening = analysis.repair.opening()
-    assert opening is not None
     every, free = np.ones(len(assembly.interfaces), dtype=bool), assembly.elements.free
     for share in (0.0, 0.3, 3.0):
         noise = rng.standard_normal(len(opening.velocity)) * abs(opening.velocity).max() * 0.05

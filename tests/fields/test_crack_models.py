@@ -325,7 +325,6 @@ def test_planar_velocities_have_scene_units(unit: float) -> None:
     assembly = build_assembly(parse_scene(document))
     found = bounds_by_fields(assembly, gap=0.3)
     field = found.velocities
-    assert field is not None
     work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
     assert work == pytest.approx(1.0, rel=1e-9)
     assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)
@@ -348,7 +347,6 @@ def test_spatial_velocities_have_scene_units() -> None:
     assembly = build_assembly(parse_scene(all_inner(scene)))
     found = spatial_bounds(assembly, gap=0.9, most_tetrahedra=30)
     field = found.velocities
-    assert field is not None
     work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
     assert work == pytest.approx(1.0, rel=1e-9)
     assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)

@@ -204,7 +204,6 @@ def test_a_large_cell_on_a_short_joint() -> None:
     rng = np.random.default_rng([148, 2026])
     random_move(rng, 2)
     scenes = random_scenes(rng, [Move(np.eye(2), 1.0, np.zeros(2))])
-    assert scenes is not None
     found = bounds_by_fields(build_assembly(parse_scene(scenes[0])), gap=0.01, most_triangles=300)
     assert found.history[0].lower == found.history[1].lower == -math.inf
     assert math.isfinite(found.lower)
@@ -238,7 +237,6 @@ def test_velocities_that_stand_still_cost_nothing(turned: bool) -> None:
         rng = np.random.default_rng([seed, 2026])
         random_move(rng, 2)
         scenes = random_scenes(rng, [move])
-        assert scenes is not None
         assembly = build_assembly(parse_scene(scenes[0]))
         found = bounds_by_fields(assembly, gap=1e-3, adaptive=False, most_triangles=100 if lower is None else 400)
         assert found.upper == pytest.approx(upper, rel=1e-7)
@@ -479,8 +477,6 @@ def test_virtual_power_of_both_fields() -> None:
     units = spatial_units(assembly, material)
     given = spatial_problem(assembly, assembly.labels, material, units, mesh, loads)
     stress, velocity = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
-    assert stress is not None
-    assert velocity is not None
     power = stress_power(given, stress, velocity.velocity)
     width = velocity.factor - stress.factor
     assert velocity.dissipation.sum() - power.sum() == pytest.approx(width, abs=1e-9)

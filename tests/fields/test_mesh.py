@@ -202,7 +202,6 @@ def test_rigid_blocks_at_nodes_are_those_by_faces(friction: float, cohesion: flo
     setting = SpatialSetting.of(assembly, assembly.labels, loads)
     problem = setting.problem(mesh)
     found = rigid_balance(problem, RigidBlocks.of(problem), at_nodes=True)
-    assert found is not None
     factor = setting.units.load * found.factor
     if cohesion:
         assert factor <= 0.2 + 0.3 * 0.8 / 3.0 + 1e-6
@@ -223,9 +222,6 @@ def test_fitted_joints_lose_less_than_their_share() -> None:
         rigid_balance(problem, blocks, at_nodes=at_nodes)
         for problem, at_nodes in ((before, True), (before, False), (after, False))
     )
-    assert points is not None
-    assert coarse is not None
-    assert fine is not None
     assert coarse.factor < (1.0 - 0.4 * 0.2) * points.factor <= fine.factor <= points.factor
     assert len(mesh) < len(fitted) <= 1.1 * len(mesh)
     assert fitted.volume.sum() == pytest.approx(mesh.volume.sum(), rel=1e-12)
@@ -297,8 +293,6 @@ def test_a_field_whose_repair_costs_much_is_solved_with_slack(
     monkeypatch.setattr(UpperBound, "certify", dear)
     found = upper.bound(assembly.labels)
     assert len(asked) == 2
-    assert plain is not None
-    assert found is not None
     assert found.factor == pytest.approx(plain.factor, rel=1e-5)
 
 
@@ -308,10 +302,8 @@ def test_room_of_flow_rules_costs_next_to_nothing(assembly: Assembly) -> None:
     upper = UpperBound(setting.problem(setting.coarse))
     labels = assembly.labels
     plain = upper.bound(labels)
-    assert plain is not None
     dry = upper.problem.is_dry(labels)
     answer = VelocityProgram(upper.problem, upper.live, upper.dead, 1e-8).solve(dry)
     found = upper.certify(answer.point[: 6 * len(setting.coarse)].reshape(-1, 3, 2), labels, answer.objective)
-    assert found is not None
     assert found.opened == 0.0
     assert found.factor == pytest.approx(plain.factor, rel=1e-5)

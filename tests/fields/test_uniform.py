@@ -78,8 +78,6 @@ def test_uniform_stress(
     given = problem(Material(TENSION, COHESION, friction, crushing), (x, y, xy), parts)
     labels = np.zeros(0, dtype=bool)
     lower, upper = LowerBound(given).bound(labels), UpperBound(given).bound(labels)
-    assert lower is not None
-    assert upper is not None
     assert lower.room >= 0.0
     assert lower.factor == pytest.approx(factor, rel=1e-6)
     assert upper.factor == pytest.approx(factor, rel=1e-6)
@@ -171,8 +169,6 @@ def test_uniform_stress_in_space(friction: float, crushing: float, stress: Float
     pull = np.where(outside[:, None, None], (given.sides.normal @ stress)[:, None], 0.0).repeat(3, axis=1)
     given = replace(given, pull=pull)
     lower, upper = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
-    assert lower is not None
-    assert upper is not None
     assert lower.room >= 0.0
     assert lower.factor == pytest.approx(factor, rel=1e-4)
     assert upper.factor == pytest.approx(factor, rel=1e-4)
@@ -200,7 +196,6 @@ def test_support_function_is_the_largest_power_over_the_set_in_space(friction: f
         if found.status == 3:
             assert power == np.inf
         else:
-            assert found.fun is not None
             assert power == pytest.approx(-found.fun, rel=1e-9, abs=1e-9)
 
 

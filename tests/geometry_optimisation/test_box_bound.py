@@ -49,7 +49,6 @@ def test_a_bound_holds_for_every_position_of_its_box() -> None:
         values = []
         for _ in range(4):
             result = search.try_position(random.uniform(low, high))
-            assert result is not None
             values.append(result.load_factor)
         assert max(values) <= bound
     assert bound == pytest.approx(max(values), rel=1e-2)
@@ -65,7 +64,7 @@ def outline_of(search: _Search, loop: list[int], parameters: list[Fraction]) -> 
             for k in (0, 1)
         )
         for v in loop
-    ]  # type: ignore[misc]
+    ]
 
 
 def test_one_mechanism_proves_the_bound_in_rational_arithmetic() -> None:
@@ -76,7 +75,6 @@ def test_one_mechanism_proves_the_bound_in_rational_arithmetic() -> None:
     search, random = search_of(arch(2)), np.random.default_rng(7)
     low, high = np.array([0.05, 0.0]), np.array([0.1, 0.04])
     found = search.bound(low, high)
-    assert found.velocity is not None
     assembly, mesh = search.problems[0]._assembly, search.mesh
     elements, faces = assembly.elements, assembly.interfaces
     velocity = {int(e): found.velocity[3 * k : 3 * k + 3] for k, e in enumerate(elements.free)}
@@ -255,7 +253,7 @@ def test_polynomials_of_outlines_are_those_of_the_moved_outline(done: ProvenBox)
     y = [a + share * (b - a) for a, b, share in zip(low, high, at, strict=True)]
 
     def value(polynomial: dict[tuple[int, ...], Any]) -> Fraction:
-        return sum(c * at[0] ** i * at[1] ** j for (i, j), c in polynomial.items())  # type: ignore[return-value]
+        return sum(c * at[0] ** i * at[1] ** j for (i, j), c in polynomial.items())
 
     for element in sorted(structure.changing):
         corners = []

@@ -29,7 +29,7 @@ TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "dire
 def moved(document: Document, **options: float | None) -> MovedJoints:
     scene = parse_scene(document)
     assembly = build_assembly(scene)
-    return move_joints(scene, assembly, assembly.labels, **options)  # type: ignore[arg-type]
+    return move_joints(scene, assembly, assembly.labels, **options)
 
 
 def test_flat_arch_against_its_closed_form() -> None:
@@ -67,7 +67,6 @@ def test_a_locked_end_is_named() -> None:
     limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.01, "angle": [5, 175]}
     done = moved(flat_arch(55.0, 1.2, 0.2, along=paths, **limits))
     assert (done.end, done.value) == ("locked", np.inf)
-    assert done.after is not None
     assert done.after.status is Status.LOCKED
     assert 0.2 + abs(done.moved).max() >= 1.0 - 1.0 * HEIGHT / 5.0
 
@@ -149,15 +148,12 @@ def test_a_step_gains_what_its_program_predicts() -> None:
     assembly = build_assembly(scene)
     search = GeometrySearch(scene, assembly, assembly.labels)
     point = search.first()
-    assert point is not None
     for radius in (1e-3, 1e-4):
         low, high = np.full(search.variables.count, -radius), np.full(search.variables.count, radius)
         answer = search.evaluator.step(point, low, high, "load_factor")
-        assert answer is not None
         target = search.restored(point.values + answer.change)
         assert target is not None
         new = search.evaluate(target, point)
-        assert new is not None
         assert new.objective - point.objective >= (1.0 - 50.0 * radius) * (answer.value - point.objective)
 
 
@@ -438,10 +434,7 @@ def test_rates_of_the_residual_are_those_of_the_load_factor() -> None:
     """−u · ∂(A F + b + λ b_λ) is dλ of (11.5), for forces chosen with the mechanism."""
     search = search_of(strip())
     point = search.first()
-    assert point is not None
     result = point.result
-    assert result is not None
-    assert result.mechanism is not None
     assert result.forces is not None
     mesh = spatial_mesh(result.assembly)
     every = np.ones(len(mesh.places), dtype=bool)
@@ -449,7 +442,6 @@ def test_rates_of_the_residual_are_those_of_the_load_factor() -> None:
     velocity = result.mechanism[result.assembly.elements.free].ravel()
     rates = -(velocity @ spatial_residual_rates(*args)).reshape(-1, 3)
     found = geometry_sensitivities(result)
-    assert found is not None
     assert rates == pytest.approx(found.derivative, abs=1e-6 * abs(found.derivative).max())
 
 
@@ -457,10 +449,8 @@ def test_a_small_step_gains_what_its_program_predicts() -> None:
     """To first order the gain is at least what was promised; more where other forces see more, as at a kink."""
     search = search_of(strip())
     point = search.first()
-    assert point is not None
     for radius, within in ((1e-3, 3e-2), (1e-4, 3e-3)):
         new, predicted = search._try(point, radius * search.unit)
-        assert new is not None
         assert predicted > (1.0 + radius) * point.objective
         assert new.objective - point.objective > (1.0 - within) * (predicted - point.objective)
 
