@@ -22,13 +22,13 @@ from jld_core.errors import InputError
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
+from jld_explore import Exploration, ExploreSettings, Step, StepContext
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.protocol import Evaluator
-from jld_explore.report import Exploration, csv_of
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import csv_of
 from jld_explore.space import SearchSpace, from_string, to_string
-from jld_explore.steps import Step, StepContext, with_entries
+from jld_explore.steps.step import with_entries
 
 if TYPE_CHECKING:
     import pandas as pd

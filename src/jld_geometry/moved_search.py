@@ -27,13 +27,13 @@ from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
+from jld_explore import Exploration, ExploreSettings
 from jld_explore.explore import explore
-from jld_explore.report import Exploration, csv_of
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import csv_of
+from jld_explore.search.study import Interrupted
 from jld_explore.space import from_string, search_space, to_string
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
-from jld_explore.writing_time import busy_factor
+from jld_explore.steps.time_limit import busy_factor
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.moved_scene import MovedScene

@@ -25,7 +25,7 @@ from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import explore
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 from jld_practice.design_check.check import design_check
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, structure_of
 from jld_studio.evaluation import evaluate

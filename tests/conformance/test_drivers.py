@@ -23,12 +23,11 @@ from jld_explore.drivers import DRIVERS, Driver, make_driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
+from jld_explore.search.study import Interrupted, StopReason, Study
 from jld_explore.space import SearchSpace, keys, search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
-from jld_explore.study import Study
-from jld_explore.study_state import Interrupted, StopReason
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

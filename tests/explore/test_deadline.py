@@ -27,9 +27,8 @@ from jld_core.arrays import Bits
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
-from jld_explore import Driver, ExploreSettings, explore, field_check
+from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
-from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.enumeration import Enumeration
@@ -40,11 +39,13 @@ from jld_explore.evaluation import EvaluatorSettings, raise_deferred
 from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
+from jld_explore.search.driver_choice import choose_driver
+from jld_explore.search.study import Interrupted
 from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
+from jld_explore.steps import field_check
 
 
 def test_a_deadline_counts_from_its_start() -> None:

@@ -18,7 +18,7 @@ from jld_explore.cli import overview
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
-from jld_explore.study_state import Progress
+from jld_explore.search.study import Progress
 from paths import ROOT
 from scenes_of_pages import scene_of_cases, small_scene
 
@@ -90,7 +90,7 @@ def test_the_example_of_the_help_runs(
 
 def test_names_of_the_face_are_not_modules() -> None:
     import jld_explore.explore
-    import jld_explore.study
+    import jld_explore.search.study
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))

@@ -18,14 +18,14 @@ from jld_explore.cli import command, ending, streams
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.study_state import Interrupted
+from jld_explore.search.study import Interrupted
 
 
 def test_a_signal_between_search_and_tables_leaves_page_and_load_factor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A signal while all layouts were bounded after a search left neither tables nor page."""
-    module = importlib.import_module("jld_explore.study_run")
+    module = importlib.import_module("jld_explore.explore")
     bound_all, calls = module._bound_all, []
 
     def interrupted(*arguments: Any, **options: Any) -> None:

@@ -27,7 +27,7 @@ from jld_explore import Progress, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.evaluation.worker_pool import Workers, WorkerSpec, batch_size, evaluate_batch
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import search_space
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"

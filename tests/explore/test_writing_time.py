@@ -18,7 +18,7 @@ from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation import field_pool
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.report import folder, page_of_study, read_folder, write_pictures
-from jld_explore.writing_time import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
+from jld_explore.steps.time_limit import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 
 
 @pytest.mark.parametrize(("limit", "allowed"), [(None, 2.0), (0.5, 2.0), (10.0, 2.0), (40.0, 2.0), (100.0, 5.0)])

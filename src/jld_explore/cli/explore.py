@@ -50,7 +50,7 @@ from jld_explore.cli.search_options import (
 )
 from jld_explore.cli.streams import say
 from jld_explore.report import check_folder, words
-from jld_explore.settings import (
+from jld_explore.search.settings import (
     BudgetSettings,
     ExploreSettings,
     ModelSettings,
@@ -58,7 +58,7 @@ from jld_explore.settings import (
     ParallelSettings,
     SearchMethod,
 )
-from jld_explore.study_state import Interrupted
+from jld_explore.search.study import Interrupted
 
 _JOBS = 16  # Largest number of worker processes per core.
 

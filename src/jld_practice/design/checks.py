@@ -22,7 +22,7 @@ from jld_core.models import solve_rigid
 from jld_core.scene.units import force_in_words
 from jld_explore.report.languages import stronger_cut
 from jld_explore.space import search_space
-from jld_explore.uncut import most_without_cuts
+from jld_explore.steps.uncut import most_without_cuts
 from jld_practice.design.crushing import why_no_fields
 from jld_practice.design.options import LOW_FRICTION
 from jld_practice.design.trials import Bounds, Check, Design, Trial, at_low_friction, built, field_bounds, one_case

@@ -18,9 +18,9 @@ from jld_core.limit import Status
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
+from jld_explore import ExploreSettings
 from jld_explore.explore import explore
 from jld_explore.report import Exploration
-from jld_explore.settings import ExploreSettings
 from jld_explore.space import from_string
 from jld_geometry.optimise import move_joints
 from jld_practice.design.crushing import with_crushing, with_materials_of

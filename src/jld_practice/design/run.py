@@ -20,13 +20,13 @@ from jld_core.limit import Status
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
+from jld_explore import ExploreSettings
 from jld_explore.explore import explore
 from jld_explore.report import Exploration
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.study import Interrupted
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
-from jld_explore.writing_time import busy_factor
+from jld_explore.steps.time_limit import busy_factor
 from jld_practice.design.checks import check_winner
 from jld_practice.design.moving import LAYOUTS, best_labels, move_in_rounds
 from jld_practice.design.options import DesignOptions
