@@ -34,7 +34,7 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
-from jld_explore.evaluation.process_settings import deferred_signals, on_cluster
+from jld_explore.evaluation.pool import deferred_signals, on_cluster
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report import folder as folders
@@ -335,7 +335,8 @@ def _makers(
     scene: Scene, assembly: Assembly, settings: ExploreSettings, *, void: bool
 ) -> tuple[type[Study], MakeEvaluator]:
     """Return the class of the study and the maker of its evaluators, for crack model, cells left out and objective."""
-    kind, make = Study, evaluator_of
+    kind: type[Study] = Study
+    make: MakeEvaluator = evaluator_of
     if isinstance(scene.cracks, FieldCracks):
         kind, make = FieldStudy, FieldEvaluator
     elif isinstance(scene.cracks, CellCracks):

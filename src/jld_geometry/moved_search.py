@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import joblib
 import numpy as np
 import pandas as pd
 
@@ -28,6 +27,7 @@ from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
 from jld_explore import Exploration, ExploreSettings
+from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
 from jld_explore.report import csv_of
 from jld_explore.search.study import Interrupted
@@ -201,7 +201,8 @@ def explore_and_move(
     rounds: list[Exploration] = []
     found: list[MovedLayout] = []
     try:
-        stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep)
+        with Pool(settings.jobs) as pool:
+            stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep, pool)
     except Interrupted as signal:
         if rounds and found:
             signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=rank_key), "interrupted")
@@ -221,6 +222,7 @@ def _in_rounds(
     say: Callable[[str], None],
     announce: Callable[[str], None] | None,
     keep: Callable[[list[MovedLayout]], None] | None,
+    pool: Pool,
 ) -> str:
     """Search labels and move joints in rounds until a deadline; return the reason of the end."""
     while True:
@@ -240,17 +242,16 @@ def _in_rounds(
         tasks = _chosen(done, layouts, own=number == 1)
         say(f"round {number}: the joints of {len(tasks)} layouts move")
         before = found[0].low if found else -math.inf
-        workers = joblib.Parallel(n_jobs=settings.jobs)
         each = _SLACK * _TASKS * share / max(math.ceil(len(tasks) / settings.jobs), 1) if deadline.limited else math.inf
-        found += workers(
-            joblib.delayed(move_one)(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks
+        found += pool.run(
+            move_one, [(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks]
         )
         if keep is not None:
             keep(sorted(found, key=rank_key))
         left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
-        found[:] = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
+        found[:] = _refined(found, pool, settings.jobs, min(left, deadline.remaining()), gap)
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
-            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
         if not found or found[0].low == -math.inf:
             raise InputError("move", "no layout of the search stands by fields", "a scene that stands, or more time")
         if keep is not None:
@@ -261,13 +262,11 @@ def _in_rounds(
                 continue
             return "time limit"
         if deadline.limited and deadline.remaining() > _LEAST:
-            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
         return "nothing improves"
 
 
-def _refined(
-    found: list[MovedLayout], workers: joblib.Parallel, count: int, seconds: float, gap: float
-) -> list[MovedLayout]:
+def _refined(found: list[MovedLayout], pool: Pool, count: int, seconds: float, gap: float) -> list[MovedLayout]:
     """Refine the bounds of the most promising layouts, and return all layouts ranked.
 
     Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first.
@@ -275,7 +274,7 @@ def _refined(
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
     promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]
-    refined = workers(joblib.delayed(refine_one)(one, _SLACK * seconds, gap) for one in promising)
+    refined = pool.run(refine_one, [(one, _SLACK * seconds, gap) for one in promising])
     return sorted([*(one for one in found if one not in promising), *refined], key=rank_key)
 
 

@@ -21,7 +21,7 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import Fields, FieldSetting
 from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
-from jld_explore.evaluation import worker_pool as task_pool
+from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.race_aims import FieldRace

@@ -28,7 +28,7 @@ from jld_explore.drivers.exact.proof_state import Conflict, Mechanism, ProofStat
 from jld_explore.drivers.field_aims import ProofAim, holds
 from jld_explore.drivers.field_relaxation import CommonMeshes, FieldProblem, FieldProofContext, FieldRelaxation, raised
 from jld_explore.evaluation.field_pool import TOGETHER, FieldPool, FieldStep, step_of
-from jld_explore.evaluation.worker_pool import TaskPool
+from jld_explore.evaluation.pool import Pool
 from jld_explore.space import SearchSpace, values_of
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
@@ -346,13 +346,13 @@ class FieldRefuter:
             for problem in self._setup.problems(level):
                 self.relaxation.add(problem)
 
-    def refute(self, labellings: Sequence[Bits], threshold: float, tasks: TaskPool) -> list[Conflict | None]:
+    def refute(self, labellings: Sequence[Bits], threshold: float, tasks: Pool) -> list[Conflict | None]:
         """Prove that labellings carry less than a factor, and minimise each refuted one to a conflict.
 
         threshold: governing factor. Result: one conflict for each labelling, None where no mesh refutes it.
         """
         levels = self._levels()
-        found = tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings])
+        found = list(tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings]))
         self.programs += sum(one.solves for one in found)
         conflicts: list[Conflict | None] = []
         for one in found:

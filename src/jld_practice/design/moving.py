@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-import joblib
 import numpy as np
 
 from jld_core.arrays import Bits
@@ -19,6 +18,7 @@ from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings
+from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
 from jld_explore.report import Exploration
 from jld_explore.space import from_string
@@ -137,13 +137,13 @@ def _run(
     waves = max(1, int(until.remaining() / _LEAST))
     tasks = tasks[: jobs * waves]
     each = min(until.remaining() / max(1, math.ceil(len(tasks) / jobs)), _LONGEST)
-    workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
     refused: dict[str, None] = {}
-    for found in workers(joblib.delayed(moved_trial)(task, strength, _SLACK * each) for task in tasks):
-        if isinstance(found, Trial):
-            work.trials = [*work.trials, found]
-        else:
-            refused[found] = None
+    with Pool(jobs) as pool:
+        for found in pool.run(moved_trial, [(task, strength, _SLACK * each) for task in tasks]):
+            if isinstance(found, Trial):
+                work.trials = [*work.trials, found]
+            else:
+                refused[found] = None
     for words in refused:
         say(f"round {number}      joints cannot move: {words}")
 

@@ -10,8 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-import joblib
-
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
@@ -21,6 +19,7 @@ from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings
+from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
 from jld_explore.report import Exploration
 from jld_explore.search.study import Interrupted
@@ -313,20 +312,20 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     """Refine the bounds by fields of layouts that may exceed the winner, in worker processes."""
     jobs = work.options.jobs
     deadline = until.earlier(_CHECKS * work.options.seconds)
-    for wave in range(_WAVES):
-        least = work.winner.proven if work.winner is not None else -math.inf
-        open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
-        # the winner, and what may carry most
-        promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
-        seconds = deadline.remaining() / (_WAVES - wave)
-        if seconds < 1.0 or not promising:
-            return
-        workers = joblib.Parallel(n_jobs=jobs)
-        found = workers(joblib.delayed(refined_bounds)(one.scene, _REFINED * seconds) for one in promising)
-        for one, (low, high) in zip(promising, found, strict=True):
-            better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
-            work.trials = [better if trial is one else trial for trial in work.trials]
-            say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+    with Pool(jobs) as pool:
+        for wave in range(_WAVES):
+            least = work.winner.proven if work.winner is not None else -math.inf
+            open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+            # the winner, and what may carry most
+            promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
+            seconds = deadline.remaining() / (_WAVES - wave)
+            if seconds < 1.0 or not promising:
+                return
+            found = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
+            for one, (low, high) in zip(promising, found, strict=True):
+                better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+                work.trials = [better if trial is one else trial for trial in work.trials]
+                say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
 
 
 @one_thread()

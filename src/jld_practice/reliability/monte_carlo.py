@@ -6,7 +6,6 @@ Rare failures are sampled around the design points (importance sampling).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
@@ -15,6 +14,7 @@ from scipy.special import betaincinv, ndtri
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
+from jld_explore.evaluation import Pool
 from jld_practice.reliability.bounds import GoverningBounds, SampleBounds
 from jld_practice.reliability.form import Form
 
@@ -120,10 +120,8 @@ def simulate(
 
 def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
     """Call a function for portions of the samples in `jobs` threads; keep their order."""
-    if jobs == 1 or parts == 1:
-        return [one(part) for part in range(parts)]
-    with ThreadPoolExecutor(min(jobs, parts)) as pool:
-        return list(pool.map(one, range(parts)))
+    with Pool(min(jobs, parts), threads=True) as pool:
+        return list(pool.run(one, [(part,) for part in range(parts)]))
 
 
 @dataclass(frozen=True)
