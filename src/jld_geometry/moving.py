@@ -25,7 +25,7 @@ from jld_explore.cli.layout import layout_of, require_whole_faces
 from jld_explore.cli.options import AsJson, Rank, Source, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say, warn
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.move_output import json_number, value_text, write_move
 from jld_geometry.optimise import MovedJoints, move_joints

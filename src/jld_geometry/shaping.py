@@ -19,7 +19,7 @@ from jld_core.scene import Scene
 from jld_explore.cli.samples import write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
 from jld_geometry.move_output import value_text
 

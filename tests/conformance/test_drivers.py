@@ -24,7 +24,8 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.search.settings import ExploreSettings
-from jld_explore.search.study import Interrupted, StopReason, Study
+from jld_explore.search.state import Interrupted, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import SearchSpace, keys, search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible

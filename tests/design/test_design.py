@@ -22,7 +22,7 @@ from jld_core.strengths import Route
 from jld_explore.cli import layout
 from jld_explore.explore import explore
 from jld_explore.search.settings import ExploreSettings
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_practice.design import checks, run, tessellations
 from jld_practice.design.loads import with_loads
 from jld_practice.design.options import DesignOptions

@@ -40,7 +40,7 @@ from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import write_report
 from jld_explore.search.driver_choice import choose_driver
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_explore.space import search_space
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range

@@ -23,7 +23,7 @@ from jld_explore.drivers.field_relaxation import CommonMeshes
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator
 from jld_explore.evaluation.records import REFINED_FILE
-from jld_explore.search.study import Interrupted, Progress
+from jld_explore.search.state import Interrupted, Progress
 from jld_explore.space import search_space
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}

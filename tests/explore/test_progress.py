@@ -11,7 +11,7 @@ import pytest
 from jld_core import build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import progress
-from jld_explore.search.study import Progress
+from jld_explore.search.state import Progress
 from jld_explore.space import from_string
 from scenes_of_pages import small_scene
 

@@ -28,7 +28,8 @@ from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration, words
-from jld_explore.search.study import StopReason, Study
+from jld_explore.search.state import StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import search_space
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes

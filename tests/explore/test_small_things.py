@@ -18,7 +18,7 @@ from jld_explore.cli import overview
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
-from jld_explore.search.study import Progress
+from jld_explore.search.state import Progress
 from paths import ROOT
 from scenes_of_pages import scene_of_cases, small_scene
 
@@ -94,8 +94,8 @@ def test_names_of_the_face_are_not_modules() -> None:
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))
-    with pytest.raises(AttributeError, match="no attribute 'search'"):
-        jld_explore.search  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'running'"):
+        jld_explore.running  # noqa: B018
 
 
 def test_a_scene_is_drawn_where_one_stands(

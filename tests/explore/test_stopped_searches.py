@@ -18,7 +18,7 @@ from jld_explore.cli import command, ending, streams
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 
 
 def test_a_signal_between_search_and_tables_leaves_page_and_load_factor(

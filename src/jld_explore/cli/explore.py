@@ -58,7 +58,7 @@ from jld_explore.search.settings import (
     ParallelSettings,
     SearchMethod,
 )
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 
 _JOBS = 16  # Largest number of worker processes per core.
 

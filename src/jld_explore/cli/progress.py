@@ -17,7 +17,7 @@ from rich.progress import (
 )
 
 from jld_explore.report.words import speed
-from jld_explore.search import study
+from jld_explore.search import state
 
 
 class ProgressBar:
@@ -53,7 +53,7 @@ class ProgressBar:
         """Stop the display."""
         self._bar.stop()
 
-    def __call__(self, now: study.Progress) -> None:
+    def __call__(self, now: state.Progress) -> None:
         """Show the latest progress report of a search."""
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
@@ -65,7 +65,7 @@ class ProgressBar:
         self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
 
 
-def _time_left(now: study.Progress) -> str:
+def _time_left(now: state.Progress) -> str:
     """Return in words how long a search goes on at most; "" if nothing is known.
 
     It ends at its time limit, or when the layouts that are left have been evaluated at the rate so far.

@@ -24,8 +24,8 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 from jld_explore.drivers.field_aims import ProofAim, holds
 from jld_explore.drivers.field_relaxation import CommonMeshes, FieldProblem, FieldProofContext, FieldRelaxation, raised
+from jld_explore.evaluation import Pool
 from jld_explore.evaluation.field_pool import FieldPool, FieldStep, step_of
-from jld_explore.evaluation.pool import Pool
 from jld_explore.space import SearchSpace, values_of
 from jld_explore.space.limits import Range
 

@@ -35,7 +35,8 @@ from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import CheckedProof, ProofContext
 from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.evaluation.pool import LOST, Pool, WorkerPool, client_of_cluster
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space import SearchSpace
 
 SOLO_PROGRAMS: Final = 40

@@ -30,7 +30,8 @@ from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, LeastBounds, ProofState
-from jld_explore.evaluation.pool import LOST, Pool, WorkerPool, client_of_cluster
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space.limits import Range
 
 # Number of proofs whose state a worker keeps. A worker of a cluster may serve several proofs, one after the other.
