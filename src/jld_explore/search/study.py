@@ -30,11 +30,11 @@ from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.standing import Standing, VoidStanding
-from jld_explore.evaluation.worker_pool import HANG_SECONDS, Workers, WorkerSpec
-from jld_explore.settings import ExploreSettings
+from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
+from jld_explore.search.settings import ExploreSettings
+from jld_explore.search.state import Progress, StopReason, name_of, versions
 from jld_explore.space import SearchSpace, to_string, unpack
 from jld_explore.space.void import cut
-from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
     import pandas as pd
