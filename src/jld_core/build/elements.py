@@ -42,7 +42,7 @@ from jld_core.geometry.stated_fit import (
     fit_of_line,
     fit_of_polygon,
     given_normals,
-    judge_fit,
+    judge_fits,
     refuse_crossing,
     refuse_repeated,
     words_of,
@@ -309,13 +309,16 @@ def _polygon_misfits(scene: Scene, contacts: list[PlanarContact], elements: Elem
     Raises InputError for interfaces beyond an outline, inside an element, or stated twice.
     """
     refuse_repeated([(c.a, c.b) for c in contacts], [c.ends for c in contacts])
-    found = []
-    for position, contact in enumerate(contacts):
-        for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-            fit = fit_of_line(contact.ends, sign * contact.normal, elements.shape[element])
-            where = f"interfaces[{position}].polygon"
-            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
-    return tuple(text for text in found if text)
+    fits = [
+        (
+            f"interfaces[{position}].polygon",
+            elements.ids[element],
+            fit_of_line(contact.ends, sign * contact.normal, elements.shape[element]),
+        )
+        for position, contact in enumerate(contacts)
+        for element, sign in ((contact.a, 1.0), (contact.b, -1.0))
+    ]
+    return judge_fits(fits, scene.tolerance, scene.units.length)
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
@@ -444,5 +447,5 @@ def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, f
         for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
             own = slice(start[element], start[element + 1])
             fit = fit_of_polygon(contact.polygon, sign * contact.normal, facets.loops[own], facets.normal[own])
-            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
-    return tuple(text for text in found if text)
+            found.append((where, elements.ids[element], fit))
+    return judge_fits(found, scene.tolerance, scene.units.length)
