@@ -102,7 +102,6 @@ def test_prescribed_movements_and_missing_packages_are_refused(monkeypatch: pyte
 
 TEMPLATES = {
     "arch": ("ArchTemplate", {"rise": 3.0, "span": 6.0, "thickness": 0.6, "depth": 0.5, "n": 11}),
-    "dome": ("DomeTemplate", {"meridians": 12, "hoops": 6}),
     "barrel": ("BarrelVaultTemplate", {"vou_span": 7, "vou_length": 2}),
     "staggered": ("BarrelVaultStaggeredTemplate", {"vou_span": 7, "vou_length": 2}),
 }

@@ -200,7 +200,7 @@ def planar_geometry(scene: Scene) -> Geometry:
     refuse_twins(ids)
     outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
     outlines, moved = _closed_polygon(scene, ids, outlines)
-    check_polygons(ids, outlines)
+    told = check_polygons(ids, outlines, _within(scene))
     area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
     for chosen, stack in polygons.by_corner_count(outlines):
         signed = polygons.area(stack)
@@ -227,7 +227,12 @@ def planar_geometry(scene: Scene) -> Geometry:
     supports = np.flatnonzero(elements.support).tolist()
     touching = {(supports[c.a], supports[c.b]) for c in find_planar_contacts([outlines[k] for k in supports])}
     own = [given[k] for k in kept]
-    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, warnings)
+    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, told + warnings)
+
+
+def _within(scene: Scene) -> float:
+    """Return the depth of overlaps that a scene accepts: its tolerance where it states its interfaces, else 0."""
+    return 0.0 if scene.interfaces is None else scene.tolerance or 0.0
 
 
 def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
@@ -374,7 +379,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
     size = (upper - lower).max(axis=1)
     around = near_pairs(lower, upper, tolerances.WEDGE * size)
     pairs = nearer_pairs(lower, upper, tolerances.FACE * size, around)
-    check_overlaps(ids, vertices, facets, pairs)
+    told = check_overlaps(ids, vertices, facets, pairs, _within(scene))
     given: list[Contact | None]
     warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
@@ -393,7 +398,8 @@ def spatial_geometry(scene: Scene) -> Geometry:
     grounded = elements.support[pairs[0]] & elements.support[pairs[1]]
     between = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
     touching = tuple(sorted({(contact.a, contact.b) for contact in between}))
-    return Geometry(elements, entries, interfaces, [given[k] for k in kept], touching, moved, warnings)
+    own = [given[k] for k in kept]
+    return Geometry(elements, entries, interfaces, own, touching, moved, told + warnings)
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:

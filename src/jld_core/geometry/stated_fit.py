@@ -233,17 +233,20 @@ class NearMiss:
     angle: float = 0.0  # between faces that touch at one end and open towards the other, degrees; else 0
 
 
-def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
-    """Raise InputError if elements overlap, naming up to ten pairs with depth and place."""
-    if not pairs:
-        return
+def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> tuple[str, ...]:
+    """Return a warning about elements that overlap by up to `within`, a length.
+
+    Raises Misfit where they overlap by more, naming up to ten pairs with depth and place.
+    """
+    most = max((pair.depth for pair in pairs), default=0.0)
+    if not pairs or most <= within:
+        return (f"{len(pairs)} pairs of elements overlap, by up to {most:.3g}",) if pairs else ()
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
     first = pairs[0]
     rest = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
     more = len(pairs) - _NAMED
     problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(rest) if rest else "")
     problem += f" and {more} more pairs" if more > 0 else ""
-    most = max(pair.depth for pair in pairs)
     where = f"elements {first.a!r} and {first.b!r}"
     raise Misfit(where, problem, f'{expected}, or a "tolerance" above {most:.2g}', most)
 
