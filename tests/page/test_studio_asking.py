@@ -192,6 +192,16 @@ def test_a_design_starts_from_what_was_said(local: Local, wall: Path) -> None:
     assert local.api("resume", {"name": job["name"]})[0] == 400
 
 
+def test_a_design_can_be_stopped(local: Local, wall: Path) -> None:
+    job = local.api("design", sent(wall, {"seconds": 60}))[1]
+    assert local.api("stop", {"name": job["name"]})[1]["state"] == "stopping"
+    begun = time.monotonic()
+    while job["state"] != "stopped" and time.monotonic() < begun + 60.0:
+        time.sleep(0.1)
+        job = next(one for one in local.api("jobs")[1]["jobs"] if one["name"] == job["name"])
+    assert (job["state"], job["error"]) == ("stopped", "")
+
+
 @pytest.mark.parametrize(
     ("settings", "options", "words"),
     [

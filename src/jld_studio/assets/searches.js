@@ -92,8 +92,8 @@ export class Searches {
       entry = { node, text: el("span", { class: "grow" }), bar: el("progress", { "aria-label": `progress of ${job.name}` }), state: el("span"), buttons: el("span", { class: "buttons" }), picture: el("div", { class: "best", hidden: true }) };
       node.append(el("span", { class: "name" }, job.name), entry.state, entry.text, entry.bar, entry.buttons, entry.picture);
       this.entries.set(job.name, entry);
-      this.list.append(node);
     }
+    if (!entry.node.isConnected) this.list.append(entry.node); // it may have been shown elsewhere
     const running = job.state === "running";
     entry.job = job;
     entry.text.textContent = job.error || progressOf(job);
