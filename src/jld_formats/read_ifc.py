@@ -83,6 +83,10 @@ def _scale(unit: Any) -> float:
     return size * (_GRAM if unit.Name == "GRAM" else 1.0)
 
 
+# Largest number of clippings and openings of a product; the kernel's time grows with its square
+_MOST_CUTS: Final = 300
+
+
 _MOST_SOLIDS: Final = 20_000  # largest number of solids that mapped items unfold into
 
 _FACETED: Final = ("IfcFacetedBrep", "IfcPolygonalFaceSet", "IfcTriangulatedFaceSet")
@@ -229,10 +233,14 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
         opening = relation.RelatedOpeningElement
         if opening.Representation is not None:
             owners.append((f"an opening of {title}", [item for shape in _shapes(opening) for item in shape.Items]))
+    cuts = len(owners) - 1
     for words, own in owners:
         for part in (part for item in own for part in _parts_of(item)):
+            cuts += part.is_a("IfcBooleanResult")
             if part.is_a().startswith(_CURVED):
                 raise _refused(part, words)
+    if cuts > _MOST_CUTS:
+        raise InputError(title, f"it is cut {cuts} times", f"at most {_MOST_CUTS}")
     geometry = import_module("ifcopenshell.geom")
     settings = geometry.settings()
     settings.set("use-world-coords", True)

@@ -8,13 +8,14 @@ from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.limit.mechanism import face_jumps
 from jld_core.models.sensitivity import GeometrySensitivities
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.threads import one_thread
 from jld_geometry import optimise as kinks
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.spatial_rates import length_rates, residual_rates, spatial_rates
 
 
+@typed
 @one_thread()
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
     """Compute the derivatives of λ by the positions of all vertices, scene units.

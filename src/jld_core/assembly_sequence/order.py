@@ -17,7 +17,9 @@ from jld_core.assembly import Assembly
 from jld_core.assembly_sequence.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_core.assembly_sequence.standing import Parts, Stage, Standing
 from jld_core.errors import ParameterError
+from jld_core.parameters import typed
 from jld_core.scene.units import force_in_words
+from jld_core.sub_assembly import labels_of
 
 LayingStart = Literal["ground", "left", "right", "springings"]
 """Where laying starts: at the ground, from a side, or from all supports alike."""
@@ -195,6 +197,7 @@ def words_of_fall(laying: Laying, number: int, step: Step) -> str:
     return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
 
 
+@typed
 def assembly_order(
     assembly: Assembly,
     labels: Bits,
@@ -240,6 +243,7 @@ def assembly_order(
         `start` is none of these names.
     """
     assembly.members.refuse("an assembly sequence")
+    labels = labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)

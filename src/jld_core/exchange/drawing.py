@@ -19,6 +19,8 @@ from jld_core.exchange.cells import (
     NothingEnclosed,
     find_cells,
     find_gaps,
+    line_of,
+    refuse_crossings,
     say_large,
     say_nested,
     say_size,
@@ -90,6 +92,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     chords = flatten(paths, facet, max(tolerance, 1e-9 * size))
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
+    refuse_crossings([line_of(path, points) for path, points in zip(paths, chords.points, strict=True)], paths)
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)

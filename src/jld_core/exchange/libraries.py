@@ -23,7 +23,7 @@ from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.formats import Format, readers
 from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.solids import Solids, spatial_scene
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 
 EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
@@ -108,6 +108,8 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except RecursionError:
+        raise InputError("", "it is nested too deeply", expected) from None
     except Exception as error:
         raise InputError(
             "", f"it is no {kind} that can be read: it is damaged, or of another kind", expected
@@ -207,6 +209,7 @@ def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...])
     return wait
 
 
+@typed
 def import_file(
     path: str | Path,
     options: ImportOptions | None = None,

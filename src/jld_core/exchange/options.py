@@ -155,10 +155,8 @@ class ImportOptions:
 
     def __post_init__(self) -> None:
         for name in (*LAYER_ROLES, "layer"):
-            given = getattr(self, name)
-            if not isinstance(given, str | list | tuple) or not all(isinstance(one, str) for one in given):
-                raise ParameterError(name, f"{given!r} is wrong", "a tuple of names of layers")
-            object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
+            if isinstance(given := getattr(self, name), str | list):
+                object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
         require_field_types(self)
         for name in ("thickness", "facet", "seconds", "tolerance"):
             value = getattr(self, name)

@@ -15,7 +15,7 @@ from jld_core.assembly_sequence.constraint import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
@@ -338,6 +338,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     return np.asarray(good)
 
 
+@typed
 def search_space(
     scene: Scene,
     assembly: Assembly,
