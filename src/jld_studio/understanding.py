@@ -254,8 +254,8 @@ def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> d
         _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
         for one in entries
     ]
-    ends = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
-    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in ends]
+    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
+    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in arrows]
     return {"shapes": shapes + feet, "elements": [], "marks": marks}
 
 
