@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jld_core import LimitAnalysisResult
 from jld_core.arrays import Floats
-from jld_core.limit import LimitAnalysisResult
 from jld_core.limit.mechanism import face_jumps
 from jld_core.mechanics import YieldSet, load_vectors, scaling_of, yield_set
 from jld_core.mechanics.prescribed_friction import PrescribedFriction

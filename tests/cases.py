@@ -10,6 +10,12 @@ Document = dict[str, Any]
 ROOT_CELL = 0.1
 
 
+def dry_and_inner(density: float, friction: float, tension: float, shear: float, **keys: Any) -> Document:
+    """The key "materials" of dry joints with friction and inner faces with two strengths; keys: gravity."""
+    inner = {"tensile_strength": tension, "shear_strength": shear}
+    return {"density": density, **keys, "dry": {"friction_coefficient": friction}, "inner": inner}
+
+
 def grid_document(
     rows: list[str],
     *,

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
+from cases import dry_and_inner
+from jld_core import Assembly, build_assembly, parse_scene
 
 Document = dict[str, Any]
 Array = NDArray[np.float64]
@@ -49,12 +48,7 @@ def split(element: Document) -> Document:
 
 def scene(elements: list[Document], **keys: Any) -> Document:
     """A document: friction 0.7, strong glue, sideways body load unless said otherwise."""
-    materials = {
-        "density": 1.0,
-        "gravity": 1.0,
-        "dry": {"friction_coefficient": 0.7},
-        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8},
-    }
+    materials = dry_and_inner(1.0, 0.7, 0.5, 0.8, gravity=1.0)
     return {
         "elements": elements,
         "materials": {**materials, **keys.pop("materials", {})},

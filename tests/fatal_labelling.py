@@ -7,9 +7,9 @@ import signal
 import time
 from typing import Any
 
+from jld_core import Assembly
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_explore.evaluation import Evaluation
+from jld_explore import Evaluation
 from jld_explore.evaluation.protocol import Evaluator
 
 

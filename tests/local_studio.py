@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import http.client
 import json
+import re
 import socket
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import uvicorn
 
 from jld_core import parse_scene
@@ -18,8 +20,17 @@ from jld_studio.api import Api
 from jld_studio.app import build_app
 from jld_studio.jobs import Jobs
 from jld_studio.session import StudioSession
+from paths import ROOT
 
 TOKEN = "t0ken-of-this-test"
+
+SCHEMA = json.loads(re.findall(r"```json\n(.*?)```", (ROOT / "docs/reference/http.md").read_text("utf-8"), re.S)[1])
+"""The schema of what the page asks, as the documentation states it."""
+
+
+def fits(document: Any, name: str) -> None:
+    """Hold a request or an answer against the documented schema."""
+    jsonschema.validate(document, {**SCHEMA, "$ref": f"#/$defs/{name}"})
 
 
 class Local:

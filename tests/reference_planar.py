@@ -9,8 +9,8 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
+from jld_core import Assembly
 from jld_core.arrays import Bits, Ints
-from jld_core.assembly import Assembly
 from jld_core.strengths import Route
 
 ROUTE = Route("a test")

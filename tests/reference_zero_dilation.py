@@ -11,8 +11,8 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linprog
 
+from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
 from jld_core.strengths import Route
 
 ROUTE = Route("a test")

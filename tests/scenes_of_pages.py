@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from cases import dry_and_inner
+
 HOSTILE = "<script>document.title='broken'</script> & \"$\\frac{1}{2}$\" </script><img src=x onerror=alert(1)>"
 """A name that a careless page would run."""
 
@@ -13,11 +15,7 @@ def small_scene(name: str = "two courses", rows: list[str] | None = None) -> dic
     return {
         "name": name,
         "grid": {"cell": [0.4, 0.2], "thickness": 0.2, "rows": rows or ["abb", "ccd", "###"]},
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.65},
-            "inner": {"tensile_strength": 2e4, "shear_strength": 2e4},
-        },
+        "materials": dry_and_inner(2000, 0.65, 2e4, 2e4),
         "loads": {"live": [{"body": [1, 0]}, {"element": "c1r0", "force": [0, -100], "at": [0.6, 0.4]}]},
     }
 
@@ -40,11 +38,7 @@ def spatial_scene(name: str = "four cubes") -> dict[str, Any]:
             cube("c", 0.0, 1.0),
             cube("d", 1.0, 1.0),
         ],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 2e4, "shear_strength": 2e4},
-        },
+        "materials": dry_and_inner(2000, 0.5, 2e4, 2e4),
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.build import build_assembly
-from jld_core.scene import Scene
+from jld_core import Scene, build_assembly
 
 Document = dict[str, Any]
 

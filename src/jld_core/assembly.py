@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.errors import ParameterError
 from jld_core.linalg import components
 from jld_core.linalg.sums import summed
 from jld_core.loads import Loads, resultants
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
+from jld_core.parameters import require_kind
 from jld_core.strengths import FaceStrengths, Route, Strengths
 
 if TYPE_CHECKING:
@@ -346,6 +348,9 @@ def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None
     (n,) int array
         Number of the block of each element, from 0.
     """
+    if not isinstance(assembly, Assembly) or np.shape(labels) != assembly.labels.shape:
+        require_kind("assembly", assembly, Assembly)
+        raise ParameterError("labels", "their number is wrong", f"{len(assembly.labels)} labels, one per interface")
     inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])
     other = np.concatenate([assembly.interfaces.b[inner], touching[:, 1]])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, wraps
 from numbers import Integral, Real
 from types import NoneType
-from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -25,15 +26,68 @@ _KINDS: Final[dict[Any, tuple[Any, str]]] = {
     Callable: (Callable, "a function"),
     dict: (Mapping, "names with values"),
     NoneType: (NoneType, "None"),
+    np.ndarray: ((np.ndarray, list, tuple), "an array"),
 }
+
+_MOST: Final = 2**62  # largest whole number, which arrays can hold
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class _Sequence:
+    """Kind of a list or tuple whose values are of some kinds."""
+
+    of: tuple[Any, ...]
 
 
 def require_kind(parameter: str, value: Any, *kinds: Any) -> None:
     """Raise ParameterError unless a value is of one of the kinds, which are keys of `_KINDS` or classes."""
     if any(_is(value, kind) for kind in kinds):
         return
-    expected = " or ".join(_KINDS.get(kind, (kind, f"a {kind.__name__}"))[1] for kind in kinds if kind is not NoneType)
-    raise ParameterError(parameter, f"{_shown(value)} is wrong", expected)
+    raise ParameterError(parameter, f"{shown_value(value)} is wrong", _words(kinds))
+
+
+def _words(kinds: tuple[Any, ...]) -> str:
+    """Return in words what some kinds admit."""
+    named = [kind for kind in kinds if kind is not NoneType]
+    return " or ".join(
+        dict.fromkeys(
+            f"a list of values, each {_words(kind.of)}"
+            if isinstance(kind, _Sequence)
+            else _KINDS.get(kind, (kind, f"a {getattr(kind, '__name__', kind)}"))[1]
+            for kind in named
+        )
+    )
+
+
+def typed(function: _Function) -> _Function:
+    """Make a function raise ParameterError for an argument that its annotation excludes."""
+    accepted = inspect.signature(function)
+
+    @wraps(function)
+    def checked(*positional: Any, **named: Any) -> Any:
+        for name, value in accepted.bind(*positional, **named).arguments.items():
+            kinds = _kinds_of_arguments(function).get(name)
+            if kinds:
+                require_kind(name, value, *kinds)
+        return function(*positional, **named)
+
+    return cast(_Function, checked)
+
+
+@cache
+def _kinds_of_arguments(function: Callable[..., Any]) -> dict[str, tuple[Any, ...]]:
+    """Return the kinds that each argument of a function admits, as `_kinds_of`."""
+    found, space = {}, inspect.unwrap(function).__globals__
+    for name, one in inspect.signature(function).parameters.items():
+        try:
+            hint = eval(one.annotation, space) if isinstance(one.annotation, str) else one.annotation
+        except NameError:  # a type that is imported for the checker of types only
+            continue
+        if hint is not one.empty and one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL):
+            found[name] = _flat(hint)
+    return found
 
 
 def require_field_types(thing: Any) -> None:
@@ -69,9 +123,13 @@ def _flat(hint: Any) -> tuple[Any, ...]:
         return (Callable,)
     if origin is Literal:
         return (str,)
+    if origin is np.ndarray:
+        return (np.ndarray,)
     if origin is not None and get_args(hint):
-        parts = [_flat(part) for part in get_args(hint)]
-        return sum(parts, ()) if all(parts) and origin not in (tuple, list, set) else ()
+        parts = [_flat(part) for part in get_args(hint) if part is not Ellipsis]
+        if origin in (tuple, list, Sequence):
+            return (_Sequence(sum(parts, ())),) if all(parts) else ()
+        return sum(parts, ()) if all(parts) and origin is not set else ()
     if isinstance(hint, type) and issubclass(hint, os.PathLike):
         return (os.PathLike,)
     return (hint,) if hint in _KINDS or (isinstance(hint, type) and not getattr(hint, "_is_protocol", False)) else ()
@@ -79,13 +137,17 @@ def _flat(hint: Any) -> tuple[Any, ...]:
 
 def _is(value: Any, kind: Any) -> bool:
     """Return True if a value is of a kind; truth values are no numbers."""
-    if kind in (int, float) and isinstance(value, bool | np.bool_):
+    if kind in (int, float) and (isinstance(value, bool | np.bool_) or (isinstance(value, int) and abs(value) > _MOST)):
         return False
+    if isinstance(kind, _Sequence):
+        return isinstance(value, list | tuple | np.ndarray) and all(any(_is(v, k) for k in kind.of) for v in value)
     found: bool = isinstance(value, _KINDS[kind][0] if kind in _KINDS else kind)
     return found
 
 
-def _shown(value: Any) -> str:
+def shown_value(value: Any) -> str:
     """Return a value in a few letters."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{type(value).__name__!r}"
+    text = " ".join(repr(value).split())
+    if len(text) <= 60 and " at 0x" not in text:
+        return text
+    return f"{getattr(type(value), '__name__', 'it')!r}"

@@ -1,13 +1,17 @@
-"""Remove elements, or the interfaces of members, from an assembly."""
+"""Remove elements, or the interfaces of members, from an assembly; check labels that a caller gives."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import INNER, Assembly
+from jld_core.errors import ParameterError
 
 
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
@@ -63,3 +67,46 @@ def with_members(assembly: Assembly, labels: Bits) -> Bits:
     whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
     whole[..., : assembly.faces] = labels[..., : assembly.faces]
     return whole
+
+
+Labels = str | ArrayLike
+"""One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
+
+_LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in results.csv
+
+
+def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
+    """Return one labelling as a checked bool array.
+
+    labels: (m,) true, 1 or "d" = dry; False, 0 or "i" = inner. Default: the labels of the scene. Returns (m,). Raises
+    InputError if the number of labels is wrong, or a label has another value.
+    """
+    if labels is None:
+        return assembly.labels
+    return with_members(assembly, checked_labels(labels, assembly, "labels"))
+
+
+def _values(labels: Labels) -> NDArray[np.generic]:
+    """Return labels as an array of numbers, truth values or letters, without any check."""
+    if isinstance(labels, str):
+        return np.array(list(labels), dtype="U1")
+    try:
+        return np.asarray(labels)
+    except ValueError:  # rows of different lengths
+        return np.asarray(labels, dtype=object)
+
+
+def checked_labels(labels: Labels, assembly: Assembly, parameter: str) -> Bits:
+    """Return labels as truth values (m,); raise InputError for a wrong number or value."""
+    values, faces = _values(labels), assembly.faces
+    expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
+    if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
+        found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
+        raise ParameterError(parameter, found, expected)
+    if values.dtype == np.bool_:
+        return np.asarray(values, dtype=bool)
+    items: Sequence[object] = values.tolist()
+    for place, item in enumerate(items):
+        if item not in ((*_LETTERS,) if isinstance(item, str) else (0, 1)):
+            raise ParameterError(parameter, f"label {place} is {item!r}", expected)
+    return np.array([_LETTERS[item] if isinstance(item, str) else bool(item) for item in items], dtype=bool)

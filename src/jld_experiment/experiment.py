@@ -9,6 +9,8 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.parameters import typed
+from jld_core.sub_assembly import labels_of
 from jld_experiment.bench import EnergyBalance
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings
@@ -111,6 +113,7 @@ class Curve:
         return max(self.rate_error, ACCURACY)
 
 
+@typed
 def run_experiment(
     assembly: Assembly,
     labels: Bits | None = None,
@@ -142,7 +145,7 @@ def run_experiment(
         If a material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    own = labels_of(assembly, labels)
     joints, settings = joints or Joints(), settings or Settings()
     specimen = specimen_of(assembly, own, joints, settings)
     settled, standing = specimen.settle()

@@ -21,7 +21,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.limit import Model
 from jld_core.models import require_memory
-from jld_core.parameters import near, require_kind
+from jld_core.parameters import near, require_kind, typed
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
@@ -52,6 +52,7 @@ from jld_explore.uncut import add_uncut
 from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
 
 
+@typed
 def explore(
     scene: str | Path | Mapping[str, Any] | Scene,
     out: str | Path | None = None,
@@ -202,8 +203,10 @@ def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | 
     known = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:
         if key not in known:
-            names = [*signature(explore).parameters, *known]
-            raise ParameterError(key, "explore has no such parameter, and no driver such an option", near(key, names))
+            names = [name for name in signature(explore).parameters if name != "driver_options"]
+            raise ParameterError(
+                key, "explore has no such parameter, and no driver such an option", near(key, names + known)
+            )
     return {**(options or {}), **keywords} or None
 
 

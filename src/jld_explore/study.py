@@ -23,6 +23,7 @@ from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver
+from jld_explore.drivers.block_root import BlockRoot
 from jld_explore.drivers.choice import first_layout
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
 from jld_explore.evaluation.cases import IncumbentFront
@@ -93,6 +94,8 @@ class Study:
         self._end, self._cut = self.deadline.end, False
         self._empty = False
         self.evaluated = self.asked = self.solved = 0
+        self._root: BlockRoot | None = None
+        self.bound_by: str | None = None
         self._best, self._floor = np.nan, load_scale(assembly)
         self._best_text = ""
         self.records = self.open_records()
@@ -181,10 +184,11 @@ class Study:
         self.records.withdraw_bound(reason)
         self.driver.withdraw(reason)
 
-    def keep_bound(self, bound: float | None) -> None:
-        """Record a proven upper bound on λ over the whole space, for runs that resume this one."""
-        if bound is not None:
+    def keep_bound(self, bound: float | None, by: str | None = None) -> None:
+        """Record a proven upper bound on λ of all layouts, for runs that resume this one; by: how it was found."""
+        if bound is not None and (self.records.bound is None or bound < self.records.bound):
             self.records.keep_bound(bound)
+            self.bound_by = by
 
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is exhausted, or a proof is complete.
@@ -212,6 +216,7 @@ class Study:
                 self._restore()
             driver.set_workers(self.settings.jobs)
             driver.start(self.deadline, lambda: self._count([], _NONE), self.records)
+            self._root = self._block_root()
             while True:
                 # Request a fixed number of portions ahead, so that the order of results is independent of the workers.
                 # At least one labelling is evaluated even after the deadline.
@@ -229,6 +234,8 @@ class Study:
                     reason = self._reason(dry)
                     if reason is StopReason.UNPROVEN:
                         self._discard_proof()
+                    if reason in (StopReason.BUDGET, StopReason.TIME):
+                        self._take_root_bound(wait=True)
                     return reason
                 pending = waiting.popleft()
                 evaluations = recorded.collect(pending)
@@ -241,12 +248,29 @@ class Study:
                     front.learn(pending.labellings, told)
         finally:
             self.solved = recorded.solved
+            if self._root is not None:
+                self._root.close()
             workers.close()
             driver.close()
             try:
-                self.keep_bound(driver.bound)
+                self.keep_bound(driver.bound, driver.name)
             finally:
                 self.records.close()
+
+    def _block_root(self) -> BlockRoot | None:
+        """Start the bound by blocks beside the search, unless the driver proves or would end before it."""
+        settings, driver = self.settings, self.driver
+        other = settings.own_objective is not None or settings.by_experiment or self._make is not evaluator_of
+        if other or driver.modular or (driver.exhaustive and self.total is not None):
+            return None
+        return BlockRoot.beside(self.space, settings.model, self.deadline, settings.jobs)
+
+    def _take_root_bound(self, *, wait: bool = False) -> None:
+        """Record the bound by blocks once it is there; wait: until the deadline."""
+        if self._root is not None and self._root.running:
+            bound = self._root.poll(self.deadline.remaining() if wait else 0.0)
+            if bound is not None:
+                self.keep_bound(bound, "blocks")
 
     @property
     def evaluation_seconds(self) -> float:
@@ -355,8 +379,9 @@ class Study:
             place = int(np.nanargmax(values))
             if not values[place] <= self._best:
                 self._best, self._best_text = float(values[place]), self.text_of(labellings[place])
+        self._take_root_bound()
         self._withdraw_contradicted(evaluations)
-        self.keep_bound(self.driver.bound)
+        self.keep_bound(self.driver.bound, self.driver.name)
         if self.report is not None:
             bound = np.nan if self.bound is None else self.bound
             budget, total = self.settings.budget, self.total

@@ -94,5 +94,5 @@ def _bound_all(study: Study, *, in_time: bool) -> None:
     """
     study.records = study.open_records()
     if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
-        study.keep_bound(bound_of_all(study.space, study.settings.model))
+        study.keep_bound(bound_of_all(study.space, study.settings.model), "faces")
     study.records.close()

@@ -83,6 +83,10 @@ def _scale(unit: Any) -> float:
     return size * (_GRAM if unit.Name == "GRAM" else 1.0)
 
 
+# Largest number of clippings and openings of a product; the kernel's time grows with its square
+_MOST_CUTS: Final = 300
+
+
 _MOST_SOLIDS: Final = 20_000  # largest number of solids that mapped items unfold into
 
 _FACETED: Final = ("IfcFacetedBrep", "IfcPolygonalFaceSet", "IfcTriangulatedFaceSet")
@@ -107,6 +111,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
     ifc = library("ifcopenshell", path)
     readable(path)
     with parsing("IFC", "an IFC file"):
+        notes.reached("bytes in its text", path.stat().st_size)
         model = ifc.open(str(path))
         products = [p for p in model.by_type("IfcProduct") if getattr(p, "Representation", None) is not None]
         if len(products) > MOST:
@@ -118,7 +123,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         empty = unfolded = 0
         known: dict[int, int] = {}
         counted: Counter[str] = Counter()
-        for product in products:
+        for done, product in enumerate(products):
+            notes.reached("products", done, len(products))
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
                 empty += 1
                 continue
@@ -227,10 +233,14 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
         opening = relation.RelatedOpeningElement
         if opening.Representation is not None:
             owners.append((f"an opening of {title}", [item for shape in _shapes(opening) for item in shape.Items]))
+    cuts = len(owners) - 1
     for words, own in owners:
         for part in (part for item in own for part in _parts_of(item)):
+            cuts += part.is_a("IfcBooleanResult")
             if part.is_a().startswith(_CURVED):
                 raise _refused(part, words)
+    if cuts > _MOST_CUTS:
+        raise InputError(title, f"it is cut {cuts} times", f"at most {_MOST_CUTS}")
     geometry = import_module("ifcopenshell.geom")
     settings = geometry.settings()
     settings.set("use-world-coords", True)

@@ -122,13 +122,29 @@ class _Reader:
         self._marks: list[SolidMark] = []
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
-        self._count = 0
+
+    def _unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
+        """Return how many objects an object holds; known: those of definitions. Raises InputError for deep nesting."""
+        if type(item.Geometry).__name__ != "InstanceReference":
+            return 1
+        if depth >= _DEPTH:
+            raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels, none inside itself")
+        key = str(item.Geometry.ParentIdefId)
+        if key not in known:
+            definition = self._model.InstanceDefinitions.FindId(item.Geometry.ParentIdefId)
+            own = [self._by_id.get(str(one)) for one in definition.GetObjectIds()] if definition is not None else []
+            known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
+        return known[key]
 
     def content(self, title: str) -> Drawing | Solids:
         """Read all objects."""
-        for item in self._model.Objects:
-            if not item.Attributes.IsInstanceDefinitionObject:
-                self._read(item, None, [])
+        known: dict[str, int] = {}
+        items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
+        if len(items) > MOST or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
+            raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
+        for done, item in enumerate(items):
+            self._notes.reached("objects", done, len(items))
+            self._read(item, None, [])
         for (kind, layer), count in sorted(self._unread.items()):
             self._notes.skip(f"{kind} objects on layer {layer}", count, "no solid, curve, point or text")
         for layer, count in sorted(self._hidden.items()):
@@ -190,9 +206,6 @@ class _Reader:
         if not shown or not attributes.Visible:
             self._hidden[layer] += 1
             return
-        self._count += 1
-        if self._count > (_MOST_COPIES if moves else MOST):
-            raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
         kind = type(geometry).__name__
         if kind == "InstanceReference":
             self._instance(geometry, layer, moves)
@@ -225,8 +238,6 @@ class _Reader:
 
     def _instance(self, reference: Any, layer: str, moves: list[Any]) -> None:
         """Read the objects of a block instance."""
-        if len(moves) >= _DEPTH:
-            raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels, none inside itself")
         definition = self._model.InstanceDefinitions.FindId(reference.ParentIdefId)
         for identity in definition.GetObjectIds() if definition is not None else ():
             if str(identity) in self._by_id:

@@ -26,6 +26,8 @@ _MOST_ENTITIES: Final = 2_000_000  # largest number of instances of a file
 
 _MOST_SOLIDS: Final = 20_000  # largest number of solids that assemblies unfold into
 
+_MOST_VISITS: Final = 100_000  # largest number of parts that assemblies unfold into, with those that are empty
+
 _DEPTH: Final = 32  # largest depth of assemblies
 
 _STRAIGHT: Final = 1e-9  # distance of control points from a line or plane, relative to their size, that counts as none
@@ -48,7 +50,7 @@ class _File:
     calls: by number, one `Call`, or several where an instance has several types.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, notes: Notes) -> None:
         self.calls: dict[int, list[Call]] = {}
         self._tokens = self._read(text)
         self._next()
@@ -58,6 +60,7 @@ class _File:
                 self._next("=")
                 self._next()
                 self.calls[number] = self._instances()
+                notes.reached("instances", len(self.calls))
                 if len(self.calls) > _MOST_ENTITIES:
                     raise InputError("", "it holds too many instances", f"at most {_MOST_ENTITIES}")
             while self._token not in ("", ";"):
@@ -161,9 +164,9 @@ def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
     with parsing("STEP", "a STEP file"):
-        file = _File(text)
+        file = _File(text, notes)
         unit, scale = _unit(file)
-        parts = _Reader(file, scale, options).parts()
+        parts = _Reader(file, scale, options, notes).parts()
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(file.by_kind.get('PRODUCT', ())), 'product')}")
     if not parts:
         raise InputError(
@@ -205,13 +208,22 @@ def _measure(file: _File, number: int) -> list[Any]:
 class _Reader:
     """State of one pass over the products of a file."""
 
-    def __init__(self, file: _File, scale: float, options: ImportOptions) -> None:
-        self._file, self._scale, self._options = file, scale, options
+    def __init__(self, file: _File, scale: float, options: ImportOptions, notes: Notes) -> None:
+        self._file, self._scale, self._options, self._notes = file, scale, options, notes
         self._layers = {
             int(item): str(values[0]) for _, values in file.every("PRESENTATION_LAYER_ASSIGNMENT") for item in values[2]
         }
         self._parts: list[Part] = []
-        self._count = 0
+        self._count = self._visits = 0
+
+    def _visit(self, depth: int) -> None:
+        """Count a use of a product or shape; raise InputError for too many, or too deep ones."""
+        self._visits += 1
+        self._notes.reached("solids", self._count)
+        if depth > _DEPTH:
+            raise InputError("", "its assemblies are nested too deeply", f"at most {_DEPTH} levels")
+        if self._visits > _MOST_VISITS:
+            raise InputError("", "its assemblies hold too many parts", f"at most {_MOST_VISITS}")
 
     def parts(self) -> list[Part]:
         """Return the solids of all products that are part of no other one; without products all representations."""
@@ -240,8 +252,7 @@ class _Reader:
             used.add(child)
 
         def walk(product: int, matrix: Floats, depth: int) -> None:
-            if depth > _DEPTH:
-                raise InputError("", "its assemblies are nested too deeply", f"at most {_DEPTH} levels")
+            self._visit(depth)
             seen: set[int] = set()
             pending = list(shown.get(product, []))
             while pending:
@@ -313,8 +324,7 @@ class _Reader:
 
     def _representation(self, shape: int, matrix: Floats, title: str, depth: int) -> None:
         """Read the solids of a representation."""
-        if depth > _DEPTH:
-            raise InputError("", "its shapes are nested too deeply", f"at most {_DEPTH} levels")
+        self._visit(depth)
         values = next((v for name, v in self._file.calls[shape] if name.endswith("REPRESENTATION")), None)
         for item in values[1] if values else ():
             kind = self._file.kind(item)

@@ -272,11 +272,7 @@ def _state_places(loads: dict[str, Any], assembly: Assembly) -> None:
             entry["at"] = elements.centroid[elements.index[entry["element"]]].tolist()
 
 
-# Depth beyond the root of a tooth to which its outline is cut, relative to the face; it lies in the other element
-_BEYOND: Final = 1e-3
-
-# Height above the top of a key to which shoulders are cut, relative to the face; far below the reach of contacts
-_THREAD: Final = 1e-9
+_GRID: Final = 1e-12  # distance between coordinates of cells with shaped joints, relative to the structure
 
 _PLAIN: Final = {"elements", "polygon", "label"}  # keys of stated interfaces that say nothing about strengths
 
@@ -298,16 +294,14 @@ def shaped_scene(
         raise InputError("interfaces", "single faces state strengths", "strengths in materials")
     if assembly.pressed:
         raise InputError("loads", "pressure on faces does not follow the shape of joints", "point loads and body loads")
-    blocks, faces, elements = blocks_of(assembly, labels), assembly.interfaces, assembly.elements
+    blocks, faces = blocks_of(assembly, labels), assembly.interfaces
     if (labels & (blocks[faces.a] == blocks[faces.b])).any():
         raise InputError("labels", "a dry face ends inside a block", "blocks without slits")
     if assembly.dimension == 3:
         return solids_with_shape(scene, assembly, labels, shape, direction)
     if direction is not None:
         raise ParameterError("direction", "the joints of a planar scene have none", "it for scenes in space alone")
-    cells = [[shapely.Polygon(outline)] for outline in elements.shape]
-    for face in np.flatnonzero(labels).tolist():
-        _shape_face(assembly, face, shape, cells)
+    cells = _planar_cells(assembly, labels, shape)
     document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
     for key in ("grid", "labels", "interfaces", "move", "search"):
         document.pop(key, None)
@@ -332,52 +326,61 @@ def shaped_scene(
     return MovedScene(found, shaped, own, mesh).at(mesh.places)
 
 
-def _shape_face(assembly: Assembly, face: int, shape: Shape, cells: list[list[shapely.Polygon]]) -> None:
-    """Cut each tooth of a face out of one element's cells, and add it to the other's."""
-    faces = assembly.interfaces
-    first, last = faces.polygon[face][0], faces.polygon[face][1]
-    along = last - first
-    across = np.array([-along[1], along[0]])
-    inside = np.asarray(shapely.Polygon(assembly.elements.shape[faces.a[face]]).representative_point().coords[0])
-    if (inside - first) @ across > 0.0:  # positive teeth reach from the first element into the second
-        across = -across
-    for outline, side in shape.teeth():
-        giver, receiver = (int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1]
-        tooth = shapely.Polygon(first + outline @ np.array([along, across]))
-        if shapely.union_all(cells[receiver]).intersection(tooth).area < tooth.area * (1.0 - _SAME):
-            one, other = (assembly.elements.ids[k] for k in (giver, receiver))
+def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[shapely.Polygon]]:
+    """Return the cells of each element after its joints got a shape: its body, what lies beside keys, its teeth.
+
+    Raises InputError for a tooth that does not fit.
+    """
+    # All outlines are one network of lines on a grid: whatever cells share a corner, they have the same numbers there.
+    elements, faces = assembly.elements, assembly.interfaces
+    outlines = [shapely.Polygon(outline) for outline in elements.shape]
+    teeth, owners, strips = list[shapely.Polygon](), list[tuple[int, int]](), list[tuple[shapely.Geometry, int]]()
+    for face in np.flatnonzero(labels).tolist():
+        first, last = faces.polygon[face][0], faces.polygon[face][1]
+        across = np.array([first[1] - last[1], last[0] - first[0]])
+        within = shapely.get_coordinates(outlines[faces.a[face]].representative_point())[0]
+        if (within - first) @ across > 0.0:  # positive teeth reach from the first element into the second
+            across = -across
+        axes = np.array([last - first, across])
+        for outline, side in shape.teeth():
+            owners.append((int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1])
+            teeth.append(shapely.Polygon(first + outline @ axes))
+            if isinstance(shape, Key):
+                ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
+                receiver = owners[-1][1]
+                strips.append((shapely.Polygon(first + ends @ axes) & outlines[receiver], receiver))
+    places = np.concatenate(elements.shape)
+    grid = _GRID * max(assembly.size, 1e-2 * float(abs(places).max()))
+    lines = [shapely.boundary(one) for one in [*outlines, *teeth, *(strip for strip, _ in strips)]]
+    pieces = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=grid)]))
+    points = shapely.point_on_surface(pieces)
+    owner, tooth = _first_around(outlines, points), _first_around(teeth, points)
+    groups: dict[tuple[Any, ...], list[shapely.Polygon]] = {}
+    for k, (own, bite) in enumerate(zip(owner, tooth, strict=True)):
+        if bite >= 0 and own == owners[bite][1]:
+            groups.setdefault((bite,), []).append(pieces[k])
+        elif own >= 0:
+            beside = tuple(n for n, (strip, other) in enumerate(strips) if other == own and strip.contains(points[k]))
+            groups.setdefault((own, beside), []).append(pieces[k])
+    for number, (giver, receiver) in enumerate(owners):
+        if sum(one.area for one in groups.get((number,), [])) < teeth[number].area * (1.0 - _SAME):
+            one, other = elements.ids[giver], elements.ids[receiver]
             problem = f"a tooth of {one!r} does not fit into {other!r}"
             raise InputError("joint", problem, "a smaller depth or amplitude, or fewer joints")
-        body, *others = cells[receiver]
-        if isinstance(shape, Key):
-            ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
-            strip = shapely.Polygon(first + ends @ np.array([along, across]))
-            others.append(body.intersection(strip))
-            body = body.difference(strip)
-        # a root that lies inside the receiver by rounding would leave a hole: cut a little beyond it
-        start = np.array([[outline[0, 0], 0.0], [outline[0, 0], -_BEYOND * side]])
-        stop = np.array([[outline[-1, 0], -_BEYOND * side], [outline[-1, 0], 0.0]])
-        if isinstance(shape, Key):
-            stop[:, 0] = outline[1, 0]
-        root = shapely.Polygon(first + np.concatenate([start, stop]) @ np.array([along, across]))
-        cutter = shapely.union_all([tooth, root])
-        if isinstance(shape, Key):
-            # the body ends at the top of the key; rounding there must not leave a thread between both shoulders
-            top = first + outline[2:] @ np.array([along, across])
-            above = first + (outline[:1:-1] + np.array([0.0, _THREAD])) @ np.array([along, across])
-            cutter = shapely.union_all([cutter, shapely.Polygon(np.concatenate([top, above]))])
-            kept = _pieces(body)
-        else:
-            kept = _pieces(body.difference(cutter))
-        cells[receiver] = kept + [piece for cell in others for piece in _pieces(cell.difference(cutter))]
-        cells[giver].append(tooth)
+    cells: list[list[shapely.Polygon]] = [[] for _ in outlines]
+    for key in sorted(groups, key=lambda key: (len(key) == 1, len(key[-1]) if len(key) == 2 else 0, key)):
+        own = key[0] if len(key) == 2 else owners[key[0]][0]
+        whole = shapely.coverage_union_all(groups[key])
+        cells[own] += [part for part in shapely.get_parts(whole) if part.area > _SAME * outlines[own].area]
+    return cells
 
 
-def _pieces(found: Any) -> list[shapely.Polygon]:
-    """Return the polygons in a shapely geometry, without slivers due to rounding."""
-    parts = [one for one in getattr(found, "geoms", [found]) if one.geom_type == "Polygon"]
-    most = max((one.area for one in parts), default=0.0)
-    return [one for one in parts if one.area > _SAME * most]
+def _first_around(shapes: list[shapely.Polygon], points: Any) -> list[int]:
+    """Return the first of some shapes that contains each of the points, −1 where none does."""
+    found = np.full(len(points), len(shapes))
+    number, shape = shapely.STRtree(shapes).query(points, predicate="within")
+    np.minimum.at(found, number, shape)
+    return np.where(found < len(shapes), found, -1).tolist()
 
 
 def _corners(cell: shapely.Polygon) -> list[list[float]]:

@@ -19,7 +19,7 @@ from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.limit.mechanism import face_jumps
 from jld_core.models import solve_rigid
 from jld_core.models.sensitivity import GeometrySensitivities, SolvedProgram
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.program import Template
 from jld_core.scene import Scene, parse_scene
 from jld_core.threads import one_thread
@@ -266,6 +266,7 @@ def _size(direction: Floats, values: Floats) -> float:
     return float(np.linalg.norm(direction)) / max(float(abs(values).max(initial=0.0)), tolerances.ROUNDING)
 
 
+@typed
 @one_thread()
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
     """Compute the derivatives of the governing λ by the positions of all vertices, or None."""

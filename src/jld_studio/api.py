@@ -22,11 +22,12 @@ from jld_explore.report import read_folder
 from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_of_study import study_data, study_page
 from jld_studio.jobs import Job, Jobs, orders_for
-from jld_studio.opening import open_file
+from jld_studio.opening import options_of, read_file, received, stated_scene
 from jld_studio.page_start import drawing_data, scene_data
 from jld_studio.scene_store import SceneStore
 from jld_studio.session import StudioSession, parsed
 from jld_studio.supports import with_support
+from jld_studio.understanding import design_command, understood
 
 SECONDS: Final = (1.0, 86_400.0)
 """Smallest and largest time limit of a search begun from the page, s."""
@@ -45,11 +46,19 @@ class Api:
     "changes" (parts of the scene that differ), and "scene", the name of another scene than the first.
 
     desk: solver of the scene with which the studio begins. jobs: searches. root: the only folder into which files are
-    written. first: function that returns the initial data of the page.
+    written. first: function that returns the initial data of the page. drawing: name, content and options of the
+    drawing with which the page begins.
     """
 
-    def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], PageData]) -> None:
-        self.jobs, self.root, self._first = jobs, root, first
+    def __init__(
+        self,
+        desk: StudioSession,
+        jobs: Jobs,
+        root: Path,
+        first: Callable[[], PageData],
+        drawing: dict[str, Any] | None = None,
+    ) -> None:
+        self.jobs, self.root, self._first, self._drawing = jobs, root, first, drawing
         self.scenes = SceneStore(desk, root)
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._counting, self._turn = threading.Lock(), threading.Lock()
@@ -66,7 +75,7 @@ class Api:
             raise InputError(str(kept), f"it is damaged ({error})", "a file as the studio left it, or none") from None
         found = self._first()
         own = {"candidates": candidates, "scene": self.scenes.first_name, "file": plain_name(found["title"])}
-        return {**found, "studio": {**(found["studio"] or {}), **own}}
+        return {**found, "studio": {**(found["studio"] or {}), **own, "drawing": self._drawing}}
 
     def _desk(self, asked: dict[str, Any]) -> StudioSession:
         """Return the solver of the scene of a request; raise InputError for an unknown scene."""
@@ -83,9 +92,27 @@ class Api:
 
         Raises InputError in one line for a file that cannot be used.
         """
-        found = open_file(asked.get("name"), asked.get("content"), asked.get("options", {}))
+        options = options_of(asked.get("options", {}))
+        with received(asked.get("name"), asked.get("content")) as path:
+            found = read_file(path, options)
         opened = self._opened(self.scenes.add(found.scene))
         return {**opened, "report": [list(line) for line in found.report], "unit": found.unit}
+
+    def read(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Return what an import understands of a file (`understood`), or {"scene": True} for a scene file.
+
+        Raises InputError in one line for a file or options that cannot be read.
+        """
+        options, settings = options_of(asked.get("options", {})), _settings(asked)
+        with received(asked.get("name"), asked.get("content")) as path:
+            return {"scene": True} if stated_scene(path) else understood(path, options, settings)
+
+    def design(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Start `jld design` with a file as its outline, and return the facts of this search (`Job.told`)."""
+        options, settings = options_of(asked.get("options", {})), _settings(asked)
+        with received(asked.get("name"), asked.get("content")) as path:
+            command = design_command(path.name, "results", options, settings)
+            return self.jobs.design(path, command, settings.get("seconds", 300.0)).told()
 
     def show(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Return "scene" and "data" of a scene opened before; "scene" is its name."""
@@ -180,10 +207,12 @@ class Api:
     def results(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Return the data of the page for the results of the search of a "name".
 
-        Its entry "studio" has "scene" and "changes" of the layouts. Raises InputError if there is no such search, or
-        its results are not on disk yet.
+        Its entry "studio" has "scene" and "changes" of the layouts; of a design its best layout is opened. Raises
+        InputError if there is no such search, or its results are not on disk yet.
         """
         job = self.jobs.find(str(asked.get("name")))
+        if job.kind == "design":
+            return self._opened(self.scenes.add(load_scene(job.scene_file)))
         return {**study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
 
     def _shown(self, job: Job) -> dict[str, Any]:
@@ -200,6 +229,8 @@ class Api:
         Raises InputError if there is no such search, or its results are not on disk yet.
         """
         job = self.jobs.find(str(asked.get("name")))
+        if job.kind == "design":
+            return {"name": f"{job.name}.html", "text": _whole_page(job.results)}
         return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
@@ -267,6 +298,25 @@ def plain_name(title: str) -> str:
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
     words = re.sub(r"[^A-Za-z0-9-]+", "_", plain).strip("_-")
     return words[:60].rstrip("_-") or "scene"
+
+
+def _whole_page(folder: Path) -> str:
+    """Return the page of a design with its picture inside; raise InputError where there is none yet."""
+    if not (folder / "report.html").exists():
+        raise InputError("design", "it has no page yet", "a design that has found a layout")
+    page, picture = (folder / "report.html").read_text(encoding="utf-8"), folder / "best.png"
+    if not picture.exists():
+        return page
+    inside = base64.b64encode(picture.read_bytes()).decode("ascii")
+    return page.replace('src="best.png"', f'src="data:image/png;base64,{inside}"')
+
+
+def _settings(asked: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of a design that a request states; raise InputError if they are no object."""
+    settings = asked.get("settings", {})
+    if not isinstance(settings, dict):
+        raise InputError("settings", "they are no JSON object", "an object")
+    return {key: value for key, value in settings.items() if value not in (None, "")}
 
 
 def _checked(name: object) -> str:

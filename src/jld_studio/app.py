@@ -70,6 +70,8 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
         "evaluate": evaluate,
         "edit": answers.edit,
         "open": answers.open,
+        "read": answers.read,
+        "design": answers.design,
         "show": answers.show,
         "support": answers.support,
         "drawing": answers.drawing,

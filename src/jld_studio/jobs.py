@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, Literal, get_args
@@ -22,8 +22,8 @@ from typing import IO, Any, Final, Literal, get_args
 from jld_core.errors import InputError
 from jld_core.files import write_text
 
-Kind = Literal["improve", "prove", "explore", "study"]
-"""Purpose of a search; "study" is a study begun outside the studio."""
+Kind = Literal["improve", "prove", "explore", "design", "study"]
+"""Purpose of a search; "study" is a study begun outside the studio, "design" is `jld design` of a file."""
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 State = Literal["running", "stopping", "stopped", "done", "failed"]
 """State of a search."""
@@ -64,7 +64,9 @@ class Job:
 
     @property
     def scene_file(self) -> Path:
-        """Return the file of the scene that is searched."""
+        """Return the file of the scene that is searched, or of the best layout of a design."""
+        if self.kind == "design":
+            return self.results / "best.json"
         return (self.results if self.kind == "study" else self.folder) / "scene.json"
 
     @property
@@ -131,16 +133,36 @@ class Jobs:
 
         Raises InputError if too many searches are running, and OSError if the folder cannot be written.
         """
+
+        def fill(folder: Path) -> None:
+            write_text(folder / "scene.json", json.dumps(scene, indent=1))
+
+        return self._begin(kind, orders, fill, shown or {})
+
+    def design(self, file: Path, command: Sequence[str], seconds: float) -> Job:
+        """Start a design of an outline in a new folder and process, and return it; raise errors as `start`.
+
+        file: the outline, which is copied. command: words of `jld design`.
+        """
+
+        def fill(folder: Path) -> None:
+            (folder / "outline").mkdir()
+            shutil.copy(file, folder / "outline")
+
+        return self._begin("design", {"command": list(command), "seconds": seconds}, fill, {})
+
+    def _begin(self, kind: Kind, orders: Mapping[str, Any], fill: Callable[[Path], object], shown: Any) -> Job:
+        """Start a search in a new folder, which is filled before."""
         with self._turn:
             self._room()
             number = 1
             while (self.root / f"{kind}-{number}").exists():
                 number += 1
             folder = self.root / f"{kind}-{number}"
-            job = Job(folder.name, kind, folder, dict(orders), shown=dict(shown or {}))
+            job = Job(folder.name, kind, folder, dict(orders), shown=dict(shown))
             try:
                 folder.mkdir(parents=True)
-                write_text(folder / "scene.json", json.dumps(scene, indent=1))
+                fill(folder)
                 self._launch(job)
             except OSError:
                 # Leave nothing half-written, for example on a full disk.
@@ -158,6 +180,8 @@ class Jobs:
             job = self.find(name)
             if job.state in ("running", "stopping"):
                 raise InputError(name, "it is running", "a search that was stopped")
+            if job.kind == "design":
+                raise InputError(name, "a design does not go on where it was stopped", "a new one")
             self._room()
             self._launch(job)
             return job
@@ -217,13 +241,17 @@ class Jobs:
         told = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
         if job.kind != "study":
             write_text(job.folder / ORDERS, json.dumps(told))
-        orders = json.dumps({**job.orders, "resume": resume})
-        command = [sys.executable, "-m", "jld_studio.worker", str(job.scene_file), str(job.results), orders]
+        if job.kind == "design":
+            _, name, outline, _, _, *options = job.orders["command"]
+            command = ["jld_explore", name, str(job.folder / "outline" / outline), "-o", str(job.results), *options]
+        else:
+            orders = json.dumps({**job.orders, "resume": resume})
+            command = ["jld_studio.worker", str(job.scene_file), str(job.results), orders]
         # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
         words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         try:
             job.process = subprocess.Popen(
-                command,
+                [sys.executable, "-m", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=words,
@@ -242,17 +270,21 @@ class Jobs:
         """Read the progress of a process until it ends, then record its state in the job."""
         if process.stdout is None:
             raise RuntimeError("a search was started without a pipe for its progress")
+        begun, design = time.time(), job.kind == "design"
         with process.stdout, words:
+            if design:
+                job.progress = {"line": "", "seconds": 0.0, "at": begun}
             for line in process.stdout:
-                progress = _progress_of(line)
-                if progress is not None:
-                    job.progress = {**progress, "at": time.time()}
+                told_now = {"line": line.strip(), "seconds": time.time() - begun} if design else _progress_of(line)
+                if told_now is not None:
+                    job.progress = {**told_now, "at": time.time()}
             code = process.wait()
             words.seek(0)
             last = deque((line.strip() for line in words if line.strip()), maxlen=1)
         with self._turn:
-            job.error = last[0][:300] if code not in (0, 3) and last else ""
-            job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
+            stopped = code == 3 or (design and job.state == "stopping")
+            job.error = last[0].removeprefix("jld: ")[:300] if code and not stopped and last else ""
+            job.state = "done" if code == 0 else "stopped" if stopped else "failed"
         if job.kind != "study":
             try:
                 write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))

@@ -1,4 +1,4 @@
-"""Open a file that is dropped on the page: a scene, a drawing or a file of solids."""
+"""Open a file that is dropped on the page or named by a command: a scene, a drawing or a file of solids."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import base64
 import binascii
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.exchange import Imported, ImportOptions, import_file
-from jld_core.exchange.formats import readers
+from jld_core.exchange import Imported, ImportOptions, Report, import_file
 from jld_core.exchange.options import LAYER_ROLES
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_core.scene.cracks import CellCracks
@@ -26,6 +26,8 @@ NUMBERS: Final = ("thickness", "tolerance", "facet")
 """Options of an import that are lengths."""
 KNOWN: Final = (*LAYERS, *NUMBERS, "unit", "up")
 """Options of an import that the page may state."""
+KINDS: Final = ("found", "snapped", "assumed", "skipped", "doubtful")
+"""Kinds of sentences of a report, as its attributes."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,12 @@ class OpenedFile:
     unit: str = ""  # length unit of the file, in which tolerances are given; "" for a scene file
 
 
-def open_file(name: object, content: object, options: object) -> OpenedFile:
-    """Return the scene of a file that the page sends.
+@contextmanager
+def received(name: object, content: object) -> Iterator[Path]:
+    """Write a file that the page sends, bytes in base64, into a folder for as long as it is read.
 
-    Raises InputError in one line for anything that is no such file, no valid option, or no scene that the studio
-    follows.
+    Raises InputError for anything that is no such file. Errors raised inside do not name the folder.
     """
-    stated = _options(options)
     if not isinstance(name, str) or not name or len(name) > 200 or not name.isprintable() or set(name) & set("/\\"):
         raise InputError("name", f"it is {str(name)[:60]!r}", "the plain name of a file")
     if not isinstance(content, str):
@@ -57,7 +58,7 @@ def open_file(name: object, content: object, options: object) -> OpenedFile:
         path = Path(folder) / name
         path.write_bytes(data)
         try:
-            return read_file(path, stated)
+            yield path
         except InputError as error:
             if error.parameter:
                 raise
@@ -76,20 +77,31 @@ def require_followed(scene: Scene, where: str) -> Scene:
 
 def read_file(path: Path, options: ImportOptions) -> OpenedFile:
     """Return the scene of a scene file, drawing or file of solids; raise InputError for none."""
-    if path.suffix.lower().lstrip(".") in readers():  # import_file names them where this is another
-        try:
-            scene = require_followed(load_scene(path), path.name)
-            build_assembly(scene)
-            return OpenedFile(scene)
-        except NeedsImport:
-            pass
-        except InputError as error:
-            raise (error if error.where.startswith(str(path)) else error.within(path.name)) from None
+    scene = stated_scene(path)
+    if scene is not None:
+        return OpenedFile(scene)
     found = import_file(path, options)
-    return OpenedFile(_scene_of(found, path), _sentences(found), found.unit)
+    said = tuple((kind, on_page(text)) for kind, text in sentences(found.report))
+    return OpenedFile(scene_of(found, path), said, found.unit)
 
 
-def _scene_of(found: Imported, path: Path) -> Scene:
+def stated_scene(path: Path) -> Scene | None:
+    """Return the scene of a scene file, None for a file that is to be imported; raise InputError for a broken scene."""
+    if path.suffix.lower() != ".json":
+        return None
+    try:
+        scene = require_followed(load_scene(path), path.name)
+        build_assembly(scene)
+    except NeedsImport:
+        return None
+    except InputError as error:
+        if path.read_bytes()[:1] == b"[":  # a list of meshes
+            return None
+        raise (error if error.where.startswith(str(path)) else error.within(path.name)) from None
+    return scene
+
+
+def scene_of(found: Imported, path: Path) -> Scene:
     """Return the scene of an import if it can be built.
 
     Raises InputError with the name of the file otherwise.
@@ -102,18 +114,17 @@ def _scene_of(found: Imported, path: Path) -> Scene:
     return require_followed(scene, path.name)
 
 
-def _sentences(found: Imported) -> tuple[tuple[str, str], ...]:
-    """Return the sentences of the report of an import, each after its kind."""
-    kinds = ("found", "snapped", "assumed", "skipped", "doubtful")
-    return tuple((kind, _on_page(text)) for kind in kinds for text in getattr(found.report, kind))
+def sentences(report: Report) -> Iterator[tuple[str, str]]:
+    """Yield the sentences of the report of an import, each after its kind."""
+    yield from ((kind, text) for kind in KINDS for text in getattr(report, kind))
 
 
-def _on_page(text: str) -> str:
+def on_page(text: str) -> str:
     """Return a sentence of an import with the fields of the page in place of flags."""
     return re.sub(r"--([a-z]+)", r'"\1"', text.replace(", or --like SCENE", ""))
 
 
-def _options(options: object) -> ImportOptions:
+def options_of(options: object) -> ImportOptions:
     """Return the options of an import that a request states; raise InputError for others."""
     if not isinstance(options, Mapping):
         raise InputError("options", "they are no JSON object", "an object")
@@ -127,6 +138,8 @@ def _options(options: object) -> ImportOptions:
             if type(value) not in (int, float):
                 raise InputError(key, f"{str(value)[:40]!r} is wrong", "a length as a number")
             given[key] = float(value)
+        elif key in LAYERS and isinstance(value, list) and all(isinstance(part, str) for part in value):
+            given[key] = tuple(value)
         elif not isinstance(value, str):
             raise InputError(key, f"{str(value)[:40]!r} is wrong", "a text")
         else:
@@ -134,3 +147,9 @@ def _options(options: object) -> ImportOptions:
                 value if key in ("unit", "up") else tuple(part.strip() for part in value.split(",") if part.strip())
             )
     return ImportOptions(**given)
+
+
+def stated(options: ImportOptions) -> dict[str, Any]:
+    """Return the options of an import that differ from those of none, as a request states them."""
+    given = {key: getattr(options, key) for key in KNOWN}
+    return {key: list(value) if key in LAYERS else value for key, value in given.items() if value not in (None, ())}

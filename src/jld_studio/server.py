@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import secrets
 import signal
 import socket
@@ -9,16 +10,17 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import ImportOptions
 from jld_core.exchange.formats import readers
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import read_folder
-from jld_studio.opening import read_file, require_followed
+from jld_studio.opening import read_file, require_followed, stated
 from jld_studio.page_start import first_data
 from jld_studio.session import StudioSession
+from jld_studio.understanding import understood
 
 START: dict[str, Any] = {
     "name": "a wall to begin with",
@@ -31,6 +33,8 @@ START: dict[str, Any] = {
     "loads": {"live": [{"body": [1, 0]}]},
 }
 """Scene that the studio opens without a source."""
+
+_SENT: Final = 11_500_000  # largest drawing that the page can send back, bytes
 
 
 def open_studio(
@@ -70,12 +74,13 @@ def open_studio(
     from jld_studio.jobs import Jobs
 
     scene, root, study = opened(source, options, announce)
+    drawing = _drawing(source, options or ImportOptions()) if source is not None and is_drawing(source) else None
     desk = StudioSession(scene)
     listener = _listener(port)
     number = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     jobs = Jobs(root, study)
-    answers = Api(desk, jobs, root, lambda: first_data(desk, root, study))
+    answers = Api(desk, jobs, root, lambda: first_data(desk, root, study), drawing)
     app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
     address = f"http://127.0.0.1:{number}/{token}/"
@@ -116,15 +121,19 @@ def opened(
     """Return the scene that the studio opens, the folder for files, and the study's folder.
 
     The last is None if no study is opened. Without a source the scene is a sample wall. What an import reports goes to
-    `announce`. Raises InputError for an invalid source, or a scene whose blocks crack by cells.
+    `announce`. A drawing that is no scene yet is asked about on the page, before the sample wall. Raises InputError for
+    an invalid source, or a scene whose blocks crack by cells.
     """
     plain = options is None or options == ImportOptions()
-    if (
-        source is not None
-        and not source.is_dir()
-        and (not plain or source.suffix.lower().lstrip(".") in set(readers()) - {"json"})
-    ):
-        found = read_file(source, options or ImportOptions())
+    if source is not None and not source.is_dir() and (not plain or is_drawing(source)):
+        try:
+            found = read_file(source, options or ImportOptions())
+        except InputError as error:
+            if error.parameter or not is_drawing(source):
+                raise
+            understood(source, options or ImportOptions(), {})
+            announce(f"not opened   {error}")
+            return parse_scene(START), source.with_name(f"{source.stem}_studio"), None
         if not plain and not found.report:
             raise InputError(str(source), "it is a scene, which is read as it is", "a drawing, or no options of layers")
         for kind, text in found.report:
@@ -139,6 +148,19 @@ def opened(
     if source.is_dir():
         return scene, source / "studio", source
     return scene, source.with_name(f"{source.stem}_studio"), None
+
+
+def is_drawing(source: Path) -> bool:
+    """Return True for a drawing or a file of solids, by the ending of its name."""
+    return not source.is_dir() and source.suffix.lower().lstrip(".") in set(readers()) - {"json"}
+
+
+def _drawing(source: Path, options: ImportOptions) -> dict[str, Any] | None:
+    """Return name, content and options of a drawing for the page; None for one too large to be sent."""
+    data = source.read_bytes()
+    if len(data) > _SENT:
+        return None
+    return {"name": source.name, "content": base64.b64encode(data).decode("ascii"), "options": stated(options)}
 
 
 def _listener(port: int) -> socket.socket:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_assembly
+from cases import dry_and_inner, grid_assembly
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
-from jld_core import Assembly, build_assembly, parse_scene
+from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene
 from jld_core.limit import LimitAnalysis
 from jld_practice.laying import assembly_order
 from jld_practice.laying.order import locked_blocks
@@ -23,11 +23,7 @@ def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:
 def planar(elements: list[dict[str, Any]], **keys: Any) -> Assembly:
     scene = {
         "elements": elements,
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.65},
-            "inner": {"tensile_strength": 1e6, "shear_strength": 1e6},
-        },
+        "materials": dry_and_inner(2000, 0.65, 1e6, 1e6),
         "loads": {"live": [{"body": [1, 0]}]},
         **keys,
     }

@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from command import Command
-from jld_core import build_assembly, parse_scene, samples
+from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.errors import ParameterError
-from jld_core.scene import Scene
 from jld_core.scene.units import force_in_words
 from jld_practice.laying import assembly_order
 from jld_practice.laying.solids import stations_below

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from command import Command
-from jld_core import build_assembly, samples
+from jld_core import Scene, build_assembly, samples
 from jld_core.deadline import DeadlinePassed
 from jld_core.scene import Scene
 from jld_practice.laying.freedom import Freedom, blocks_of_labelling

@@ -392,3 +392,81 @@ def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
         assert after["load_factor"] == pytest.approx(proven(found, path), rel=1e-6)
         assert first["status"] == "collapse"
         leave(found)
+
+
+DRAWING = """<svg xmlns="http://www.w3.org/2000/svg" width="4000mm" height="3000mm" viewBox="0 0 4000 3000">
+<g id="MAUERWERK"><rect x="500" y="500" width="3000" height="2000"/></g>
+<g id="F"><rect x="1500" y="1000" width="1000" height="800"/></g>
+<g id="erde"><rect x="500" y="2500" width="3000" height="300"/></g>
+<g id="Achse"><path d="M 2000 100 V 2900"/></g></svg>"""
+"""A wall with a window and what it stands on, on layers whose names say nothing, and an axis."""
+
+
+def test_a_dropped_drawing_is_asked_about_by_hand_and_by_keys(visit: Open, address: str) -> None:
+    pytest.importorskip("svgelements")
+    found = visit(address)
+    answered(found)
+    drop(found, "broken.svg", "<svg")
+    found.page.wait_for_selector("#asking .warning:has-text('broken.svg: ')")
+    found.errors.clear()  # the browser notes the refusal
+    drop(found, "wand.svg", DRAWING)
+    found.page.wait_for_selector("svg.understood")
+    assert found.text("#asking .first").startswith("4 elements and 1 support, area 6.9 m²")
+    assert found.page.locator("main.studio").is_hidden()
+    assert found.page.locator("#asking-open").is_disabled()
+    assert found.page.locator("#asking-design").is_enabled()
+    assert found.page.locator("#asking .doubts").inner_text().startswith("doubtful: ")
+    command = found.page.locator("#asking .command").first
+
+    def says(words: str) -> None:
+        found.page.wait_for_function(
+            "(words) => document.querySelector('.command')?.textContent.endsWith(words)", arg=words
+        )
+
+    found.page.locator("#asking >> text=F is an opening").click()
+    says("-o wand.json --hole F")
+    found.page.locator("svg.understood [data-layer=erde] path.touch").click(position={"x": 60, "y": 15})
+    found.page.locator("#asking-bar button:has-text('ground')").click()
+    says("-o wand.json --support erde --hole F")
+    assert found.page.locator("#asking-bar button:has-text('ground')").get_attribute("aria-pressed") == "true"
+    looks_like(found, "studio_asking")
+    by_keys = found.page.get_by_label("layer MAUERWERK is", exact=True)
+    by_keys.focus()
+    by_keys.select_option("skip")
+    found.page.wait_for_selector("#asking .warning")  # nothing is left
+    found.page.keyboard.press("Control+z")
+    says("-o wand.json --support erde --hole F")
+    assert found.page.evaluate("() => document.activeElement.getAttribute('aria-label')") == "layer MAUERWERK is"
+    for name in ("thickness", "tolerance"):
+        found.page.locator(f"#asking [data-option={name}]").fill("0,3" if name == "thickness" else "wide")
+        found.page.keyboard.press("Tab")
+        found.page.wait_for_timeout(300)
+    found.page.wait_for_selector("#asking .warning:has-text('a length as a number')")
+    found.errors.clear()  # the browser notes the refusal
+    says("--hole F --thickness 0.3")
+    assert "--support erde" in command.inner_text()
+    for node in found.page.locator("#asking button, #asking select, #asking input").all():
+        named = "(one) => one.textContent || one.ariaLabel || one.labels?.length"
+        assert node.evaluate(named), node
+    found.page.locator("#asking-open").click()
+    found.page.wait_for_selector("main.studio:visible")
+    assert found.text("h1") == "wand"
+    assert found.run("() => studio.data.scene.thickness") == 0.3
+    answered(found)
+    found.page.locator("text=read it in another way").click()
+    found.page.wait_for_selector("svg.understood")
+    says("--hole F --thickness 0.3")
+    found.page.locator("#asking-close").click()
+    found.page.keyboard.press("Control+z")
+    assert found.text("h1") == "two courses"
+
+
+def test_the_drawing_rests_while_answers_arrive(visit: Open, address: str) -> None:
+    found = visit(address)
+    places = set()
+    for labelling in ("d", "i", "d"):
+        found.run("(one) => studio.change({ labelling: one.repeat(studio.steps.now.labelling.length) })", labelling)
+        for wait in ("() => true", "() => studio.solution", "() => document.getElementById('blocks')?.dataset.more"):
+            found.page.wait_for_function(wait)
+            places.add(found.run("() => document.getElementById('viewer').getBoundingClientRect().top"))
+    assert len(places) == 1

@@ -20,9 +20,8 @@ import pytest
 from cases import grid_document
 from command import Command, Outcome, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.report.words import assembly as described
-from jld_explore.space import search_space
 
 Document = dict[str, Any]
 GONE: Any = object()

@@ -17,12 +17,11 @@ import pandas as pd
 import pytest
 
 from cases import grid_document
-from command import call, environment
+from command import Command, call, environment
 from every_driver import LIMIT
-from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
+from jld_core import InputError, SolveOptions, build_assembly, load_scene, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.files import whole_file
-from jld_core.limit import SolveOptions
 from jld_core.views import facts_of_result
 from jld_core.views.figures import figure_of_result, save_figure
 from jld_explore import ExploreSettings, explore, read_folder, search_space
@@ -127,18 +126,12 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("words", DAMAGE)
-def test_a_damaged_folder_is_named_in_one_line(
-    words: str,
-    searched: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_damaged_folder_is_named_in_one_line(words: str, searched: Path, tmp_path: Path, jld: Command) -> None:
     folder = tmp_path / "out"
     shutil.copytree(searched, folder)
     DAMAGE[words](folder)
     before = sorted(path.name for path in folder.iterdir())
-    outcome = call(monkeypatch, capsys, "plot", folder)
+    outcome = jld("plot", folder)
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert words in outcome.err
     assert sorted(path.name for path in folder.iterdir()) == before
@@ -197,13 +190,11 @@ def test_two_may_write_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert (tmp_path / "a.csv").read_text() == "mine"
 
 
-def test_a_link_to_nothing_is_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_link_to_nothing_is_no_folder(tmp_path: Path, jld: Command) -> None:
     (tmp_path / "scene.json").write_text(json.dumps(small()))
     (tmp_path / "out").symlink_to("nowhere")
     for command in ("solve", "explore"):
-        outcome = call(monkeypatch, capsys, command, tmp_path / "scene.json", "--out", tmp_path / "out")
+        outcome = jld(command, tmp_path / "scene.json", "--out", tmp_path / "out")
         assert (outcome.code, outcome.out) == (2, "")
         assert f"{tmp_path / 'out'}: it is a link to nowhere, which is not there" in outcome.err
 

@@ -20,13 +20,14 @@ from pydantic import BaseModel
 
 import jld_core as jc
 import jld_experiment
+from cases import dry_and_inner
+from jld_core import Result
 from jld_core.limit import Result
-from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
-from jld_explore import explore
-from jld_explore.settings import ExploreSettings
+from jld_explore import ExploreSettings, explore
 from jld_practice.design_check.check import design_check
+from jld_practice.reactions import thrust_ranges
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, structure_of
 from jld_studio.evaluation import evaluate
 from jld_studio.notebook import make_page
@@ -61,11 +62,7 @@ def box(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> D
 
 STACK: Document = {
     "elements": [box("s", 0, 0, 4, 0.5, support=True), box("a", 1, 0.5, 2, 1.5), box("b", 1, 1.5, 2, 2.5)],
-    "materials": {
-        "density": 2000.0,
-        "dry": {"friction_coefficient": 0.3},
-        "inner": {"tensile_strength": 2e4, "shear_strength": 3e4},
-    },
+    "materials": dry_and_inner(2000.0, 0.3, 2e4, 3e4),
     "loads": {"live": [{"element": "b", "force": [1000.0, 0.0]}]},
     "search": {"candidates": [["a", "b"]], "symmetry": "none", "segmentation": False},
 }

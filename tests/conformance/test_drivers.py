@@ -13,22 +13,19 @@ import numpy as np
 import pytest
 
 from cases import grid_document
+from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
-from jld_core.limit import Status
-from jld_core.scene import Scene, parse_scene
-from jld_explore.drivers import DRIVERS, Driver, make_driver
+from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
+from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
-from jld_explore.settings import ExploreSettings
-from jld_explore.space import SearchSpace, keys, search_space
+from jld_explore.space import keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 from jld_explore.study import Study
-from jld_explore.study_state import Interrupted, StopReason
+from jld_explore.study_state import Interrupted
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

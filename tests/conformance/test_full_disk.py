@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from cases import grid_document
-from command import call
+from command import Command
 from jld_core import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import certificate
@@ -70,7 +70,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("line", WRITERS)
 def test_a_full_disk_is_one_line(
-    line: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command
 ) -> None:
     if "dxf" in line:
         pytest.importorskip("ezdxf")
@@ -81,7 +81,7 @@ def test_a_full_disk_is_one_line(
     file = tmp_path / "made"
     words = [str(file) + word[4:] if word.startswith(("FILE", "NEW")) else word for word in line.split()]
     with no_room(16):
-        outcome = call(monkeypatch, capsys, *words)
+        outcome = jld(*words)
     target = next(word for word in words if word.startswith(str(file)))
     named = Path(target) / WRITERS[line] if WRITERS[line] else Path(target)
     assert (outcome.code, outcome.err.count("\n")) == (2, 1), outcome

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import typer
 
+from jld_core import Scene
 from jld_core.exchange import FORMATS
-from jld_core.scene import Scene
 from jld_explore.cli.command import app
 
 BEFORE = json.loads((Path(__file__).parents[1] / "golden" / "interface_0_3.json").read_text("utf-8"))

@@ -15,8 +15,9 @@ import pytest
 import jld_core as jc
 import jld_explore as je
 from jld_core import plugins
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import registered, search_space, unregister
+from jld_explore.space import registered, unregister
 from paths import ROOT, SCENES
 from plugged_in import install
 

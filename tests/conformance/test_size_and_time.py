@@ -14,7 +14,7 @@ from benchmarks import large as growth
 from benchmarks.scenes import brick_wall, cubes, vault
 
 from cases import grid_document
-from command import call
+from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry.planar_contacts import certain_contacts
 from jld_core.memory import memory_limit
@@ -75,7 +75,7 @@ def test_a_scene_too_large_for_the_memory_is_refused(
     faces: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    jld: Command,
 ) -> None:
     """Of hopeless scenes, contacts are not even built; others are refused by the number of their faces."""
     file = tmp_path / "scene.json"
@@ -84,7 +84,7 @@ def test_a_scene_too_large_for_the_memory_is_refused(
     if faces.startswith("at least"):
         monkeypatch.delattr("jld_explore.cli.check.build_assembly")
     out = ("--out", tmp_path / "out") if command == "explore" else ()
-    outcome = call(monkeypatch, capsys, command, file, *out)
+    outcome = jld(command, file, *out)
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert (
         f"{file}: {faces} 0.2 GB of memory to evaluate; expected a scene that the {limit / 1e9:.1f} GB" in outcome.err
@@ -107,14 +107,12 @@ def test_contacts_that_are_certain_are_no_more_than_there_are(make: Callable[[],
     assert found == there or (turned and make is not vault)
 
 
-def test_memory_that_runs_out_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_memory_that_runs_out_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     def fail(*_: object) -> None:
         raise MemoryError("Unable to allocate 61.0 GiB for an array")
 
     monkeypatch.setattr("jld_explore.cli.check.load_scene", fail)
-    outcome = call(monkeypatch, capsys, "check", tmp_path / "scene.json")
+    outcome = jld("check", tmp_path / "scene.json")
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert outcome.err.startswith(
         "jld: memory ran out: Unable to allocate 61.0 GiB for an array; expected a scene that"

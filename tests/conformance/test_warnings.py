@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
-from command import call
+from command import Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_core.build.plausibility import resultant
 from paths import SCENES
@@ -87,11 +87,7 @@ def in_units(length: str, force: str, density: Any, factor: float = 1.0) -> dict
     return {
         "units": {"length": length, "force": force},
         "grid": {"cell": [0.4 / metres, 0.2 / metres], "thickness": 0.3 / metres, "rows": ["aa", "ab", "##"]},
-        "materials": {
-            "density": density,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": stress, "shear_strength": stress},
-        },
+        "materials": dry_and_inner(density, 0.6, stress, stress),
         "loads": {"live": [{"body": [1, 0]}]},
     }
 
@@ -180,59 +176,51 @@ def test_wrong_densities_are_refused_in_one_line(text: str, more: dict[str, Any]
     assert "\n" not in str(refused.value)
 
 
-def test_check_echoes_thickness_density_and_weight(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_echoes_thickness_density_and_weight(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(in_units("m", "kN", "2000 kg/m³")))
-    out = call(monkeypatch, capsys, "check", file).out
+    out = jld("check", file).out
     assert "thickness    0.3 m" in out
     assert "density      2, 2000 kg/m³ in m and kN" in out
     assert "weight       1.884 kN" in out
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_they_reach_whoever_asks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_they_reach_whoever_asks(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(with_("materials.density", 2.4)))
     line = f"jld: warning: {file}: materials.density is 2.4 kg/m³"
     for command in ("check", "solve"):
-        outcome = call(monkeypatch, capsys, command, file)
+        outcome = jld(command, file)
         assert outcome.code == 0
         assert outcome.err.startswith(line)
-        strict = call(monkeypatch, capsys, command, file, "--strict")
+        strict = jld(command, file, "--strict")
         assert (strict.code, strict.out) == (2, "")
         assert strict.err.startswith(f"jld: {file}: materials.density is 2.4")
-    told = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)["warnings"]
+    told = json.loads(jld("solve", file, "--json").out)["warnings"]
     assert told[0].startswith("materials.density is 2.4")
     options = ("--driver", "random", "--budget", "3", "--jobs", "1")
-    assert call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "no", *options, "--strict").code == 2
+    assert jld("explore", file, "--out", tmp_path / "no", *options, "--strict").code == 2
     assert not (tmp_path / "no").exists()
-    found = json.loads(call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out", *options, "--json").out)
+    found = json.loads(jld("explore", file, "--out", tmp_path / "out", *options, "--json").out)
     assert found["warnings"] == told[: len(found["warnings"])] != []
 
 
-def test_check_prints_the_resultant_of_the_load(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_the_resultant_of_the_load(tmp_path: Path, jld: Command) -> None:
     """1000 N at x = 1.7: not moment over size, which is no force."""
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(with_("loads.live", [{"element": "c0r0", "force": [0, -1000], "at": [1.7, 0.0]}])))
-    out = call(monkeypatch, capsys, "check", file).out
+    out = jld("check", file).out
     (line,) = [line for line in out.splitlines() if line.startswith("live load")]
     assert "λ × (0, -1000) N through (1.7, " in line
 
 
-def test_check_refuses_what_explore_would_refuse(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_refuses_what_explore_would_refuse(tmp_path: Path, jld: Command) -> None:
     document = with_("search", {"block_cells": [9, 9]})
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document))
-    outcomes = [call(monkeypatch, capsys, command, file) for command in ("check", "solve")]
-    outcomes.append(call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out"))
+    outcomes = [jld(command, file) for command in ("check", "solve")]
+    outcomes.append(jld("explore", file, "--out", tmp_path / "out"))
     assert [outcome.code for outcome in outcomes] == [2, 2, 2]
     assert len({outcome.err for outcome in outcomes}) == 1
 

@@ -12,8 +12,8 @@ from jld_core import InputError, build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.fields.problem import require_fields
 from jld_core.refinement import refine
-from jld_core.refinement.aligned import TriangleStresses, aligned_cells
 from jld_core.refinement.arrangement import squares
+from jld_practice.design.aligned import TriangleStresses, aligned_cells
 from jld_practice.design.crushing import stresses_of_body
 from jld_practice.design.loads import with_loads
 from jld_practice.design.options import DesignOptions

@@ -10,10 +10,8 @@ import pytest
 
 from cases import grid_scene
 from cases_spatial import box
-from jld_core import Status, build_assembly, parse_scene, solve
-from jld_core.assembly import Assembly
+from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
-from jld_core.limit import LimitAnalysis
 from jld_core.tolerances import GAP
 
 pytestmark = pytest.mark.skipif(chosen() is None, reason="no kernel")

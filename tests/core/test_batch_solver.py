@@ -18,14 +18,13 @@ import cases_spatial
 from cases import CASES, grid_assembly
 from cases_spatial import SPATIAL
 from command import Command
-from jld_core import Assembly, LimitAnalysis
+from jld_core import Assembly, InputError, LimitAnalysis
 from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
 from jld_core.batch import library as settings
 from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
 from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
-from jld_core.errors import InputError
 from jld_core.limit.case_relaxation import Relaxation
 from kernel_proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 

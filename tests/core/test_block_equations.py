@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_assembly
+from cases import dry_and_inner, grid_assembly
 from cases_spatial import assembly, rotation, wall
-from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.assembly import blocks_of
+from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, parse_scene
 from jld_core.geometry import spun
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
@@ -32,11 +31,7 @@ def cubes(edge: int) -> Assembly:
     cells = [box(at, np.add(at, 1)) for at in itertools.product(range(edge), repeat=3)]
     document: dict[str, Any] = {
         "elements": [box((0, 0, -1), (edge, edge, 0)) | {"support": True}, *cells],
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": 2e6, "shear_strength": 2e6},
-        },
+        "materials": dry_and_inner(1400, 0.75, 2e6, 2e6),
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
     return build_assembly(parse_scene(document))

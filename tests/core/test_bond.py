@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.errors import InputError
+from jld_core import Assembly, InputError, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.views.quantities import utilisation
 from jld_explore import explore

@@ -6,15 +6,12 @@ from typing import Any
 
 import pytest
 
+from cases import dry_and_inner
 from jld_core import solve
 
 SCENE: dict[str, Any] = {
     "grid": {"cell": [1.0, 1.0], "thickness": 0.5, "rows": ["abc", "#.#"]},
-    "materials": {
-        "density": 2000,
-        "dry": {"friction_coefficient": 0.6},
-        "inner": {"tensile_strength": 1e5, "shear_strength": 1.5e5},
-    },
+    "materials": dry_and_inner(2000, 0.6, 1e5, 1.5e5),
     "loads": {
         "cases": [
             {"name": "down", "live": [{"element": "c1r0", "force": [0, -1e4], "at": [1.5, 2.0]}]},

@@ -24,9 +24,8 @@ from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.strengths import Route
 from jld_core.views import quantities
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space import search_space
 
 ROUTE = Route("a test")
 

@@ -38,12 +38,12 @@ STRENGTHS = (2e6, 2e5, 2e4, 4e3)
 
 @pytest.mark.parametrize("strength", STRENGTHS)
 def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
-    """60 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked."""
+    """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked."""
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=strength, shear=strength)
     analysis = LimitAnalysis(assembly)
     rng = np.random.default_rng(int(strength))
     exact = 0
-    for _ in range(60):
+    for _ in range(20):
         labels = random_segmentation(assembly, int(rng.integers(2, 7)), rng)
         full = analysis.solve(labels, stands=False)
         rigid = condensed(analysis, labels)
@@ -54,7 +54,7 @@ def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
         if full.status is Status.COLLAPSE:
             assert rigid.load_factor == pytest.approx(full.load_factor, rel=1e-7)
             assert rigid.gap < analysis.gap
-    assert exact > 44
+    assert exact > 14
 
 
 def test_condensed_equals_full_in_space() -> None:

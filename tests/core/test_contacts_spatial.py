@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, stools, wall
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import outlines as polygons
-from jld_core.scene import parse_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 UNIT_SQUARE = float(polygons.rectangle_torsion_length(np.ones(1), np.ones(1))[0])  # ∫ r dA of the unit square

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
+from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
 from jld_core.errors import ParameterError
 from jld_core.refinement import refine
@@ -42,11 +43,7 @@ def document(free: list[dict[str, Any]], turn: float = 0.0) -> dict[str, Any]:
     ground["vertices"] = (np.array(ground["vertices"]) @ spin.T).tolist()
     return {
         "elements": [ground, *free],
-        "materials": {
-            "density": 2000.0,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000.0, 0.6, 2e5, 2e5),
         "loads": {"live": [{"body": (spin @ [1.0, 0.0, 0.0]).tolist()}]},
     }
 

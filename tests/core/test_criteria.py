@@ -15,13 +15,11 @@ from scipy.optimize import linprog
 from cases import grid_document
 from cases_spatial import box, scene
 from command import Command
-from jld_core import InputError, Status, build_assembly, parse_scene, plugins, solve, solve_many
+from jld_core import InputError, Status, build_assembly, load_scene, parse_scene, plugins, solve, solve_many
 from jld_core.batch.rows import rows_of_sets
 from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, maps_criteria, scaling_of, yield_set
 from jld_core.mechanics.compiled_rows import row_yield
-from jld_core.scene import load_scene
-from jld_explore import explore
-from jld_explore.space import search_space
+from jld_explore import explore, search_space
 from paths import SCENES
 
 SOURCES = Path(__file__).parents[1] / "plugin" / "src"

@@ -6,6 +6,7 @@ import inspect
 import json
 import pkgutil
 from collections.abc import Callable
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,16 @@ from matplotlib.figure import Figure
 
 import jld_core.views
 import jld_practice.laying
+import jld_practice.reactions
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build.settlements import settlements_of
-from jld_core.limit.force_range import settle
-from jld_core.limit.thrust import thrust_ranges
 from jld_core.models import solve_by_fields
 from jld_core.views.path import PathValue
 from jld_practice.laying import assembly_order
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.force_range import settle
 
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 SIDES = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
@@ -46,11 +49,7 @@ def tower(dimension: int) -> dict[str, Any]:
             {"id": "ground", "support": True, **shape(-1)},
             *({"id": f"s{k}", **shape(k)} for k in range(3)),
         ],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-        },
+        "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
         "loads": {"live": [{"element": "s2", "force": [1.0] + [0.0] * (dimension - 1)}]},
         "members": [
             {
@@ -65,9 +64,9 @@ def tower(dimension: int) -> dict[str, Any]:
 
 
 def drawings() -> dict[str, Any]:
-    """Return the functions of views and of laying that make a figure or write a file, by name."""
+    """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
     found = {}
-    packages = jld_core.views, jld_practice.laying
+    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
     for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
         code = import_module(f"{package.__name__}.{module.name}")
         for name, one in vars(code).items():
@@ -93,6 +92,7 @@ class Made:
         self.ranges = thrust_ranges(self.plain)
         self.settled = settle(self.plain, settlements_of(self.bare, self.plain)[0])
 
+    @cached_property
     def fields(self) -> Any:
         """Return assembly, labels and bounds by fields of a coarse mesh."""
         return solve_by_fields(self.plain, gap=0.5, seconds=0.0).governing_case
@@ -112,23 +112,19 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "figures.figure_of_result": lambda draw, made, _: draw(made.result, ids=True, values=True),
     "figures.figure_of_layouts": lambda draw, made, _: draw([made.result] * 2, ["one", "other"]),
     "figures.save_figure": lambda draw, made, folder: draw(made.result.plot(), folder / "result.svg"),
-    "field_figures.figure_of_fields": lambda draw, made, _: draw(*made.fields()),
-    "field_figures.figure_of_field_layouts": lambda draw, made, _: draw([made.fields()], ["one"]),
+    "field_figures.figure_of_fields": lambda draw, made, _: draw(*made.fields),
+    "field_figures.figure_of_field_layouts": lambda draw, made, _: draw([made.fields], ["one"]),
     "moved_joints.figure_of_move": lambda draw, made, _: draw(
         made.plain, made.plain, made.plain.labels, made.vertices, 0.1 * made.vertices, ("before", "after")
     ),
     "moved_joints.figure_of_vertex_rates": lambda draw, made, _: draw(
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
-    "path.figure_of_path": lambda draw, made, _: draw(
-        made.plain, [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
-    ),
-    "settled.figure_of_settled": lambda draw, made, _: draw(
-        settle(made.plain, settlements_of(made.bare, made.plain)[0])
-    ),
+    "path.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
+    "settled_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
-    "thrust.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
+    "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
 }
 
 
@@ -137,7 +133,8 @@ def test_every_drawing_has_a_row() -> None:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_drawing(name: str, made: Made, tmp_path: Path) -> None:
+def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_core.views.animation.FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:

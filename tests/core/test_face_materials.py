@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import Scene, build_assembly, parse_scene, solve
+from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
-from jld_core.errors import InputError
 from jld_core.exchange import Layout, export, import_file
 from jld_core.refinement import refine
 from jld_core.strengths import Route
@@ -72,7 +71,7 @@ def test_the_load_factor_is_that_of_all_interfaces_listed(entries: list[dict[str
     for name, values in vars(assembly.strengths(ROUTE)).items():
         assert np.array_equal(values, getattr(other.strengths(ROUTE), name), equal_nan=True), name
     plain, changed = build_assembly(parse_scene(document([]))), []
-    for number in range(2 ** len(assembly.interfaces)):
+    for number in range(0, 2 ** len(assembly.interfaces), 5):
         labels = (number >> np.arange(len(assembly.interfaces))) & 1 > 0
         found, expected = solve(assembly, labels), solve(other, labels)
         assert found.status == expected.status

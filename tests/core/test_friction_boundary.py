@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import cases_spatial
-from jld_core import Assembly, Status, solve
-from jld_core.limit import LimitAnalysis
+from jld_core import Assembly, LimitAnalysis, Status, solve
 from jld_core.limit.facial_reduction import FacialReduction, SelfStress
 
 TURNS = {"upright": np.eye(3), "turned": cases_spatial.rotation(0.3, 0.2, 0.5)}

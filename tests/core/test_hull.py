@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 from cases import grid_assembly
+from jld_core import LimitAnalysis
 from jld_core.arrays import Floats
-from jld_core.limit import LimitAnalysis
 from jld_core.mechanics.standard import StandardYield
 from jld_core.mechanics.yield_set import ParabolicBending
 

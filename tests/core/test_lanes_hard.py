@@ -12,11 +12,10 @@ import pytest
 from benchmarks.batch_solver import HARD, SEGMENTED, SPATIAL, labellings_of
 from benchmarks.hard_cases import UNITS, HardCase, bricks, hard_cases, is_near
 
-from jld_core import LimitAnalysis, Status
+from jld_core import LimitAnalysis, SolveOptions, Status
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN
 from jld_core.batch.rows import fits
-from jld_core.limit import SolveOptions
 from jld_core.models import limit_analysis
 from kernel_proofs import assert_proven, lanes_of
 

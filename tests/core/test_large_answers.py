@@ -7,14 +7,14 @@ import pytest
 import scipy.sparse as sp
 from benchmarks.large import document
 
-from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.limit import SolveOptions, repair
+from jld_core import Assembly, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
+from jld_core.limit import repair
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.solvers import LARGE
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import search_space
 
 
 def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from command import call
-from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_core.errors import SolverError
-from jld_core.limit import CaseBounds, LimitAnalysis, SolveOptions, governing
+from command import Command
+from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
+from jld_core.limit import CaseBounds, governing
 from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
 from jld_core.models import require_model
 from jld_core.models.case_analysis import CaseAnalysis
@@ -140,19 +139,19 @@ def test_wrong_cases(loads: dict[str, Any], words: str) -> None:
     assert str(caught.value).removeprefix("scene: ").startswith(words)
 
 
-def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document([{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 2.0}])))
-    found = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)
+    found = json.loads(jld("solve", file, "--json").out)
     assert set(found["cases"]) == {"r", "l"}
     assert found["governing"] in found["cases"]
     ratios = {"r": found["cases"]["r"]["load_factor"], "l": found["cases"]["l"]["load_factor"] / 2.0}
     assert found["load_factor"] == pytest.approx(min(ratios.values()), rel=1e-9)
     assert ratios[found["governing"]] == min(ratios.values())
-    out = call(monkeypatch, capsys, "solve", file, "--out", tmp_path / "out").out
+    out = jld("solve", file, "--out", tmp_path / "out").out
     assert "λ r" in out
     assert sorted(p.name for p in (tmp_path / "out").glob("*.png")) == ["result-1.png", "result-2.png", "vertices.png"]
-    checked = call(monkeypatch, capsys, "check", file).out
+    checked = jld("check", file).out
     assert "live load l" in checked
     assert "symmetries" in checked
 

@@ -9,12 +9,20 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis
+from cases import dry_and_inner
+from jld_core import (
+    Assembly,
+    InputError,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Status,
+    build_assembly,
+    parse_scene,
+    solve,
+)
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.sub_assembly import faces_of
-from jld_core.views.notebook import facts_of_assembly, facts_of_result
+from jld_core.views import facts_of_assembly, facts_of_result
 
 Document = dict[str, Any]
 
@@ -227,11 +235,7 @@ def test_bolt_in_space_holds_in_every_direction(angle: float) -> None:
 def wall(members: list[Document], **more: Any) -> Document:
     return {
         "grid": {"cell": [1, 1], "thickness": 1.0, "rows": ["aabb", "ccdd", "eeff", "####"]},
-        "materials": {
-            "density": 1000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e4, "shear_strength": 1e4},
-        },
+        "materials": dry_and_inner(1000, 0.6, 1e4, 1e4),
         "loads": {"live": [{"body": [1, 0]}]},
         "members": members,
         **more,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.refinement import refine
 
@@ -73,11 +74,7 @@ def test_a_pin_without_length_is_shared_along_its_face(at: list[float], names: s
     scene = parse_scene(
         {
             "elements": elements,
-            "materials": {
-                "density": 2000,
-                "dry": {"friction_coefficient": 0.6},
-                "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-            },
+            "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
             "loads": {"live": [{"body": [1, 0, 0]}]},
             "members": [pin],
         }

@@ -12,8 +12,18 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.assembly import Assembly, Elements, Interfaces, blocks_of
+from jld_core import (
+    Assembly,
+    InputError,
+    LimitAnalysisResult,
+    Status,
+    blocks_of,
+    build_assembly,
+    load_scene,
+    parse_scene,
+    solve,
+)
+from jld_core.assembly import Elements, Interfaces
 from jld_core.loads import Loads
 from jld_core.strengths import FaceStrengths, Strengths
 from jld_core.views import quantities as marks

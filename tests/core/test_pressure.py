@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from cases_spatial import box
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, solve
 
@@ -151,11 +152,7 @@ def test_an_axle_on_a_joint_is_the_limit_from_either_side(both: bool) -> None:
     """A bar of one strong stone between loose ones: just before the joint it tips, just behind it another does."""
     scene = {
         "grid": {"cell": [0.5, 0.4], "thickness": 0.3, "rows": ["#aaab", "....#"]},
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 0.0},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e7},
-        },
+        "materials": dry_and_inner(1, 0.0, 1e5, 1e7),
         "labels": {"inner": [["c0r0", "c1r0"]]},
     }
 

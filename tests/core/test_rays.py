@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import cases_spatial
-from jld_core import Assembly, Status, build_assembly, parse_scene, solve
-from jld_core.limit import BatchAnalysis, LimitAnalysis
+from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve
+from jld_core.limit import BatchAnalysis
 
 Make = Callable[[float, float], Assembly]
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from cases_spatial import box
-from command import call
+from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.refinement import refine
 from jld_core.refinement.cells import crack_cells
-from jld_explore.space import search_space
+from jld_explore import search_space
 
 BODY = {"live": [{"body": [1.0, 0.0]}]}
 WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")
@@ -144,10 +144,10 @@ def test_pairs_of_the_search_and_labels_follow_their_pieces() -> None:
     assert {"c1r0", "c1r1"} not in opened
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, jld: Command) -> None:
     scene, out = tmp_path / "wall.json", tmp_path / "fine.json"
     scene.write_text(WALL.model_dump_json(exclude_defaults=True))
-    done = call(monkeypatch, capsys, "refine", scene, "--cell", "0.2,0.1", "-o", out)
+    done = jld("refine", scene, "--cell", "0.2,0.1", "-o", out)
     assert (done.code, done.err) == (0, "")
     assert load_scene(out).fingerprint == refine(WALL, (0.2, 0.1)).scene.fingerprint
     spatial = tmp_path / "vault.json"
@@ -171,7 +171,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
         ([bare, "--cell", "0.1"], ["materials.inner"]),
         ([tmp_path / "none.json", "--cell", "0.1"], ["none.json"]),
     ):
-        wrong = call(monkeypatch, capsys, "refine", *arguments, "-o", bad)
+        wrong = jld("refine", *arguments, "-o", bad)
         assert (wrong.code, wrong.out, wrong.err.count("\n")) == (2, "", 1), arguments
         assert all(word in wrong.err for word in words), wrong.err
     assert not bad.exists()
@@ -188,11 +188,7 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
             {"id": "L", "vertices": ell, "faces": faces},
             {"id": "ground", "vertices": ground, "faces": boxes, "support": True},
         ],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 1},
-            "inner": {"tensile_strength": 1, "shear_strength": 1},
-        },
+        "materials": dry_and_inner(1, 1, 1, 1),
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
     with pytest.raises(InputError, match="'L': it is not convex"):
@@ -230,11 +226,7 @@ def test_pressure_on_a_split_solid_acts_on_the_free_faces_of_its_pieces() -> Non
             box("a", [0, 0, 0], [1, 1, 1]),
             box("b", [1, 0, 0], [2, 1, 1]),
         ],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
-        },
+        "materials": dry_and_inner(1, 0.6, 1e3, 1e3),
         "loads": {"live": [{"face": {"between": ["a", "outside"]}, "pressure": 10.0}]},
     }
     scene = parse_scene(document)
@@ -268,11 +260,7 @@ def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str 
         loads = [{**loads[0], "element": f"c{k}r0"} for k in (wide // 2 - 1, wide // 2)]
     document = {
         "grid": {"cell": [0.2, 0.2], "thickness": 0.1, "rows": rows},
-        "materials": {
-            "density": 300,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1000.0, "shear_strength": 3000.0},
-        },
+        "materials": dry_and_inner(300, 0.6, 1000.0, 3000.0),
         "loads": {"live": loads},
         "labels": {"default": "inner"},
     }
@@ -295,11 +283,7 @@ def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str 
 def test_in_space_a_force_at_a_common_corner_of_cells_is_shared() -> None:
     document = {
         "elements": [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("b", [0, 0, 0], [1, 1, 1])],
-        "materials": {
-            "density": 1,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e3, "shear_strength": 1e3},
-        },
+        "materials": dry_and_inner(1, 0.6, 1e3, 1e3),
         "loads": {"live": [{"element": "b", "force": [8.0, 0, 0], "moment": [0, 0, 0.8]}]},
     }
     refined = build_assembly(refine(parse_scene(document), (0.5,)).scene)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cases_spatial import box
-from jld_core import build_assembly, parse_scene
+from jld_core import LimitAnalysis, build_assembly, parse_scene
 from jld_core.limit import LimitAnalysis
-from jld_core.limit.thrust import Reserve, least_share, shrunk
 from jld_core.samples import arch
+from jld_practice.reactions.thrust import Reserve, least_share, shrunk
 
 
 def share_of(document: dict[str, Any]) -> Reserve | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command import call
+from command import Command
 from jld_core import InputError, Status, build_assembly, load_scene, samples, solve
 from jld_core.samples import bonds
 from jld_core.strengths import Route
@@ -20,15 +20,15 @@ ROUTE = Route("a test")
 
 @pytest.mark.parametrize("kind", samples.KINDS)
 def test_every_sample_stands_on_its_supports_and_is_written_as_it_is_made(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    kind: str, tmp_path: Path, jld: Command
 ) -> None:
     """`jld new` and Python give the same scene, and every face between free elements may be searched."""
     target = tmp_path / "scene.json"
-    done = call(monkeypatch, capsys, "new", kind, "--friction", "0.7", "--most", "0", "-o", target)
+    done = jld("new", kind, "--friction", "0.7", "--most", "0", "-o", target)
     assert (done.code, done.err) == (0, "")
     made = samples.KINDS[kind](stone=samples.Stone(friction=0.7))
     assert load_scene(target).fingerprint == made.fingerprint
-    assert call(monkeypatch, capsys, "new", kind, "-o", target).code == 0
+    assert jld("new", kind, "-o", target).code == 0
     assert load_scene(target).search.block_cells == [1, 4]
     assembly = build_assembly(made)
     assert solve(assembly).status is not Status.UNCERTIFIED
@@ -144,11 +144,9 @@ def test_an_opening_has_a_lintel_that_bears_on_both_sides() -> None:
     ],
 )
 def test_bad_parameters(
-    arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    arguments: list[str], words: list[str], tmp_path: Path, jld: Command) -> None:  # fmt: skip
     target = tmp_path / "scene.json"
-    done = call(monkeypatch, capsys, "new", *arguments, "-o", target)
+    done = jld("new", *arguments, "-o", target)
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
     assert all(word in done.err for word in words), done.err
     assert not target.exists()

@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 from studies.families import running_bond
 
-from cases import CASES, grid_assembly
+from cases import CASES, dry_and_inner, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
-from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_core import (
+    Assembly,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    SolverError,
+    Status,
+    build_assembly,
+    parse_scene,
+    solve,
+)
 from jld_core.arrays import Floats
-from jld_core.errors import SolverError
 from jld_core.limit import Prover
 from jld_core.limit.repair import Repair
 from jld_core.mechanics import scaling_of
@@ -21,8 +29,8 @@ from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import LARGE, ClarabelSolver, RawSolution, RawStatus, make_solver
 from jld_core.solvers.schur.system import Iterate, Newton, SchurSolver, SchurSystem
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import search_space
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),
@@ -180,11 +188,7 @@ def test_a_run_whose_embedding_variable_vanishes_proves_nothing() -> None:
     }
     document = {
         "elements": [{"id": name, "polygon": p, "support": name == "ground"} for name, p in polygons.items()],
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.65},
-            "inner": {"tensile_strength": 0, "shear_strength": 0},
-        },
+        "materials": dry_and_inner(1400, 0.65, 0, 0),
         "loads": {"live": [{"element": "lean", "moment": -330}], "dead": [{"body": [0.05, -0.1]}]},
         "labels": {"default": "dry", "inner": [["base", "ground"]]},
     }
@@ -238,11 +242,7 @@ def test_an_iterate_jammed_at_the_boundary_of_its_cones_is_centred() -> None:
     # Steps fell below 1e-8 at a gap of 2e-3 of this layout, which ended the iterations.
     content = {
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": [*["a" * 20] * 20, "#" * 20]},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": 2e6, "shear_strength": 2e6},
-        },
+        "materials": dry_and_inner(1400, 0.75, 2e6, 2e6),
         "loads": {"live": [{"body": [1, 0]}]},
         "search": {"block_cells": [1, 4]},
     }

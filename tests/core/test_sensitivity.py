@@ -12,10 +12,9 @@ from benchmarks.claims.converged import drawn
 from cases import grid_assembly, grid_document
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
-from command import Command, call
-from jld_core import Assembly, build_assembly, parse_scene, solve
+from command import Command
+from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
-from jld_core.limit import LimitAnalysis
 from jld_core.models import sensitivities
 from jld_core.models.sensitivity import Sensitivity, _parameters
 
@@ -108,13 +107,13 @@ def test_no_sensitivities_without_a_program() -> None:
     assert sensitivities(solve(grid_assembly(["aaa", "#.#"], tension=0.0, shear=0.0))) == {}
 
 
-def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(grid_document(["a", "#"], friction=1.0)))
-    found = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)["sensitivities"]
+    found = json.loads(jld("solve", file, "--json").out)["sensitivities"]
     assert found["friction_coefficient"]["derivative"] is None
     assert found["friction_coefficient"]["left"] == pytest.approx(1.0, rel=1e-6)
-    out = call(monkeypatch, capsys, "solve", file).out
+    out = jld("solve", file).out
     assert "∂λ/∂friction_coefficient" in out
     assert "1 for less" in out
     assert isinstance(sensitivities(solve(grid_assembly(["a", "#"])))["weight"], Sensitivity)

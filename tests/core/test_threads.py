@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from jld_core import build_assembly, load_scene, solve
-from jld_core.limit import LimitAnalysis
+from jld_core import LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation.protocol import Evaluator

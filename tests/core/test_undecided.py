@@ -16,13 +16,10 @@ import pytest
 
 from cases import CASES, grid_assembly
 from cases_spatial import box, scene
-from jld_core.assembly import Assembly
+from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis, Status
 from jld_core.limit.case_relaxation import Relaxation
-from jld_core.scene import parse_scene
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.proof_state import Conflict
 

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from cases import DOWN, grid_assembly, grid_document
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis, Status
+from jld_core import LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
-from jld_core.scene import parse_scene
+from jld_explore import search_space
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
-from jld_explore.space import search_space
 
 Rows = list[str] | tuple[int, int, int]
 """A grid, or cubes along three axes."""

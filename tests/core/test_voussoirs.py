@@ -10,17 +10,14 @@ import numpy as np
 import pytest
 import shapely
 
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.refinement import refine
 from jld_core.refinement.voussoirs import find_arcs
 
-MATERIALS = {
-    "density": 2000.0,
-    "dry": {"friction_coefficient": 0.6},
-    "inner": {"tensile_strength": 3e5, "shear_strength": 5e5},
-}
+MATERIALS = dry_and_inner(2000.0, 0.6, 3e5, 5e5)
 
 
 def arc(centre: tuple[float, float], radius: float, start: float, end: float, chords: int) -> Floats:

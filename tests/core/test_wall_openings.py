@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.exchange import ImportOptions, import_file
@@ -63,11 +64,7 @@ def scene_of(walls: dict[str, Any], turn: float = 0.0, friction: float = 0.6) ->
     ground["vertices"] = (np.array(ground["vertices"]) @ spin(turn).T).tolist()
     given = {
         "elements": [ground, walls],
-        "materials": {
-            "density": 2000.0,
-            "dry": {"friction_coefficient": friction},
-            "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000.0, friction, 2e5, 2e5),
         "loads": {"live": [{"body": (spin(turn) @ [1.0, 0.0, 0.0]).tolist()}]},
     }
     return parse_scene(given, "walls")

@@ -11,7 +11,7 @@ from benchmarks.claims import Tally, refined
 
 from cases import grid_document
 from jld_core import Status, build_assembly, parse_scene, solve, solve_many
-from jld_core.views.notebook import facts_of_result
+from jld_core.views import facts_of_result
 from jld_explore.report.tables import _ties, is_ahead
 
 

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from cases import grid_document
-from command import call
+from command import Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.samples import box
 from jld_core.views import animation, quantities
@@ -88,20 +88,18 @@ def test_an_animation_needs_an_ending_and_a_mechanism(tmp_path: Path, monkeypatc
     assert not (tmp_path / "m.gif").exists()
 
 
-def test_jld_plot_writes_the_requested_format(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     monkeypatch.setattr(animation, "FRAMES", 2)
     for ending, begins in (("svg", b"<?xml"), ("html", b"<!doctype html>")):
         target = tmp_path / f"wall.{ending}"
-        assert call(monkeypatch, capsys, "plot", WALL, "--out", target, "--ids", "--values").code == 0
+        assert jld("plot", WALL, "--out", target, "--ids", "--values").code == 0
         assert target.read_bytes().startswith(begins)
     monkeypatch.chdir(tmp_path)  # a picture of a scene is drawn where one stands
     scene = tmp_path / "small.json"
     scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
-    assert call(monkeypatch, capsys, "plot", scene, "--format", "gif").code == 0
+    assert jld("plot", scene, "--format", "gif").code == 0
     assert (tmp_path / "small.gif").read_bytes().startswith(b"GIF8")
-    wrong = call(monkeypatch, capsys, "plot", WALL, "--out", tmp_path / "wall.bmp")
+    wrong = jld("plot", WALL, "--out", tmp_path / "wall.bmp")
     assert wrong.code == 2
     assert ".html" in wrong.err
 

@@ -17,16 +17,11 @@ from benchmarks.scenes import cubes
 from numpy.typing import NDArray
 
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
-from jld_core import solve, solve_many
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, Status
+from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import InnerBending, scaling_of
 from jld_core.mechanics.standard import StandardYield, standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
-from jld_core.scene import parse_scene
 from jld_core.solvers import ClarabelSolver, RawStatus
 from reference_spatial import face_constraints, load_factor, make_face
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.deadline import Deadline
@@ -19,6 +20,7 @@ from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.strengths import Route
+from jld_explore import ExploreSettings, explore
 from jld_explore.explore import explore
 from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
@@ -568,11 +570,7 @@ def test_a_room_is_cut_with_lintels_or_flat_arches_and_loaded_on_its_nearest_wal
                 solid_of("w", cells, levels),
                 box("ground", (-0.4, -0.4, -0.2), (2.8, 2.4, 0.0), support=True),
             ],
-            "materials": {
-                "density": 2000.0,
-                "dry": {"friction_coefficient": 0.6},
-                "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
-            },
+            "materials": dry_and_inner(2000.0, 0.6, 2e5, 2e5),
             "loads": {"live": [{"body": [1.0, 0.0, 0.0]}]},
         },
         "room",

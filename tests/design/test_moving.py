@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import build_assembly, parse_scene, solve
+from jld_core import Scene, build_assembly, parse_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.fields.governing import governing_bounds
-from jld_core.scene import Scene
 from jld_core.strengths import Route
 from jld_practice.design.crushing import uniaxial_strength, with_crushing, with_materials_of
 from jld_practice.design.options import DesignOptions

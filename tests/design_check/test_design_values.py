@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from cases_spatial import box
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import ParameterError
-from jld_core.limit import Status
 from jld_core.scene.design import PartialFactors, partial_factors
 from jld_core.scene.design_values import at_design_values
 from jld_practice.design_check.check import DesignCheck, at_design_loads, combinations_of, design_check
@@ -151,11 +151,7 @@ FORCES = (("c1r0", [60.0, -10.0], [0.15, 0.2]), ("c3r1", [0.0, -90.0], [0.35, 0.
 def test_a_wall_of_blocks_agrees_with_a_scene_at_design_values() -> None:
     document = {
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["aabb", "cccc", "####"]},
-        "materials": {
-            "density": 1400.0,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": 2e4, "shear_strength": 1e4},
-        },
+        "materials": dry_and_inner(1400.0, 0.75, 2e4, 1e4),
         "loads": {"live": [{"element": e, "force": f, "at": a} for e, f, a in FORCES]},
         "design": {"set": "own", "factors": FACTORS},
     }
@@ -168,11 +164,7 @@ def test_a_wall_of_blocks_agrees_with_a_scene_at_design_values() -> None:
 def test_cells_and_fields_agree_with_scenes_at_design_values() -> None:
     document = {
         "grid": {"cell": [0.2, 0.2], "thickness": 0.1, "rows": ["ab", "##"]},
-        "materials": {
-            "density": 1400.0,
-            "dry": {"friction_coefficient": 0.75},
-            "inner": {"tensile_strength": 2e3, "shear_strength": 1e4},
-        },
+        "materials": dry_and_inner(1400.0, 0.75, 2e3, 1e4),
         "loads": {"live": [{"body": [0.2, 0.0]}]},
         "design": {"set": "own", "factors": {**FACTORS, "self_weight": [1.0, 1.0]}},
     }

@@ -8,7 +8,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from command import call
+from cases import dry_and_inner
+from command import Command
 from paths import SCENES
 
 KEYS = {"collapse_load", "load_factor", "ratio", "stands", "rate_error", "status", "first_crack", "inner", "dilation"}
@@ -18,11 +19,7 @@ def scene(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Pat
     path = tmp_path / "scene.json"
     document = {
         "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
-        "materials": {
-            "density": 1400,
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 2e4, "shear_strength": 2e4},
-        },
+        "materials": dry_and_inner(1400, 0.5, 2e4, 2e4),
         "loads": {"live": live},
     }
     path.write_text(json.dumps(document), "utf-8")
@@ -32,11 +29,11 @@ def scene(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Pat
 Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 
 
-def test_an_experiment_writes_its_folder(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
     path = scene(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
     out = tmp_path / "out"
     options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")
-    done = call(monkeypatch, capsys, "experiment", path, *options)
+    done = jld("experiment", path, *options)
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert set(found) >= KEYS
@@ -51,10 +48,10 @@ def test_an_experiment_writes_its_folder(tmp_path: Path, monkeypatch: Patch, cap
     assert (out / "experiment.png").stat().st_size > 20_000
 
 
-def test_structures_that_do_not_stand(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_structures_that_do_not_stand(tmp_path: Path, jld: Command) -> None:
     path = scene(tmp_path, ["aa", "#."], [{"element": "c1r0", "force": [0, -1]}])
     path.write_text(path.read_text("utf-8").replace("20000.0", "10.0"), "utf-8")
-    done = call(monkeypatch, capsys, "experiment", path, "--json", "--out", tmp_path / "out")
+    done = jld("experiment", path, "--json", "--out", tmp_path / "out")
     assert done.code == 0, done.err
     found = json.loads(done.out)
     assert found["stands"] is False
@@ -73,8 +70,8 @@ def test_structures_that_do_not_stand(tmp_path: Path, monkeypatch: Patch, capsys
         (["--inner-ratio", "0"], "--inner-ratio"),
     ],
 )
-def test_bad_options_are_one_line(arguments: list[str], words: str, monkeypatch: Patch, capsys: Capture) -> None:
-    done = call(monkeypatch, capsys, "experiment", SCENES / "ferris_tinloi_1.json", *arguments)
+def test_bad_options_are_one_line(arguments: list[str], words: str, jld: Command) -> None:
+    done = jld("experiment", SCENES / "ferris_tinloi_1.json", *arguments)
     assert (done.code, done.out) == (2, "")
     assert done.err.count("\n") == 1
     assert words in done.err

@@ -11,8 +11,7 @@ import pytest
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 from threadpoolctl import threadpool_limits
 
-from jld_core import build_assembly, parse_scene
-from jld_core.errors import InputError
+from jld_core import InputError, build_assembly, parse_scene
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, specimen_of
 from jld_experiment.driving import read_push, write_push
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from command import call
-from jld_core import parse_scene
-from jld_core.scene import Scene
+from command import Command
+from jld_core import Scene, parse_scene
 from jld_experiment import experiments as module
 from jld_experiment.experiments import FILE, Experiments, with_experiments
 from jld_explore import ExploreSettings, explore
@@ -33,13 +32,13 @@ def scene() -> Scene:
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, jld: Command) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(DOCUMENT), "utf-8")
     out = tmp_path / "out"
     options = ("--experiment", "3", "--jobs", "1", "--json")
-    done = call(monkeypatch, capsys, "explore", path, "--out", out, *options)
+    done = jld("explore", path, "--out", out, *options)
     assert done.code == 0, done.err
     table = pd.read_csv(out / "results.csv", dtype={"labelling": str})
     assert table["experiment"].notna().tolist() == [True] * 3 + [False] * (len(table) - 3)
@@ -54,7 +53,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, capsys: Captu
         raise AssertionError("run again")
 
     monkeypatch.setattr(module, "one_experiment", refuse)
-    again = call(monkeypatch, capsys, "explore", path, "--out", out, *options, "--resume")
+    again = jld("explore", path, "--out", out, *options, "--resume")
     assert again.code == 0, again.err
     assert (out / FILE).read_bytes() == kept
     assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3

@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
+from jld_core import LimitAnalysis, build_assembly, parse_scene
 from jld_core.limit.movements import Movements
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.operators.following import Following
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.protocol import Evaluator
-from jld_explore.space import search_space
 from jld_explore.space.search_space import feasible
 
 WALL = [*["aaaa"] * 4, "####"]

@@ -12,20 +12,16 @@ import numpy as np
 import pytest
 
 from cases import CASES, grid_document
+from jld_core import InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
 from jld_core.batch import build, chosen, library
 from jld_core.batch.batch_solver import BatchSolver
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, SolveOptions, Status
-from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, search_space
 from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, RobustEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
 from jld_explore.evaluation.protocol import Evaluator, LabellingEvaluator
 from jld_explore.report.tables import results_table
-from jld_explore.settings import ExploreSettings
-from jld_explore.space import search_space
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import feasible
 from jld_explore.study import Study

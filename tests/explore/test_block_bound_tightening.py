@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_core import Scene, build_assembly, parse_scene
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.space import search_space
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from cases import all_inner, grid_document
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import load_scene, parse_scene
-from jld_explore.space import SearchSpace, search_space, symmetry
+from jld_core import InputError, build_assembly, load_scene, parse_scene
+from jld_explore import SearchSpace, search_space
+from jld_explore.space import symmetry
 from jld_explore.space.search_space import feasible
 
 ROOT = Path(__file__).parents[2]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jld_core import build_assembly, parse_scene, solve, solve_many
-from jld_core.limit import CaseBounds, Status, governing
+from jld_core import Status, build_assembly, parse_scene, solve, solve_many
+from jld_core.limit import CaseBounds, governing
 from jld_explore import explore
 
 SCENE: dict[str, Any] = {

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import io
 import json
+import runpy
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from benchmarks.claims import certificates
 from test_verification import SCENES, TALL, rewritten
 
 from cases import grid_document
+from command import Outcome
 from jld_core import InputError, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import verify
@@ -76,9 +80,16 @@ def written(document: dict[str, Any], folder: Path) -> Path:
     return path
 
 
-def checked(path: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-I", str(TOOL), str(path)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+def checked(path: Path) -> Outcome:
+    """Run the checker in this process; what it raises refuses as well."""
+    out = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
+        patch.setattr(sys, "argv", [str(TOOL), str(path)])
+        try:
+            runpy.run_path(str(TOOL))
+        except (SystemExit, Exception) as end:
+            return Outcome(1, out.getvalue(), f"{end}\n")
+    return Outcome(0, out.getvalue(), "")
 
 
 def lines_of(path: Path) -> list[dict[str, Any]]:
@@ -107,25 +118,22 @@ def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
     path = written(KNOWN[name], tmp_path)
     bound = verify(path).claim.bound
     done = checked(path)
-    assert done.returncode == 0, done.stderr
-    assert f"more than {bound:.9g} " in done.stdout
+    assert done.code == 0, done.err
+    assert f"more than {bound:.9g} " in done.out
     lines = lines_of(path)
     lower = {**lines[0], "bound": bound - 1e-4 * abs(bound), "load_factor": None, "labelling": None}
     refused = checked(rewritten([lower, *lines[1:]], path))
-    assert refused.returncode == 1
-    assert "refused: " in refused.stderr
+    assert refused.code == 1
+    assert "refused: " in refused.err
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [
-        ("space", "spatial"),
-        ("counts", "search.dry_faces"),
-        ("kept", "search.keep"),
-    ],
+    [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")],
 )
 def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
-    done = checked(written(SCENES[name], tmp_path))
+    command = [sys.executable, "-I", str(TOOL), str(written(SCENES[name], tmp_path))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("refused: ")
     assert words in done.stderr
@@ -168,7 +176,7 @@ def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[st
     path = rewritten(lines, tmp_path / "changed.jld")
     with pytest.raises(InputError):
         verify(path)
-    assert checked(path).returncode == 1
+    assert checked(path).code == 1
 
 
 @pytest.mark.parametrize("name", ["extent", "weight", "mass"])
@@ -182,7 +190,7 @@ def test_both_refuse_a_limit_that_was_widened(name: str, tmp_path: Path) -> None
     rewritten(lines, path)
     with pytest.raises(InputError, match=r"the rule .* does not follow"):
         verify(path)
-    assert "which does not hold" in checked(path).stderr
+    assert "which does not hold" in checked(path).err
 
 
 def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) -> None:
@@ -190,7 +198,7 @@ def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) 
     path.write_bytes(path.read_bytes().replace(b'"made_by": "', b'"made_by": "x', 1))
     with pytest.raises(InputError, match="digest"):
         verify(path)
-    assert "digest" in checked(path).stderr
+    assert "digest" in checked(path).err
 
 
 def test_changed_certificates_are_judged_by_enumeration() -> None:
@@ -207,4 +215,4 @@ def test_both_refuse_a_bound_that_forgets_weights(tmp_path: Path) -> None:
     rewritten(lines, path)
     with pytest.raises(InputError):
         verify(path)
-    assert checked(path).returncode == 1
+    assert checked(path).code == 1

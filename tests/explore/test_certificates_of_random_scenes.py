@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from cases import dry_and_inner
 from jld_core import InputError, parse_scene
 from jld_explore import explore
 from jld_explore.verification import verify
@@ -58,11 +59,7 @@ def _document(seed: int) -> dict[str, Any]:
     document: dict[str, Any] = {
         "name": f"random {seed}",
         "grid": {"cell": [0.4, 0.3], "thickness": 0.2, "rows": grid},
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": draw.choice([0.3, 0.6])},
-            "inner": {"tensile_strength": draw.choice([1e3, 5e3]), "shear_strength": 4e3},
-        },
+        "materials": dry_and_inner(2000, draw.choice([0.3, 0.6]), draw.choice([1e3, 5e3]), 4e3),
         "loads": {"live": [{"body": draw.choice([[1, 0], [0.5, -0.2]])}]},
         "search": {
             key: draw.choice(values)

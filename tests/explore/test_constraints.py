@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.assembly import blocks_of as assembly_blocks
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import parse_scene
+from jld_core import InputError, build_assembly, parse_scene
+from jld_core import blocks_of as assembly_blocks
+from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import SearchSpace, from_string, search_space
+from jld_explore.space import from_string
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.reasons import reasons_against

@@ -15,15 +15,15 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from cases import grid_document
-from jld_core.build import build_assembly
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.samples import vault
-from jld_core.scene import Scene, Search, parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_core.scene import Search
+from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures import front_picture
-from jld_explore.space import Count, Layouts, SearchSpace, Terms, register, registered, search_space, unregister
+from jld_explore.space import Count, Layouts, Terms, register, registered, unregister
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
 from jld_explore.space.search_space import feasible
@@ -155,7 +155,7 @@ def test_nobody_else_names_a_count() -> None:
 
 def test_shapes_are_counted_while_there_is_time() -> None:
     """Values up to the deadline are those without one, the rest is missing, and the first layout always has its own."""
-    scene = vault(voussoirs=5, courses=3)
+    scene = vault(voussoirs=4, courses=2)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     count = next(count for count in registered() if count.kinds)

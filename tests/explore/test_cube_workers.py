@@ -19,10 +19,9 @@ import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import grid_document
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.batch import chosen
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, parse_scene
-from jld_explore import ExploreSettings, Progress, explore
+from jld_explore import Exploration, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers, TaskResult
@@ -31,8 +30,6 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.report import Exploration
-from jld_explore.space import search_space
 from jld_explore.verification import verify
 
 # what blocks that crack anywhere carry, test_field_check.py tests

@@ -10,17 +10,13 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import build_assembly, parse_scene
+from jld_core import SolveOptions, build_assembly, parse_scene
 from jld_core.deadline import Deadline
-from jld_core.limit import SolveOptions
-from jld_explore import driver_choice
+from jld_explore import ExploreSettings, driver_choice, explore, search_space
 from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation.records import RECORDS_FILE
-from jld_explore.explore import explore
-from jld_explore.settings import ExploreSettings
-from jld_explore.space import search_space
 
 ROWS = ["aaaa", "aaaa", "#..#"]
 

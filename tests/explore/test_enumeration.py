@@ -12,12 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cases import grid_document
+from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_core.arrays import Bits
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import load_scene, parse_scene
+from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
-from jld_explore.space import SearchSpace, search_space, to_string
+from jld_explore.space import to_string
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
 

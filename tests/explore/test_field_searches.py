@@ -16,15 +16,14 @@ from jld_core import InputError, build_assembly, parse_scene
 from jld_core.deadline import Deadline
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.undecided import PartialUpperBound
-from jld_explore import Exploration, ExploreSettings, explore
+from jld_explore import Exploration, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
 from jld_explore.drivers.field_proof import FieldRefuter, has_conflict
 from jld_explore.drivers.field_relaxation import CommonMeshes
 from jld_explore.evaluation import worker_pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator
 from jld_explore.evaluation.records import REFINED_FILE
-from jld_explore.space import search_space
-from jld_explore.study_state import Interrupted, Progress
+from jld_explore.study_state import Interrupted
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
 WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from jld_core import build_assembly, parse_scene
-from jld_core.errors import InputError
+from cases import dry_and_inner
+from jld_core import InputError, build_assembly, parse_scene
 from jld_core.models import solve_by_fields
 from jld_explore import explore
 from jld_explore.verification import verify
@@ -34,11 +34,7 @@ def arch(fill: dict[str, Any] | None, **more: Any) -> dict[str, Any]:
     return {
         "name": "arch",
         "elements": elements,
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.7},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000, 0.7, 1e5, 2e5),
         "loads": {"live": [{"element": "r1v0", "force": [0, -1e3], "at": [-0.6, 1.08]}]},
         "search": {"block_cells": [1, 2]},
         **({} if fill is None else {"fill": fill}),

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, load_scene
-from jld_core.build import build_assembly
-from jld_core.limit import SolveOptions, Status
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_core import InputError, SolveOptions, Status, build_assembly, load_scene, parse_scene
+from jld_explore import Evaluation, ExploreSettings, explore, search_space
+from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.protocol import BOUND, Evaluator
 from jld_explore.evaluation.ranking import comparison_value, sort_key, status_ranks
-from jld_explore.space import search_space
 from paths import SCENES
 
 NAN = float("nan")

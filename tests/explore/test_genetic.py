@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jld_core.build import build_assembly
-from jld_core.limit import Status
-from jld_core.scene import load_scene
+from jld_core import Status, build_assembly, load_scene
+from jld_explore import Evaluation, search_space
 from jld_explore.drivers.genetic import Genetic, crowding_of, fronts_of
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.protocol import FAILED, Evaluator
 from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
-from jld_explore.space import search_space
 from paths import SCENES
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from cases import grid_assembly, grid_document
+from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
 from jld_explore.space import labelling
 from jld_explore.space.labelling import blocks_of, connectivity, slits
 from jld_explore.space.limits import block_sizes

@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import samples
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
+from jld_core import InputError, Scene, build_assembly, parse_scene, samples
 from jld_core.exchange import Layout
-from jld_core.scene import Scene, parse_scene
-from jld_explore import explore
-from jld_explore.space import search_space
+from jld_explore import explore, search_space
 from jld_explore.space.counts import counts
 from jld_explore.space.search_space import feasible
 from jld_practice.printed import making_of, stones_of

@@ -12,14 +12,13 @@ import pandas as pd
 import pytest
 from benchmarks.claims import Tally, members
 
-from jld_core import build_assembly, parse_scene, solve
-from jld_core.errors import InputError
+from cases import dry_and_inner
+from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.models import solve_by_fields
-from jld_explore import explore
+from jld_explore import explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.report.page_contract import PageData
-from jld_explore.space import search_space
 from jld_explore.verification import verify
 
 Document = dict[str, Any]
@@ -38,11 +37,7 @@ def wall(members: list[Document], **more: Any) -> Document:
     return {
         "name": "wall",
         "grid": {"cell": [1, 1], "thickness": 1.0, "rows": ["ab", "cd", "##"]},
-        "materials": {
-            "density": 1000,
-            "dry": {"friction_coefficient": 0.7},
-            "inner": {"tensile_strength": 2e3, "shear_strength": 4e3},
-        },
+        "materials": dry_and_inner(1000, 0.7, 2e3, 4e3),
         "loads": {"live": [{"body": [1, 0]}]},
         "members": members,
         "search": {"block_cells": [1, 2]},
@@ -189,7 +184,7 @@ def _void() -> None:
 
 def _settlement() -> None:
     from jld_core.build.settlements import settlements_of
-    from jld_core.limit.force_range import settle
+    from jld_practice.reactions.force_range import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))
@@ -198,7 +193,7 @@ def _settlement() -> None:
 
 
 def _thrust() -> None:
-    from jld_core.limit.thrust import thrust_ranges
+    from jld_practice.reactions import thrust_ranges
 
     thrust_ranges(build_assembly(parse_scene(wall([STRAP]))))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from cases_spatial import box
 from command import Command
 from jld_core import InputError, LimitAnalysisResult, Scene, SolveOptions, parse_scene, solve
@@ -40,11 +40,7 @@ def table() -> Scene:
     document: dict[str, Any] = {
         "name": "table",
         "elements": boxes,
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 8e3, "shear_strength": 9e3},
-        },
+        "materials": dry_and_inner(2000, 0.6, 8e3, 9e3),
         "loads": {
             "live": [{"body": [0.3, 0.1, 0.0]}, {"element": "far", "force": [0.0, 9e3, 0.0], "at": [3.0, 0.5, 1.3]}]
         },

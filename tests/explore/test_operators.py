@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_scene
+from jld_core import InputError, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import parse_scene
+from jld_explore import SearchSpace, search_space
 from jld_explore.drivers import BufferedRandom, Register, operators
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.segmentations import Segmentations
-from jld_explore.space import SearchSpace, keys, search_space
+from jld_explore.space import keys
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.search_space import feasible

@@ -10,21 +10,14 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from jld_core.build import build_assembly
-from jld_core.limit import Status
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from cases import dry_and_inner
+from jld_core import Status, build_assembly, parse_scene
+from jld_explore import Evaluation, ExploreSettings, explore, search_space
 from jld_explore.drivers.optuna import FILE, Optuna
-from jld_explore.evaluation import Evaluation
-from jld_explore.space import search_space
 
 SCENE = {
     "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},
-    "materials": {
-        "density": 2000,
-        "dry": {"friction_coefficient": 0.6},
-        "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-    },
+    "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
     "loads": {"live": [{"body": [1, 0]}]},
 }
 

@@ -12,11 +12,9 @@ import pytest
 from pydantic import Field
 
 from cases import grid_document
-from command import call
+from command import Command
+from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import Scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
@@ -134,25 +132,19 @@ def test_a_registered_driver_is_used_by_its_name(named: None, tmp_path: Path) ->
     ],
 )
 def test_errors_of_options_follow_from_the_driver(
-    options: list[str],
-    words: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command
 ) -> None:
     file = tmp_path / "scene.json"
     file.write_text(scene().model_dump_json(exclude_defaults=True))
-    outcome = call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out", *options)
+    outcome = jld("explore", file, "--out", tmp_path / "out", *options)
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     for word in words:
         assert word in outcome.err
     assert not (tmp_path / "out").exists()
 
 
-def test_help_follows_from_the_drivers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    said = " ".join(call(monkeypatch, capsys, "explore", "--help").out.split())
+def test_help_follows_from_the_drivers(tmp_path: Path, jld: Command) -> None:
+    said = " ".join(jld("explore", "--help").out.split())
     for kind in DRIVERS.values():
         for name, field in kind.Options.model_fields.items():
             assert f"--{name}" in said

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from jld_core import build_assembly, parse_scene, solve
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.cli import explore as progress
+from jld_explore.cli import progress
 from jld_explore.space import from_string
-from jld_explore.study_state import Progress
 from scenes_of_pages import small_scene
 
 

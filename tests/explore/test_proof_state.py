@@ -15,24 +15,21 @@ import numpy as np
 import pytest
 from benchmarks.claims import proofs
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest, chosen
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
-from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Driver
+from jld_explore import Driver, Exploration, ExploreSettings, StopReason, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
-from jld_explore.report import Exploration, words
-from jld_explore.space import search_space
+from jld_explore.report import words
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes
 from jld_explore.study import Study
-from jld_explore.study_state import StopReason
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
@@ -41,22 +38,14 @@ QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
 LOST = {
     "grid": {"cell": [0.113, 0.173], "thickness": 0.3, "rows": ["aaaa", "aaaa", "aaaa", "aaaa", "####"]},
-    "materials": {
-        "density": 2000,
-        "dry": {"friction_coefficient": 0.6},
-        "inner": {"tensile_strength": 4000.0, "shear_strength": 4000.0},
-    },
+    "materials": dry_and_inner(2000, 0.6, 4000.0, 4000.0),
     "loads": {"live": [{"body": [1.0, -0.1]}]},
     "search": {"block_cells": [1, 4], "front": {"count": "blocks", "sense": "max"}},
 }
 """A scene of which version 0.2 proved 0.5122 with two jobs in four of five runs."""
 FLIPPED = {
     "grid": {"cell": [0.3, 0.3], "thickness": 0.3, "rows": ["aaaa", "aaaa", "aaaa", "####"]},
-    "materials": {
-        "density": 2000,
-        "dry": {"friction_coefficient": 0.6},
-        "inner": {"tensile_strength": 2e4, "shear_strength": 2e4},
-    },
+    "materials": dry_and_inner(2000, 0.6, 2e4, 2e4),
     "loads": {"live": [{"body": [0.3, -1]}]},
     "search": {"shapes": [None, 1], "moulds": {"flip": True}, "block_cells": [3, 4]},
 }

@@ -15,17 +15,15 @@ import pytest
 
 from cases import grid_document
 from command import ended
+from jld_core import InputError, Status, build_assembly, load_scene, parse_scene
 from jld_core.arrays import Bits
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.limit import Status
-from jld_core.scene import load_scene, parse_scene
-from jld_explore.evaluation import Evaluation, Records
+from jld_explore import Evaluation, search_space
+from jld_explore.evaluation import Records
 from jld_explore.evaluation.protocol import BOUND
 from jld_explore.evaluation.ranking import record_type, rows_of
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
-from jld_explore.space import search_space, unpack
+from jld_explore.space import unpack
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity
 from jld_explore.space.limits import block_sizes

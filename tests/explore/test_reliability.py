@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
@@ -163,11 +163,9 @@ def cubes() -> dict[str, Any]:
 
     return {
         "elements": [box("g", -1.0, True), box("a", 0.0), box("b", 1.0)],
-        "materials": {
-            "density": vary(2000.0, 0.1, each=True),
-            "dry": {"friction_coefficient": vary(0.5, 0.1, "lognormal")},
-            "inner": {"tensile_strength": vary(4e3, 0.2), "shear_strength": vary(3e3, 0.2, "lognormal")},
-        },
+        "materials": dry_and_inner(
+            vary(2000.0, 0.1, each=True), vary(0.5, 0.1, "lognormal"), vary(4e3, 0.2), vary(3e3, 0.2, "lognormal")
+        ),
         "labels": {"inner": [["a", "b"]]},
         "loads": {
             "cases": [
@@ -499,7 +497,7 @@ def test_a_search_ranks_its_best_layouts_by_reliability(
     without_pictures: None,
     without_field_check: None,
 ) -> None:
-    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 500)
+    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 150)
     path, out = tmp_path / "wall.json", tmp_path / "out"
     document = grid_document(["ab", "cd", "##"], tension=4e3, shear=5e3, block_cells=[1, 2])
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from command import call
+from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build import build_robust
 from jld_core.scene.reading import at_low
 from jld_core.strengths import Route
-from jld_explore import ExploreSettings, explore
-from jld_explore.report import read_folder
+from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.space import from_string
 
 ROUTE = Route("a test")
@@ -105,14 +104,14 @@ def test_wrong_values(dry: dict[str, Any], words: str) -> None:
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document()))
-    found = json.loads(call(monkeypatch, capsys, "solve", file, "--robust", "--json").out)
+    found = json.loads(jld("solve", file, "--robust", "--json").out)
     assert found["load_factor"] < found["load_factor_nominal"]
     assert found["load_factor_nominal"] == pytest.approx(solve(build_assembly(plain(False))).load_factor)
-    out = call(monkeypatch, capsys, "explore", file, "--robust", "--out", tmp_path / "out", "--budget", "5").out
+    out = jld("explore", file, "--robust", "--out", tmp_path / "out", "--budget", "5").out
     assert "at nominal" in out
     file.write_text(json.dumps(grid_document(ROWS)))
-    failed = call(monkeypatch, capsys, "explore", file, "--robust", "--out", tmp_path / "no").err
+    failed = jld("explore", file, "--robust", "--out", tmp_path / "no").err
     assert "no material value of the scene has a low one" in failed

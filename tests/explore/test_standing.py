@@ -12,10 +12,9 @@ import pandas as pd
 import pytest
 from benchmarks.common import random_segmentations, scene
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from command import Command
-from jld_core import build_assembly, parse_scene, solve
-from jld_core.limit import SolveOptions
+from jld_core import SolveOptions, build_assembly, parse_scene, solve
 from jld_explore import Exploration, explore, read_folder
 from jld_explore.evaluation.standing import Standing
 from jld_explore.report.words import facts_of_exploration
@@ -36,12 +35,7 @@ def slope(shear: float, candidates: str = "all+supports") -> dict[str, Any]:
             {"id": "a", "polygon": [[1, 1], [2, 2], [1.5, 2.5], [0.5, 1.5]]},
             {"id": "b", "polygon": [[2, 2], [3, 3], [2.5, 3.5], [1.5, 2.5]]},
         ],
-        "materials": {
-            "density": 2000,
-            "gravity": 9.81,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e6, "shear_strength": shear},
-        },
+        "materials": dry_and_inner(2000, 0.6, 1e6, shear, gravity=9.81),
         "loads": {"live": [{"body": [1, 0]}]},
         "search": {"candidates": candidates, "segmentation": False, "symmetry": "none"},
     }

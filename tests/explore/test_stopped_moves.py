@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from command import Command
-from jld_core import build_assembly, load_scene, samples, solve
-from jld_core.scene import Scene, parse_scene
+from jld_core import Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.optimise import Point, move_joints
 

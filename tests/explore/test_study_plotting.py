@@ -9,10 +9,9 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from command import call
-from jld_core import LimitAnalysis, Status, build_assembly, load_scene
+from command import Command
+from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly, blocks_of
 from jld_core.views.figures import save_figure
 from jld_explore.report.pictures import (
     labels_of,
@@ -201,21 +200,19 @@ def test_the_picture_of_the_best_layout_has_all_parts(assembly: Assembly) -> Non
 
 
 @pytest.mark.long
-def test_pictures_are_drawn_again_as_vectors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_are_drawn_again_as_vectors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     """All of them, that of the convergence too, which is read from the folder of the study."""
     folder = tmp_path / "search"
-    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--pictures")
+    jld("explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--pictures")
     raster = {path.stem for path in folder.glob("*.png")}
     out = tmp_path / "vectors"
-    assert call(monkeypatch, capsys, "plot", folder, "--out", out, "--format", "svg").code == 0
+    assert jld("plot", folder, "--out", out, "--format", "svg").code == 0
     assert {path.stem for path in out.iterdir()} == raster
     assert all(path.read_bytes().startswith(b"<?xml") for path in out.iterdir())
     single = tmp_path / "scene.json"
     single.write_bytes(SCENE.read_bytes())
     monkeypatch.chdir(tmp_path)  # a scene is drawn where one stands
-    assert call(monkeypatch, capsys, "plot", single, "--format", "pdf").code == 0
+    assert jld("plot", single, "--format", "pdf").code == 0
     assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
 
 
@@ -253,9 +250,7 @@ def test_every_point_of_a_front_has_its_status(
     assert read_folder(tmp_path / "out").front["evidence"].tolist() == written["evidence"].tolist()
 
 
-def test_a_search_draws_front_and_best_and_the_others_when_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_search_draws_front_and_best_and_the_others_when_asked(tmp_path: Path, jld: Command) -> None:
     from cases import grid_document
     from jld_core import parse_scene
     from jld_explore import explore
@@ -267,5 +262,5 @@ def test_a_search_draws_front_and_best_and_the_others_when_asked(
         explore(scene, tmp_path / name, jobs=1, pictures=pictures)
     drawn = {name: {path.name for path in (tmp_path / name).glob("*.png")} for name in ("few", "every", "none")}
     assert drawn == {"few": shown, "every": shown | others, "none": set()}
-    call(monkeypatch, capsys, "plot", tmp_path / "few")
+    jld("plot", tmp_path / "few")
     assert {path.name for path in (tmp_path / "few").glob("*.png")} == shown | others

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from cases import grid_document
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
+from jld_core import build_assembly, parse_scene
+from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.searcher import Pool
 from jld_explore.drivers.surrogate import SLOTS, Surrogate
-from jld_explore.space import SearchSpace, keys, search_space
+from jld_explore.space import keys
 
 
 def space_of(rows: list[str]) -> SearchSpace:

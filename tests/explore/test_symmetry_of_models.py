@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from benchmarks.claims import Tally, symmetry
 
+from cases import dry_and_inner
 from jld_core import InputError, build_assembly, parse_scene
-from jld_explore import explore
-from jld_explore.space import search_space
+from jld_explore import explore, search_space
 
 Document = dict[str, Any]
 Change = Callable[[Document], None]
@@ -21,11 +21,7 @@ def lintel(cracks: Any = "faces", **more: Any) -> Document:
     """A lintel of 4 cells of 1 m on two supports under two equal forces."""
     return {
         "grid": {"cell": [1.0, 1.0], "rows": ["aaaa", "#..#"]},
-        "materials": {
-            "density": 2000.0,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000.0, 0.6, 1e5, 2e5),
         "loads": {
             "live": [{"element": f"c{k}r0", "force": [0, -1e3], "at": [x, 2.0]} for k, x in ((1, 1.35), (2, 2.65))]
         },
@@ -169,5 +165,5 @@ def test_an_objective_of_the_user_is_asked_for_each_mirror_image() -> None:
 def test_merged_layouts_have_one_load_factor() -> None:
     """A share of `python -m benchmarks.claims symmetry`: cases by faces and cells."""
     tally = Tally(symmetry.CLAIM)
-    assert [symmetry.case(seed, tally) for seed in (0, 1, 3, 4, 6, 7, 19, 40)] == [""] * 8
+    assert [symmetry.case(seed, tally) for seed in (0, 1, 6, 40)] == [""] * 4
     assert tally.notes["cells: merged"] > 0

@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from jld_explore.report.result_files import write_results
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
+from command import Command
 from jld_core import parse_scene
 from jld_experiment import experiments
-from jld_explore import ExploreSettings, explore
-from jld_explore.report import csv_of, read_folder, tables
+from jld_explore import ExploreSettings, explore, read_folder
+from jld_explore.report import csv_of, read_folder, result_files, tables
 from jld_explore.report import tables as result_files
 from jld_explore.report.tables import write_results
 from jld_explore.space.labelling import to_strings
@@ -52,11 +54,7 @@ def scene(first: str = "a") -> dict[str, Any]:
     ground = [[-1, -1], [3, -1], [3, 0], [-1, 0]]
     return {
         "elements": [*elements, {"id": "ground", "polygon": ground, "support": True}],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.7},
-            "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
-        },
+        "materials": dry_and_inner(2000, 0.7, 2e5, 2e5),
         "loads": {"live": [{"body": [1, 0]}]},
     }
 
@@ -146,32 +144,28 @@ def test_texts_made_from_bytes_are_those_of_the_labellings() -> None:
     assert tables._texts(packed[:0], 11, 11).tolist() == []
 
 
-WITHOUT_PYARROW = "import sys; sys.modules['pyarrow'] = None; from jld_explore.__main__ import main; main()"
-"""The command line where pyarrow is not installed."""
-
-
-def without_pyarrow(*arguments: object) -> tuple[int, str]:
-    command = [sys.executable, "-c", WITHOUT_PYARROW, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.returncode, done.stderr
-
-
-def test_a_folder_without_parquet_is_written_and_read(tmp_path: Path) -> None:
+def test_a_folder_without_parquet_is_written_and_read(
+    tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Names of load cases that a spreadsheet would run come back; the same rows as with Parquet, of the same types."""
     document = grid_document(["aaa", "bbb", "###"])
     document["loads"] = {"cases": [{"name": n, "live": [{"body": [x, 0]}]} for n, x in (("=left", -1), ("@right", 1))]}
     scene, out = tmp_path / "scene.json", tmp_path / "out"
     scene.write_text(json.dumps(document))
-    options = ("--driver", "random", "--budget", 9, "--jobs", 1)
-    assert without_pyarrow("explore", scene, "--out", out, *options) == (0, "")
+    program = "import sys; sys.modules['pyarrow'] = None; from jld_explore.__main__ import main; main()"
+    search = ("explore", scene, "--driver", "random", "--budget", 9, "--jobs", 1, "--check-fields", 0, "--out", out)
+    for asked in (search, ("solve", out, "--rank", 2, "--json")):
+        command = [sys.executable, "-c", program, *map(str, asked)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
     assert not (out / "results.parquet").exists()
-    assert without_pyarrow("solve", out, "--rank", 2, "--json") == (0, "")
     alone = read_folder(out).results
     write_results(out, alone)
     pd.testing.assert_frame_equal(read_folder(out).results, alone)
     assert set(alone["governing"]) <= {"=left", "@right"}
     (out / "results.csv").unlink()
-    code, said = without_pyarrow("solve", out)
-    assert (code, said.count("\n")) == (2, 1)
-    assert "results.parquet: it needs pyarrow, which is not installed" in said
-    assert "pip install 'jld[parquet]'" in said
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    told = jld("solve", out)
+    assert (told.code, told.err.count("\n")) == (2, 1)
+    assert "results.parquet: it needs pyarrow, which is not installed" in told.err
+    assert "pip install 'jld[parquet]'" in told.err

@@ -10,11 +10,10 @@ import pandas as pd
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, parse_scene
-from jld_core.scene import Scene
+from jld_core import InputError, Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
-from jld_explore import ExploreSettings, explore
-from jld_explore.report import read_folder, words
+from jld_explore import ExploreSettings, explore, read_folder
+from jld_explore.report import words
 from jld_explore.report.tables import on_front
 
 FRONT = {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from cases import grid_document
-from jld_core import build_assembly, parse_scene
-from jld_core.models import solve
+from jld_core import build_assembly, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, explore, read_folder, search_space
 from jld_explore.report import words
 from jld_explore.report.languages import stronger_cut

@@ -20,14 +20,10 @@ from pysat.solvers import Solver
 from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_document
-from command import call
-from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis
-from jld_core.scene import parse_scene
-from jld_explore import ExploreSettings, explore
+from command import Command
+from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
-from jld_explore.space import search_space
 from jld_explore.space.search_space import feasible
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
@@ -393,19 +389,14 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_search(place: str, 
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_refusals_are_one_line(
-    proof: list[dict[str, Any]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_refusals_are_one_line(proof: list[dict[str, Any]], tmp_path: Path, jld: Command) -> None:
     whole = rewritten(proof, tmp_path / "whole.jld")
     text = whole.read_text(encoding="utf-8")
     (tmp_path / "byte.jld").write_text(text.replace('"load_factor":', '"load_factor": ', 1), encoding="utf-8")
     (tmp_path / "half.jld").write_text(text[: len(text) // 2], encoding="utf-8")
     (tmp_path / "scene.json").write_text(json.dumps(SCENES["kept"]), encoding="utf-8")
     (tmp_path / "own.json").write_text(json.dumps(TALL), encoding="utf-8")
-    good = call(monkeypatch, capsys, "verify", whole, "--scene", tmp_path / "own.json", "--json")
+    good = jld("verify", whole, "--scene", tmp_path / "own.json", "--json")
     assert json.loads(good.out)["bound"] == proof[0]["bound"]
     for arguments, words in (
         ([tmp_path / "byte.jld"], "digest"),
@@ -414,7 +405,7 @@ def test_refusals_are_one_line(
         ([tmp_path / "none.jld"], "No such file"),
         ([whole, "--scene", tmp_path / "scene.json"], "another scene"),
     ):
-        bad = call(monkeypatch, capsys, "verify", *arguments)
+        bad = jld("verify", *arguments)
         assert bad.code == 2
         assert words in bad.err
         assert bad.err.count("\n") == 1

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from command import call
-from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.scene import Scene
-from jld_explore import ExploreSettings, explore, search_space
+from command import Command
+from jld_core import InputError, Scene, build_assembly, parse_scene, solve
+from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.report import read_folder
 from jld_explore.space.void import cut, omitted
 
 ROWS = ["aaa", "aaa", "###"]
@@ -111,7 +109,7 @@ def test_the_strongest_for_its_weight(every: Any) -> None:
 def test_other_drivers_keep_to_the_same_layouts(every: Any, tmp_path: Path) -> None:
     known = dict(zip(every.results["labelling"], every.results["load_factor"], strict=True))
     for driver in ("genetic", "hillclimb", "random"):
-        settings = ExploreSettings(driver=driver, budget=120, pictures=False)
+        settings = ExploreSettings(driver=driver, budget=40, pictures=False)
         done = explore(every.scene, tmp_path / driver, settings)
         assert set(done.results["labelling"]) <= set(known)
         assert done.results["labelling"].str.contains("v").any()
@@ -130,19 +128,17 @@ def test_mirror_images_are_one_class(tmp_path: Path) -> None:
     assert len(one.results) < len(two.results)
 
 
-def test_ranks_are_solved_drawn_and_exported(
-    every: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ranks_are_solved_drawn_and_exported(every: Any, tmp_path: Path, jld: Command) -> None:
     ranked = every.results[every.results["status"] == "collapse"]["labelling"].reset_index(drop=True)
     rank = int(np.flatnonzero(ranked.str.contains("v"))[0]) + 1
-    done = call(monkeypatch, capsys, "solve", every.folder, "--rank", rank, "--json")
+    done = jld("solve", every.folder, "--rank", rank, "--json")
     assert done.code == 0
     told = json.loads(done.out)
     assert told["load_factor"] == pytest.approx(float(every.results["load_factor"].iloc[rank - 1]), rel=1e-6)
     assert told["elements"] < len(every.assembly.elements)
-    assert call(monkeypatch, capsys, "plot", every.folder, "--rank", rank, "--out", tmp_path / "r.png").code == 0
+    assert jld("plot", every.folder, "--rank", rank, "--out", tmp_path / "r.png").code == 0
     file = tmp_path / "blocks.obj"
-    assert call(monkeypatch, capsys, "export", every.folder, "--format", "obj", "--rank", rank, "-o", file).code == 0
+    assert jld("export", every.folder, "--format", "obj", "--rank", rank, "-o", file).code == 0
     again = read_folder(every.folder)
     assert again.layout(rank).assembly.elements.ids == every.layout(rank).assembly.elements.ids
 
@@ -159,18 +155,12 @@ def test_ranks_are_solved_drawn_and_exported(
         ({"void": {}, "keep": {"dry": [["c0r0", "c0r1"]]}}, "'c0r0', 'c0r1' between two of them is fixed dry"),
     ],
 )
-def test_bad_input(
-    search: dict[str, Any],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_input(search: dict[str, Any], words: str, tmp_path: Path, jld: Command) -> None:
     document = scene_of().model_dump(mode="json", exclude_defaults=True)
     document["search"] = {**document["search"], **search}
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document))
-    done = call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out")
+    done = jld("explore", file, "--out", tmp_path / "out")
     assert (done.code, done.out) == (2, "")
     assert done.err.count("\n") == 1
     assert words in done.err

@@ -16,19 +16,13 @@ import pytest
 
 from cases import grid_document
 from fatal_labelling import FatalLabelling
+from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
-from jld_core.errors import InputError
-from jld_core.limit import Status
-from jld_core.scene import parse_scene
-from jld_explore import Progress, explore
+from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.worker_pool import Workers, WorkerSpec, batch_size, evaluate_batch
-from jld_explore.settings import ExploreSettings
-from jld_explore.space import search_space
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""

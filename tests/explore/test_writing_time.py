@@ -14,10 +14,10 @@ import pytest
 from cases import grid_document
 from jld_core import build_assembly, parse_scene, samples
 from jld_core.deadline import Deadline
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.evaluation import field_pool
 from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.report import folder, page_of_study, read_folder, write_pictures
+from jld_explore.report import folder, page_of_study, write_pictures
 from jld_explore.writing_time import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 
 

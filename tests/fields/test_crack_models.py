@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from studies.crack_models import HALVES, VORONOI, finer
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import loaded_mesh, thickness_of
-from jld_core.limit import Status
 from jld_core.models import solve_by_fields
 from jld_core.models.crack_models import require_cracks
 from jld_core.refinement.cells import crack_cells
@@ -26,11 +25,7 @@ BAR: dict[str, Any] = {
         {"id": "wall", "polygon": [[0, -1], [0.5, -1], [0.5, 0], [0, 0]], "support": True},
         {"id": "bar", "polygon": [[0, 0], [0.5, 0], [0.5, 1.5], [0, 1.5]]},
     ],
-    "materials": {
-        "density": 0.0,
-        "dry": {"friction_coefficient": 0.5},
-        "inner": {"tensile_strength": 1.2, "shear_strength": 1.0},
-    },
+    "materials": dry_and_inner(0.0, 0.5, 1.2, 1.0),
     "loads": {"live": [{"element": "bar", "force": [0, 1], "at": [0.25, 1.5]}]},
     "labels": {"default": "inner", "inner": [["wall", "bar"]]},
 }

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from jld_core import build_assembly, parse_scene
-from jld_core.assembly import Assembly
+from cases import dry_and_inner
+from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldRefinement
 from jld_core.fields.governing import governing_bounds
@@ -23,11 +23,7 @@ def blocks() -> Assembly:
         {"name": "push", "live": [{"body": [0.1, 0.0]}]},
         {"name": "pull", "live": [{"body": [0.5, 0.0]}], "required": 1.0},
     ]
-    materials = {
-        "density": 2000.0,
-        "dry": {"friction_coefficient": 0.4},
-        "inner": {"tensile_strength": 1e6, "shear_strength": 1e6},
-    }
+    materials = dry_and_inner(2000.0, 0.4, 1e6, 1e6)
     document = {"elements": [*elements, ground], "thickness": 0.5, "materials": materials, "loads": {"cases": cases}}
     return build_assembly(parse_scene(document))
 

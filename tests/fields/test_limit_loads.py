@@ -11,7 +11,7 @@ import pytest
 from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move, random_move
 
-from cases import all_inner
+from cases import all_inner, dry_and_inner
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
@@ -245,11 +245,7 @@ def test_a_structure_that_its_live_load_holds_up_does_not_stand_at_zero() -> Non
             {"id": "slab", "polygon": [[0, 0], [3, 0], [3, 0.5], [0, 0.5]]},
             {"id": "ground", "polygon": [[0, -1], [1, -1], [1, 0], [0, 0]], "support": True},
         ],
-        "materials": {
-            "density": 2000.0,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e6, "shear_strength": 2e6},
-        },
+        "materials": dry_and_inner(2000.0, 0.6, 1e6, 2e6),
         "loads": {"live": [{"element": "slab", "force": [0.0, 1e3], "at": [2.9, 0.5]}]},
     }
     held = solve_by_fields(build_assembly(parse_scene(document)), gap=0.5)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from cases_spatial import box
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.arrays import Floats
@@ -149,11 +150,7 @@ def test_stated_interfaces_that_miss_the_outlines_are_refused() -> None:
             {"id": "block", "polygon": [[0, 0.004], [1, 0.004], [1, 1], [0, 1]]},
         ],
         "interfaces": [{"elements": ["ground", "block"], "polygon": [[0, 0.002], [1, 0.002]]}],
-        "materials": {
-            "density": 2.0,
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 100.0, "shear_strength": 100.0},
-        },
+        "materials": dry_and_inner(2.0, 0.5, 100.0, 100.0),
         "loads": {"live": [{"body": [1, 0]}]},
     }
     with pytest.raises(InputError, match="does not lie on the outlines"):
@@ -183,11 +180,7 @@ def test_a_force_as_steep_on_two_faces_is_asked_for(dimension: int, first: int) 
         force, at = [4e2, 0.0, -4e2], [0.0, 0.5, 2.0]
     document = {
         "elements": [block, ground],
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1.5e5},
-        },
+        "materials": dry_and_inner(2000, 0.6, 1e5, 1.5e5),
         "loads": {"live": [{"element": "a", "force": force, "at": at}]},
         "cracks": {"kind": "fields", "gap": 5.0},
     }

@@ -8,6 +8,7 @@ import shapely
 from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move
 
+from cases import dry_and_inner
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import loaded_mesh
@@ -78,11 +79,7 @@ def test_the_mirror_image_of_a_patch_has_the_same_bounds(inset: float, width: fl
         load = {"element": f"c{int(x)}r0", "force": [-500 if flip else 500, -2e3], "at": [x, 2.0], "width": width}
         scene = {
             "grid": {"cell": [1.0, 1.0], "thickness": 1.0, "rows": ["ab", "##"]},
-            "materials": {
-                "density": 2000,
-                "dry": {"friction_coefficient": 0.6},
-                "inner": {"tensile_strength": 1e5, "shear_strength": 1.5e5},
-            },
+            "materials": dry_and_inner(2000, 0.6, 1e5, 1.5e5),
             "loads": {"live": [load]},
         }
         found = bounds_by_fields(build_assembly(parse_scene(scene)), gap=1e3)

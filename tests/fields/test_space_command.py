@@ -8,20 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from cases import dry_and_inner
 from cases_spatial import box
 from command import Command
-from jld_core import build_assembly, parse_scene
-from jld_core.limit import Status
+from jld_core import Status, build_assembly, parse_scene
 from jld_core.models import solve_by_fields
 
 SCENE: dict[str, Any] = {
     "name": "cube",
     "elements": [box("base", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])],
-    "materials": {
-        "density": 0.0,
-        "dry": {"friction_coefficient": 0.5},
-        "inner": {"tensile_strength": 0.7, "shear_strength": 1.0},
-    },
+    "materials": dry_and_inner(0.0, 0.5, 0.7, 1.0),
     "loads": {"live": [{"element": "cube", "force": [0, 0, 1], "at": [0.5, 0.5, 1.0]}]},
     "labels": {"default": "inner", "inner": [["base", "cube"]]},
 }

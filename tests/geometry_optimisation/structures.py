@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from cases import dry_and_inner
+
 Document = dict[str, Any]
 
 
@@ -13,11 +15,7 @@ def block(width: float, height: float, *, friction: float = 2.0, lean: float = 0
     ground = [[-1.0, -1.0], [width + 1.0, -1.0], [width, lean], [0.0, 0.0]]
     return {
         "elements": [{"id": "b", "polygon": outline}, {"id": "g", "polygon": ground, "support": True}],
-        "materials": {
-            "density": 1000.0,
-            "dry": {"friction_coefficient": friction},
-            "inner": {"tensile_strength": 1e7, "shear_strength": 3e3},
-        },
+        "materials": dry_and_inner(1000.0, friction, 1e7, 3e3),
         "loads": {"live": [{"body": [1.0, 0.0]}]},
         "labels": {label: [["b", "g"]]},
     }

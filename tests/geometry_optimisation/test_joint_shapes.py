@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_geometry import joint_shapes as shape_search
@@ -31,11 +32,7 @@ def two_blocks(tension: float = 2e5, shear: float = 4e5, place: float = 0.2) -> 
     document: dict[str, Any] = {
         "thickness": THICK,
         "elements": [{"id": name, "polygon": one, "support": name == "ground"} for name, one in outlines.items()],
-        "materials": {
-            "density": 0.0,
-            "dry": {"friction_coefficient": FRICTION},
-            "inner": {"tensile_strength": tension, "shear_strength": shear},
-        },
+        "materials": dry_and_inner(0.0, FRICTION, tension, shear),
         "labels": {"inner": [["ground", "low"]]},
         "loads": {
             "dead": [{"element": "up", "force": [0.0, -PRESS], "at": [place, 0.1]}],
@@ -344,3 +341,53 @@ def test_planar_joints_have_no_direction() -> None:
     assembly = build_assembly(scene)
     with pytest.raises(InputError, match="the joints of a planar scene have none"):
         shaped_scene(scene, assembly, assembly.labels, Sine(0.1, 1), RUN)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[list[float]]:
+    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+
+
+BESIDE = {
+    "wide": {"base": box(-1, -0.5, 2, 0), "b": box(0, 0, 1, 1)},
+    "two": {"base": box(-1, -0.5, 3, 0), "b": box(0, 0, 1, 1), "c": box(1, 0, 2, 1)},
+    "pyramid": {"base": box(-1, -0.5, 2, 0), "b": box(-0.5, 0, 1.5, 0.5), "c": box(0, 0.5, 1, 1)},
+    "flush": {"base": box(0, -0.5, 2, 0), "b": box(0, 0, 1, 1)},
+    "bond": {
+        "base": box(-1, -0.5, 3, 0),
+        "b": box(0, 0, 1, 0.5),
+        "c": box(1, 0, 2, 0.5),
+        "d": box(0.5, 0.5, 1.5, 1),
+    },
+    "lintel": {"base": box(-1, -0.5, 0.3, 0), "s": box(2, -0.5, 3, 0), "l": box(-0.2, 0, 2.4, 0.4)},
+}
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2])
+@pytest.mark.parametrize("name", BESIDE)
+def test_shapes_beside_wider_elements_make_valid_scenes(name: str, turn: float) -> None:
+    """In any order of elements: a scene that can be built, of the same area, or a tooth that does not fit."""
+    c, s = np.cos(turn), np.sin(turn)
+    entries = [
+        {"id": one, "polygon": (np.array(outline) @ [[c, s], [-s, c]]).tolist(), "support": one in ("base", "s")}
+        for one, outline in BESIDE[name].items()
+    ]
+    for elements in (entries, entries[::-1]):
+        scene = parse_scene(
+            {
+                "elements": elements,
+                "materials": {"density": 1.0, "dry": {"friction_coefficient": 0.6}},
+                "loads": {"live": [{"body": [1.0, 0.0]}]},
+            }
+        )
+        assembly = build_assembly(scene)
+        fitting = 0
+        for shape in (*(Incline(slope) for slope in (0.02, -0.1, 0.2, -0.5)), Key(0.1, 0.4, 0.05), Sine(0.02, 3)):
+            try:
+                found = build_assembly(shaped_scene(scene, assembly, assembly.labels, shape))
+            except InputError as error:
+                if "does not fit into" not in str(error):
+                    raise
+                continue
+            fitting += 1
+            assert found.elements.volume.sum() == pytest.approx(assembly.elements.volume.sum(), rel=1e-9)
+        assert fitting >= 2

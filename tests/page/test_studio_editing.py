@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import base64
 import json
-import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 
 from jld_core import build_assembly, parse_scene, solve
@@ -22,16 +20,7 @@ pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
 from jld_studio.supports import with_support
-from local_studio import Local
-
-BLOCKS = re.findall(r"```json\n(.*?)```", (ROOT / "docs/reference/http.md").read_text("utf-8"), re.S)
-SCHEMA = json.loads(BLOCKS[1])
-"""The schema of what the page asks, as the documentation states it."""
-
-
-def fits(document: Any, name: str) -> None:
-    """Hold a request or an answer against the documented schema."""
-    jsonschema.validate(document, {**SCHEMA, "$ref": f"#/$defs/{name}"})
+from local_studio import Local, fits
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import dry_and_inner
 from cases_spatial import box
 from jld_core import LimitAnalysisResult, build_assembly, parse_scene, solve
 from jld_core.limit.mechanism import Movement, face_motions
@@ -35,12 +36,7 @@ def stack(
     pairs = [[f"b{k}", f"b{k + 1}"] for k in range(cubes - 1)]
     document = {
         "elements": elements,
-        "materials": {
-            "density": DENSITY,
-            "gravity": 1.0,
-            "dry": {"friction_coefficient": friction},
-            "inner": {"tensile_strength": tension * WEIGHT, "shear_strength": shear * WEIGHT},
-        },
+        "materials": dry_and_inner(DENSITY, friction, tension * WEIGHT, shear * WEIGHT, gravity=1.0),
         "loads": {"live": [{"body": [*direction, 0.0]}]},
         "labels": {"inner": pairs + ([["b0", "ground"]] if base == "inner" else [])},
     }
@@ -50,12 +46,7 @@ def stack(
 def planar_stack(friction: float, tension: float, shear: float) -> LimitAnalysisResult:
     document = {
         "grid": {"cell": [1, 1], "thickness": 1, "rows": ["a", "a", "#"]},
-        "materials": {
-            "density": DENSITY,
-            "gravity": 1.0,
-            "dry": {"friction_coefficient": friction},
-            "inner": {"tensile_strength": tension * WEIGHT, "shear_strength": shear * WEIGHT},
-        },
+        "materials": dry_and_inner(DENSITY, friction, tension * WEIGHT, shear * WEIGHT, gravity=1.0),
         "loads": {"live": [{"body": [1, 0]}]},
     }
     return solve(build_assembly(parse_scene(document)))

@@ -12,8 +12,8 @@ import pytest
 from cases import grid_scene
 from jld_core import Assembly, LimitAnalysis, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Ints
+from jld_explore import search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import search_space
 from paths import SCENES
 from reference_planar import reference_load_factor
 

@@ -11,12 +11,13 @@ import pytest
 from studies.families import semicircular_arch
 
 from cases_spatial import box
-from command import call
-from jld_core import build_assembly, parse_scene
+from command import Command
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
 from jld_core.limit import Settled
-from jld_core.limit.force_range import reactions, settle
 from jld_core.scene import Scene
+from jld_practice.reactions import Settled
+from jld_practice.reactions.force_range import reactions, settle
 
 SPREAD = {
     "name": "spread",
@@ -181,10 +182,10 @@ def test_a_structure_that_falls_has_no_range_of_thrust() -> None:
     assert found.to_json()["most"] is None
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "arch.json", tmp_path / "out"
     file.write_text(arch(12, 0.2).model_dump_json(exclude_defaults=True))
-    done = call(monkeypatch, capsys, "settlement", file, "--out", out, "--json")
+    done = jld("settlement", file, "--out", out, "--json")
     assert (done.code, done.err) == (0, "")
     told = json.loads(done.out)
     assert told == json.loads((out / "settlement.json").read_text())
@@ -193,7 +194,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert one["least"]["bracket"][0] <= one["least"]["reaction"] <= one["most"]["reaction"]
     assert one["supports"] == {"left": [-0.5, 0.0, 0.0], "right": [0.5, 0.0, 0.0]}
     assert len(list(out.glob("*.png"))) == 1
-    assert "least reaction" in call(monkeypatch, capsys, "settlement", file).out
+    assert "least reaction" in jld("settlement", file).out
 
 
 @pytest.mark.parametrize(
@@ -207,25 +208,21 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
         ({"name": "a", "supports": [{"elements": 3, "move": [1, 0]}]}, "the id of a support"),
     ],
 )
-def test_bad_input(
-    settlement: Any, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input(settlement: Any, words: str, tmp_path: Path, jld: Command) -> None:
     document = {**arch(6, 0.2).model_dump(mode="json", exclude_defaults=True), "settlements": [settlement]}
     file = tmp_path / "arch.json"
     file.write_text(json.dumps(document))
-    done = call(monkeypatch, capsys, "settlement", file)
+    done = jld("settlement", file)
     assert (done.code, done.out) == (2, "")
     assert done.err.count("\n") == 1
     assert words in done.err
 
 
-def test_a_scene_without_settlements_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_without_settlements_is_refused(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "box.json"
     parts = [box("g", (0, 0, -1), (1, 1, 0), support=True), box("b", (0, 0, 0), (1, 1, 1))]
     materials = {"density": 2000, "dry": {"friction_coefficient": 0.6}}
     file.write_text(json.dumps({"elements": parts, "materials": materials, "loads": {"live": [{"body": [1, 0, 0]}]}}))
-    done = call(monkeypatch, capsys, "settlement", file)
+    done = jld("settlement", file)
     assert done.code == 2
     assert "the scene has none" in done.err

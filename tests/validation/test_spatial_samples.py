@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import dry_and_inner
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
@@ -100,12 +101,9 @@ def random_pile(seed: int) -> tuple[dict[str, Any], Assembly]:
     direction = rng.normal(size=3) * np.array([1.0, 1.0, 0.3])
     document: dict[str, Any] = {
         "elements": elements,
-        "materials": {
-            "gravity": 1.0,
-            "density": 1.0,
-            "dry": {"friction_coefficient": float(rng.uniform(0.3, 0.9))},
-            "inner": {"tensile_strength": float(rng.uniform(0, 100)), "shear_strength": float(rng.uniform(10, 200))},
-        },
+        "materials": dry_and_inner(
+            1.0, float(rng.uniform(0.3, 0.9)), float(rng.uniform(0, 100)), float(rng.uniform(10, 200)), gravity=1.0
+        ),
         "loads": {"live": [{"body": direction.tolist()}]},
     }
     assembly = build_assembly(parse_scene(document))

@@ -12,18 +12,18 @@ from scipy.optimize import linprog
 
 from cases_spatial import box
 from command import Command
-from jld_core import build_assembly, parse_scene
+from jld_core import Scene, build_assembly, parse_scene
 from jld_core.errors import ParameterError
-from jld_core.limit.thrust import (
+from jld_core.samples import arch
+from jld_core.scene import Scene
+from jld_core.strengths import Route
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.thrust import (
     ResultantRange,
     reactions_of_supports,
     resultant_of_joint,
     resultant_of_section,
-    thrust_ranges,
 )
-from jld_core.samples import arch
-from jld_core.scene import Scene
-from jld_core.strengths import Route
 from transforms import as_elements, rotated
 
 ROUTE = Route("a test")

@@ -35,6 +35,7 @@ from jld_core import (
 from jld_dilation.certificate import BinaryFractions
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
+from jld_explore import ExploreSettings, explore
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES

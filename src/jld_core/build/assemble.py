@@ -23,6 +23,7 @@ from jld_core.build.pushes import cases_of_pushes
 from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants
+from jld_core.parameters import typed
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
@@ -75,6 +76,7 @@ def build_robust(scene: Scene) -> Assembly:
     return replace(nominal, face_strengths=low_values, members=weak.members)
 
 
+@typed
 def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geometry | None = None) -> Assembly:
     """Convert a scene to an assembly, in scene units.
 

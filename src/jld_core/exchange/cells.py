@@ -135,7 +135,7 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
     plain = [k for k, path in enumerate(paths) if options.role(path.layer) in (None, "support") and len(points[k]) > 1]
     if not any(not paths[k].closed for k in plain):
         return []
-    lines = [_line(paths[k], points[k]) for k in plain]
+    lines = [line_of(paths[k], points[k]) for k in plain]
     tree = shapely.STRtree(lines)
     ends = [(n, side) for n, k in enumerate(plain) if not paths[k].closed for side in (0, -1)]
     at = np.array([points[plain[n]][side] for n, side in ends])
@@ -145,15 +145,15 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
     own = other == np.array([n for n, _ in ends])[number]
     best = np.full(len(ends), np.inf)
     np.minimum.at(best, number[~own], away[~own])
-    for index, (n, side) in enumerate(ends):
+    for index, (n, _) in enumerate(ends):
         line = points[plain[n]]
         if len(line) > 2:
             best[index] = min(best[index], float(np.hypot(*(line[0] - line[-1]))))
-        if least < best[index] <= reach:
-            # a line that goes on past the one that it meets leaves no gap
-            last = shapely.LineString(line[:2] if side == 0 else line[-2:])
-            if any(j != n for j in tree.query(last, predicate="crosses").tolist()):
-                best[index] = np.inf
+    # a line that goes on past the one that it meets leaves no gap
+    near = np.flatnonzero((least < best) & (best <= reach)).tolist()
+    pieces = [points[plain[n]][:2] if side == 0 else points[plain[n]][-2:] for n, side in (ends[k] for k in near)]
+    piece, other = tree.query([shapely.LineString(one) for one in pieces], predicate="crosses") if near else ([], [])
+    best[[near[p] for p, j in zip(piece, other, strict=True) if j != ends[near[p]][0]]] = np.inf
     found: dict[tuple[float, ...], Gap] = {}
     for width, place in zip(best.tolist(), at, strict=True):
         if least < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in found.values()):
@@ -182,13 +182,12 @@ def find_cells(
     role = [options.role(path.layer) for path in paths]
     outlines = [k for k in kept if paths[k].closed and role[k] != "hole"]
     lines = [k for k in kept if not paths[k].closed and role[k] != "hole"]
-    rings = [_line(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
+    rings = [line_of(paths[k], snapped.paths[k]) for k in kept if role[k] == "hole"]
     empty = _openings(rings, notes)
     lines = _without_doubles(lines, snapped)
     segments = [shapely.LineString(snapped.paths[k]) for k in lines]
     if all(role[k] == "support" for k in outlines) and not segments + rings:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
-    _refuse_crossings(segments + rings)
     used = _one_outline_each(outlines, paths, snapped, holes, notes)
     nested: list[tuple[Cell, Cell]] = []
     if all(role[k] == "support" for k in outlines):
@@ -243,6 +242,7 @@ def say_nested(nested: list[tuple[Cell, Cell]], notes: Notes) -> None:
         many = "an opening" if len(names) == 1 else "openings"
         remedy = f"--hole {layers[around]}" if layers[around] else "draw it on a layer of its own, and --hole LAYER"
         notes.doubtful.append(f"{listed(names)} {verb} within {around}: {many}? {remedy}")
+        notes.doubted += names
 
 
 def say_large(cells: list[Cell], notes: Notes) -> None:
@@ -256,9 +256,10 @@ def say_large(cells: list[Cell], notes: Notes) -> None:
         if area > _LARGE * usual:
             what = f"element {cell.name!r} has {area / usual:.3g} times the area of the median element"
             notes.doubtful.append(f"{what}: if it is an opening, draw its outline on a layer of --hole")
+            notes.doubted.append(str(cell.name))
 
 
-def _line(path: Path, points: Floats) -> shapely.LineString:
+def line_of(path: Path, points: Floats) -> shapely.LineString:
     """Return a path after snapping as a line, closed where the path is."""
     return shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points)
 
@@ -419,16 +420,14 @@ def _count_unused(
     return unused.total()
 
 
-def _refuse_crossings(segments: list[shapely.LineString]) -> None:
-    """Raise InputError for too many crossings, before these are computed.
-
-    A few thousand lines may have millions of crossings.
-    """
-    if len(segments) ** 2 <= MOST:
+def refuse_crossings(lines: list[shapely.LineString], paths: list[Path]) -> None:
+    """Raise InputError for too many crossings of lines, each of a path, before these are computed."""
+    # A few thousand lines may have millions of crossings.
+    if all(path.closed for path in paths) or len(lines) ** 2 <= MOST:
         return
-    tree, total = shapely.STRtree(segments), 0
-    for begin in range(0, len(segments), _CHUNK):
-        total += tree.query(np.array(segments[begin : begin + _CHUNK]), predicate="intersects").shape[1]
+    tree, total = shapely.STRtree(lines), 0
+    for begin in range(0, len(lines), _CHUNK):
+        total += tree.query(np.array(lines[begin : begin + _CHUNK]), predicate="intersects").shape[1]
         if total > _CROSSINGS * MOST:
             raise InputError("", "its lines have too many crossings", "a network of cells")
 

@@ -19,6 +19,8 @@ from jld_core.exchange.cells import (
     NothingEnclosed,
     find_cells,
     find_gaps,
+    line_of,
+    refuse_crossings,
     say_large,
     say_nested,
     say_size,
@@ -72,11 +74,14 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     """
     # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
     # labels and loads. Decisions are added to `notes`, and the result holds them as its report.
+    if feet:
+        _refuse_self_crossing(drawing, options)
     scale, unit = _scale(drawing, options, notes)
     drawn_in = options.unit or drawing.unit or unit
     paths, loads = _read_paths(drawing, options, scale, notes)
     marks = [mark.scaled(scale) for mark in drawing.marks]
     _refuse_range(paths, loads, marks, unit)
+    notes.reached("paths", len(paths))
     paths = without_frames(paths, marks, options, notes)
     read = len(paths)
     paths, holes = with_holes(paths)
@@ -87,6 +92,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     chords = flatten(paths, facet, max(tolerance, 1e-9 * size))
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
+    refuse_crossings([line_of(path, points) for path, points in zip(paths, chords.points, strict=True)], paths)
     snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
@@ -152,6 +158,21 @@ def _read_paths(drawing: Drawing, options: ImportOptions, scale: float, notes: N
     if sum(len(path.points) for path in paths) > MOST:
         raise InputError("", "it holds too many corners", f"at most {MOST}")
     return paths, loads
+
+
+def _refuse_self_crossing(drawing: Drawing, options: ImportOptions) -> None:
+    """Raise InputError if a closed outline of a drawing crosses itself, naming the place."""
+    # Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps.
+    for path in drawing.paths:
+        if not path.closed or options.role(path.layer) is not None or len(path.points) < 4:
+            continue
+        outline = shapely.Polygon(path.points[:, :2])
+        covered = shapely.make_valid(outline).area
+        if outline.is_valid or abs(covered - outline.area) <= 1e-3 * covered:
+            continue
+        x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
+        problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
+        raise InputError("", problem, "corners in the order in which one walks round the outline")
 
 
 def _refuse_range(paths: list[Path], loads: list[Path], marks: list[Mark], unit: str) -> None:

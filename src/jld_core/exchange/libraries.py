@@ -9,19 +9,21 @@ import pickle
 import subprocess
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import NoneType
 from typing import Any, Final, cast
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawing import planar_scene
-from jld_core.exchange.drawn_loads import Drawing
-from jld_core.exchange.formats import readers
+from jld_core.exchange.formats import Format, readers
 from jld_core.exchange.options import Imported, ImportOptions, Notes
 from jld_core.exchange.solids import Solids, spatial_scene
+from jld_core.parameters import require_kind, typed
 
 EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
@@ -106,6 +108,8 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except RecursionError:
+        raise InputError("", "it is nested too deeply", expected) from None
     except Exception as error:
         raise InputError(
             "", f"it is no {kind} that can be read: it is damaged, or of another kind", expected
@@ -131,51 +135,88 @@ def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, 
     Path(path).write_bytes(pickle.dumps(found))
 
 
-def in_own_process(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
-    """Call a function of a module in a process of its own and return its result."""
+def in_own_process(
+    function: Callable[..., Any], *arguments: Any, seconds: float, watch: Callable[[], str] = str
+) -> Any:
+    """Call a function of a module in a process of its own and return its result.
+
+    watch: called several times a second, returns in words how far the call is.
+    """
     # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
-    again = "a file that its program opens and saves again"
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
         made = Path(folder) / "made"
-        if not (_forked if sys.platform == "linux" else _begun)(made, function, arguments, seconds):
-            raise InputError("", f"reading it does not end in {seconds:.0f} s: it is damaged, or too large", again)
+        child = (_forked if _FORKS else _begun)(made, function, arguments)
+        end = time.monotonic() + seconds
+        try:
+            while (left := end - time.monotonic()) > 0.0 and not child(min(left, _POLL)):
+                watch()
+            if left <= 0.0:
+                remedy = "more `seconds`, or a part of it: `layer`, `skip`"
+                raise InputError("", f"reading it does not end in {seconds:.3g} s{watch()}", remedy)
+        finally:
+            child(None)
         if not made.exists() or not made.stat().st_size:
-            raise InputError("", "its reader broke down: it is damaged", again)
+            wish = "a file that its program opens and saves again"
+            raise InputError("", "its reader broke down: it is damaged", wish)
         found = pickle.loads(made.read_bytes())
     if isinstance(found, BaseException):
         raise found
     return found
 
 
-def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...], seconds: float) -> bool:
-    """Call a function in a copy of this process, which has all modules loaded; return False if it did not end."""
+_FORKS: Final = sys.platform == "linux"
+
+_POLL: Final = 0.1  # time between two looks at a reading process, s
+
+# A started process: waits for its end for some time, and returns True at its end; None ends it
+_Child = Callable[[float | None], bool]
+
+
+def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+    """Begin to call a function in a copy of this process, which has all modules loaded."""
     child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(made), function, arguments))
     with warnings.catch_warnings():
         # other threads do not run in the copy; one that waits for a lock of theirs is ended with it
         warnings.simplefilter("ignore", DeprecationWarning)
         child.start()
-    try:
+
+    def wait(seconds: float | None) -> bool:
+        if seconds is None:
+            child.kill()
         child.join(seconds)
         return not child.is_alive()
-    finally:
-        child.kill()
-        child.join()
+
+    return wait
 
 
-def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...], seconds: float) -> bool:
-    """Call a function in a new process; return False if it did not end."""
+def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+    """Begin to call a function in a new process."""
     given = made.with_name("given")
     given.write_bytes(pickle.dumps((function, arguments)))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-    try:
-        command = [sys.executable, "-c", _CHILD, str(given), str(made)]
-        subprocess.run(command, env=environment, timeout=seconds, capture_output=True, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    return True
+    command, null = [sys.executable, "-c", _CHILD, str(given), str(made)], subprocess.DEVNULL
+    child = subprocess.Popen(command, env=environment, stdin=null, stdout=null, stderr=null)
+
+    def wait(seconds: float | None) -> bool:
+        if seconds is None:
+            child.kill()
+        try:
+            child.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    return wait
 
 
-def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
+@typed
+def import_file(
+    path: str | Path,
+    options: ImportOptions | None = None,
+    *,
+    feet: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Imported:
     """Convert a file of another program to a scene document, by the ending of its name.
 
     Parameters
@@ -184,6 +225,10 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         File to read; its ending is one of `formats.readers`.
     options : ImportOptions, optional
         How the file is read.
+    feet : bool
+        Supports are added below the lowest edges or faces where the file names none, as for a design.
+    progress : Callable, optional
+        Called while it is read: what is read, how many of it so far, and of how many, 0 if unknown.
 
     Returns
     -------
@@ -193,27 +238,47 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
     Raises
     ------
     InputError
-        The file is broken, excessive, of an unknown kind, or holds no possible scene.
+        The file is broken, excessive, of an unknown kind, holds no possible scene, or is not read in time.
     """
-    path, options, notes = Path(path), options or ImportOptions(), Notes()
-    with reading(path), without_collection():
-        found = read_content(path, options, notes)
-        if isinstance(found, Solids):
-            return spatial_scene(found, options, notes)
-        return planar_scene(found, options, notes)
+    require_kind("path", path, os.PathLike)
+    require_kind("options", options, ImportOptions, NoneType)
+    path, options = Path(path), options or ImportOptions()
+    reader = reader_of(path)
+    if reader.library:
+        library(reader.library, path)
+    megabytes = path.stat().st_size / 2**20
+    own = _FORKS or reader.library or megabytes > _SMALL
+    if not own or multiprocessing.current_process().daemon:  # such a process may have none of its own
+        return _converted(path, options, Notes(), feet)
+    seconds = _SECONDS + _SECONDS_PER_MEGABYTE * megabytes if options.seconds is None else options.seconds
+    with reading(path), tempfile.TemporaryDirectory(prefix="jld-") as folder:
+        notes = Notes(told=Path(folder) / "told")
+
+        def watch() -> str:
+            what, done, total = notes.last_told()
+            if progress is not None and what:
+                progress(what, done, total)
+            return f", {done} {f'of {total} ' if total else ''}{what} so far" if what else ""
+
+        given = (path.absolute(), options, notes, feet)
+        return cast(Imported, in_own_process(_converted, *given, seconds=seconds, watch=watch))
 
 
-_SECONDS: Final = 60.0  # time in which a file of such a reader must be read, s, beside that for its size
+_SECONDS: Final = 60.0  # time in which a file must be read, s, beside that for its size
 
-_SECONDS_PER_MEGABYTE: Final = 5.0  # further time for each megabyte of such a file, s
+_SECONDS_PER_MEGABYTE: Final = 5.0  # further time for each megabyte of a file, s
+
+_SMALL: Final = 1.0  # size, MB, up to which a file is read in this process where processes cannot be copied
 
 
-def _read_compiled(path: Path, options: ImportOptions) -> tuple[Drawing | Solids, Notes]:
-    """Read a file by a reader that calls compiled code, for `in_own_process`."""
-    notes = Notes()
-    read = readers()[path.suffix.lower().lstrip(".")].read
+def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> Imported:
+    """Read a file and convert it to a scene document."""
+    read = reader_of(path).read
     assert read is not None
-    return read(path, options, notes), notes
+    with reading(path), without_collection():
+        found = read(path, options, notes)
+        convert = spatial_scene if isinstance(found, Solids) else planar_scene
+        return convert(found, options, notes, feet=feet)  # type: ignore[arg-type]
 
 
 @contextmanager
@@ -225,26 +290,16 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise (error if error.where.startswith((str(path), "--")) else error.within(str(path))) from error.__cause__
+        stays = error.parameter or error.where.startswith(str(path))
+        raise (error if stays else error.within(str(path))) from error.__cause__
 
 
-def read_content(path: Path, options: ImportOptions, notes: Notes) -> Drawing | Solids:
-    """Read a file by the ending of its name: the paths of a drawing, or solids.
-
-    Raises InputError for an unknown kind and what its reader refuses.
-    """
+def reader_of(path: Path) -> Format:
+    """Return the format that reads a file by the ending of its name; raise InputError for an unknown kind."""
     ending = path.suffix.lower().lstrip(".")
     kinds = readers()
     if ending not in kinds:
         wish = _INSTEAD.get(ending, "one of " + ", ".join(f".{kind}" for kind in kinds))
         raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", wish)
     readable(path)
-    reader = kinds[ending]
-    if reader.library:  # a damaged file may send compiled code into a loop
-        library(reader.library, path)
-        clock = _SECONDS + _SECONDS_PER_MEGABYTE * path.stat().st_size / 2**20
-        found, told = in_own_process(_read_compiled, path.resolve(), options, seconds=clock)
-        vars(notes).update(vars(told))
-        return cast(Drawing | Solids, found)
-    assert reader.read is not None
-    return reader.read(path, options, notes)
+    return kinds[ending]

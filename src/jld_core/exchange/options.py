@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cache, cached_property
 from math import ceil, floor, log10
+from pathlib import Path
 from typing import Any, Final, Literal
 from unicodedata import combining, normalize
 
@@ -16,11 +19,14 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import area_vector
+from jld_core.parameters import require_field_types
 from jld_core.scene import Scene
 from jld_core.scene.units import METRES
 
 # Pattern of a tolerance, scene units, in messages about a scene
 _TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
+
+_TELL: Final = 0.2  # time between two reports of a reader on how far it is, s
 
 _ZERO: Final = 1e-12  # coordinate, relative to the size of the drawing, below which it is rounding of zero
 
@@ -128,6 +134,8 @@ class ImportOptions:
         Axis of solids that points upwards; default z.
     like : Scene or None
         Scene that supplies materials, search and, where the file has none, loads. Loads on elements are matched by id.
+    seconds : float or None
+        Time in which the file must be read, s; default 60 and 5 for each megabyte.
     """
 
     layer: tuple[str, ...] = ()
@@ -143,13 +151,19 @@ class ImportOptions:
     unit: str | None = None
     up: Literal["y", "z"] | None = None
     like: Scene | None = None
+    seconds: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("thickness", "facet", "tolerance"):
+        for name in (*LAYER_ROLES, "layer"):
+            if isinstance(given := getattr(self, name), str | list):
+                object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
+        require_field_types(self)
+        for name in ("thickness", "facet", "seconds", "tolerance"):
             value = getattr(self, name)
             if value is not None and not (0.0 <= value < float("inf") and (value > 0.0 or name == "tolerance")):
                 least = "at least 0" if name == "tolerance" else "above 0"
-                raise ParameterError(name, f"{value:g} is wrong", f"a length {least}")
+                what = "a number" if name == "seconds" else "a length"
+                raise ParameterError(name, f"{value:g} is wrong", f"{what} {least}")
         if self.unit is not None and self.unit not in METRES:
             raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
@@ -249,6 +263,8 @@ class Report:
         What can hardly be meant, as a size or an opening that is filled.
     largest : float
         Largest displacement of a corner, scene units.
+    doubted : tuple of str
+        Ids of the elements that may be openings.
     """
 
     found: tuple[str, ...] = ()
@@ -257,6 +273,7 @@ class Report:
     skipped: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
     largest: float = 0.0
+    doubted: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         kinds = ("found", "snapped", "assumed", "skipped", "doubtful")
@@ -377,6 +394,10 @@ class Notes:
         Sentences, as in `Report`.
     largest : float
         Largest move of a corner, as in `Report`.
+    doubted : list of str
+        Ids of elements, as in `Report`.
+    told : Path or None
+        File that says how far the reader is, for the process that waits for it.
     """
 
     found: list[str] = field(default_factory=list)
@@ -385,6 +406,23 @@ class Notes:
     skipped: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     largest: float = 0.0
+    doubted: list[str] = field(default_factory=list)
+    told: Path | None = None
+    _next: float = -1.0
+
+    def reached(self, what: str, done: int, total: int = 0) -> None:
+        """Tell how many things of a kind were read so far, and of how many, 0 if unknown; readers call it often."""
+        if self.told is not None and (now := time.monotonic()) >= self._next:
+            self._next = now + _TELL
+            with suppress(OSError):
+                self.told.write_text(f"{what}\t{done}\t{total}", encoding="utf-8")
+
+    def last_told(self) -> tuple[str, int, int]:
+        """Return what `reached` told last, "" before."""
+        with suppress(OSError, ValueError):
+            what, done, total = self.told.read_text(encoding="utf-8").split("\t") if self.told else ("", "0", "0")
+            return what, int(done), int(total)
+        return "", 0, 0
 
     def skip(self, what: str, count: int, why: str) -> None:
         """Add a sentence about things that were left out; do nothing for a count of 0."""
@@ -400,6 +438,7 @@ class Notes:
             tuple(self.skipped),
             tuple(self.doubtful),
             self.largest,
+            tuple(self.doubted),
         )
 
 

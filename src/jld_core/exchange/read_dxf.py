@@ -62,6 +62,7 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     ezdxf = library("ezdxf", path)
     readable(path)
     with parsing("DXF", "a DXF file, ASCII or binary"):
+        notes.reached("bytes in its text", path.stat().st_size)
         document = ezdxf.readfile(path)
         space = document.modelspace()
         _refuse_large_blocks(document, space)
@@ -90,13 +91,12 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
                 open_blocks.append(name)
                 known[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
                 open_blocks.pop()
-            total += copies * known[name]
+            total += copies * (1 + known[name])
             if total > MOST:
                 break
         return total
 
-    plain = sum(entity.dxftype() != "INSERT" for entity in space)
-    if amount(space, 0) - plain > _MOST_COPIES:
+    if amount(space, 0) - len(space) > _MOST_COPIES:
         raise InputError("", "its nested blocks hold too many entities", f"at most {_MOST_COPIES} entities")
 
 
@@ -116,7 +116,8 @@ class _Reader:
         """Read all entities of a model space."""
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
-        for entity in space:
+        for number, entity in enumerate(space):
+            self.notes.reached("entities", number, len(space))
             self._read(entity, None, 0)
         lost = 0
         for (kind, layer), count in sorted(self.unread.items()):
@@ -208,6 +209,7 @@ class _Reader:
         before = len(self.paths)
         for copy in entity.multi_insert() if entity.mcount > 1 else (entity,):
             for part in copy.virtual_entities():
+                self.notes.reached("paths of blocks", len(self.paths))
                 self._read(part, layer, depth + 1)
         names = [text for tag, text in attributes if tag in ("id", "name")]
         fresh = [k for k in range(before, len(self.paths)) if self.paths[k].closed]
@@ -387,24 +389,32 @@ def _rings(pieces: list[Any]) -> list[Any]:
     if not pieces:
         return []
     size = float(np.ptp(np.concatenate(pieces)[:, :2], axis=0).max())
-    rest, rings = list(pieces), []
-    while rest:
-        ring = rest.pop(0)
-        while rest and np.hypot(*(ring[0] - ring[-1])[:2]) > _JOINED * size:
-            away = [min(np.hypot(*(piece[end] - ring[-1])[:2]) for end in (0, -1)) for piece in rest]
-            back = [min(np.hypot(*(piece[end] - ring[0])[:2]) for end in (0, -1)) for piece in rest]
-            k = int(np.argmin(away))
-            if min(back) < away[k]:
-                ring, k = _backwards(ring), int(np.argmin(back))
-            piece = rest.pop(k)
-            if np.hypot(*(piece[-1] - ring[-1])[:2]) < np.hypot(*(piece[0] - ring[-1])[:2]):
-                piece = _backwards(piece)
-            if np.hypot(*(piece[0] - ring[-1])[:2]) > _OPEN * size:
-                rest.insert(0, piece)
+    free, rings = np.ones(len(pieces), dtype=bool), []
+    ends = np.array([(piece[0, :2], piece[-1, :2]) for piece in pieces])
+
+    def nearest(at: Any) -> tuple[int, int, float]:
+        """Return the free piece nearest to a point (2,), its nearer end and their distance."""
+        away = np.where(free[:, None], np.hypot(*np.moveaxis(ends - at, 2, 0)), np.inf)
+        k, end = divmod(int(np.argmin(away)), 2)
+        return k, end, float(away[k, end])
+
+    for first in range(len(pieces)):
+        if not free[first]:
+            continue
+        free[first], ring = False, [pieces[first]]
+        while free.any() and np.hypot(*(ring[0][0] - ring[-1][-1])[:2]) > _JOINED * size:
+            k, end, away = nearest(ring[-1][-1, :2])
+            other = nearest(ring[0][0, :2])
+            if other[2] < away:
+                ring, (k, end, away) = [_backwards(piece) for piece in ring[::-1]], other
+            if away > _OPEN * size:
                 break
-            ring = np.concatenate([ring[:-1], piece])
-        open_ = np.hypot(*(ring[0] - ring[-1])[:2]) > _OPEN * size
-        rings.append(None if open_ or len(ring) < 3 else ring[:-1])
+            free[k] = False
+            ring[-1] = ring[-1][:-1]
+            ring.append(_backwards(pieces[k]) if end else pieces[k])
+        whole = np.concatenate(ring)
+        open_ = np.hypot(*(whole[0] - whole[-1])[:2]) > _OPEN * size
+        rings.append(None if open_ or len(whole) < 3 else whole[:-1])
     return rings
 
 
@@ -416,15 +426,17 @@ def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
     chords = [flatten([Path(ring, True, "")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings]
     shapes = [shapely.make_valid(shapely.Polygon(points)) for points in chords]
     inside = [shape.representative_point() for shape in shapes]
-    around = [
-        [j for j, other in enumerate(shapes) if j != k and other.area > shapes[k].area and other.contains(inside[k])]
-        for k in range(len(rings))
-    ]
+    around: list[list[int]] = [[] for _ in rings]
+    within: list[list[int]] = [[] for _ in rings]
+    for k, j in shapely.STRtree(shapes).query(inside, predicate="within").T.tolist() if shapes else ():
+        if shapes[j].area > shapes[k].area:
+            around[k].append(j)
+            within[j].append(k)
     found = []
     for k, outer in enumerate(around):
         if len(outer) % 2 or (style and outer):
             continue
-        holes = [j for j, owners in enumerate(around) if len(owners) == len(outer) + 1 and k in owners]
+        holes = [j for j in sorted(within[k]) if len(around[j]) == len(outer) + 1]
         found.append((rings[k], [] if style == 2 else [rings[j] for j in holes]))
     return found
 

@@ -36,7 +36,7 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     data = readable(path).read_bytes()
     _refuse_counts(kind, data)
     if kind == "obj":
-        points, groups = _obj(data.decode("utf-8", "replace"), options)
+        points, groups = _obj(data.decode("utf-8", "replace"), options, notes)
     elif kind == "stl":
         with parsing("STL", "a file in STL"):
             points, groups = _stl(data)
@@ -100,7 +100,7 @@ def _cells(mesh: Any) -> list[tuple[int, ...]]:
     return [tuple(loop) for loops in kept for loop in loops]
 
 
-def _obj(text: str, options: ImportOptions) -> tuple[Floats, list[tuple[str, str, Faces]]]:
+def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
     """Read points (n, 3), and name, layer and faces of each object and group of an OBJ text.
 
     Raises InputError for a vertex or face that is none, with its line.
@@ -110,6 +110,7 @@ def _obj(text: str, options: ImportOptions) -> tuple[Floats, list[tuple[str, str
     at = {"o": "", "g": ""}
     lines = enumerate(text.splitlines(), 1)
     for number, line in lines:
+        notes.reached("lines", number)
         while line.rstrip().endswith("\\"):  # it goes on in the next line
             line = line.rstrip()[:-1] + " " + next(lines, (0, ""))[1]
         key, *words = line.partition("#")[0].split() or [""]

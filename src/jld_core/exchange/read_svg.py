@@ -56,9 +56,11 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     if text.count("<") > 2 * MOST:
         raise InputError("", "it holds too many shapes", f"at most {MOST}")
     with parsing("SVG", "an SVG file"):
+        notes.reached("bytes in its text", len(text))
         tree = ElementTree.fromstring(text)
         if (count := _expanded(tree)) > _MOST_EXPANDED:
-            raise InputError("", f"it expands to {count:.3g} shapes by <use>", f"at most {_MOST_EXPANDED}")
+            uses = " by <use>" if any(_kind(one) == "use" for one in tree.iter()) else ""
+            raise InputError("", f"it expands to {count:.3g} shapes{uses}", f"at most {_MOST_EXPANDED}")
         page = _page(tree)
         whole = _resolved(tree, notes, page[2] if page else 1.0)
         root = svg.SVG.parse(io.BytesIO(ElementTree.tostring(whole)), reify=True, ppi=_PIXEL)
@@ -111,7 +113,7 @@ def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> Element
 
     whole = ElementTree.Element(root.tag)
     group = ElementTree.SubElement(whole, _G, {"transform": f"scale({uneven!r},1)"} if uneven != 1.0 else {})
-    group.extend(part for child in root if (part := copied(child)) is not None)
+    group.extend([part for child in root if (part := copied(child)) is not None])
     if clipped:
         notes.doubtful.append(f"{several(clipped, 'shape')} cut by a clip path, which is not applied: read whole")
     return whole
@@ -211,6 +213,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
     def walk(group: Any, layer: str) -> None:
         """Collect the items of a group and its subgroups."""
         for item in group:
+            notes.reached("shapes", len(paths))
             values = item.values if isinstance(getattr(item, "values", None), dict) else {}
             own = values.get("attributes", {})
             if isinstance(item, svg.Group):
@@ -268,6 +271,8 @@ def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
             found = found[:-1] + _halves(segment)
         elif not isinstance(segment, svg.Line):
             found += [(x, y, 0.0) for x, y in _chords(segment, options)]
+            if len(found) > MOST:
+                raise InputError("", "it holds too many corners", f"at most {MOST}")
         found.append((float(segment.end.x), -float(segment.end.y), 0.0))
     points = np.array(found, dtype=float).reshape(-1, 3)
     if not np.isfinite(points).all():
@@ -296,7 +301,7 @@ def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
     # Doubling ends at 2048 chords, even where these do not meet it.
     number = 8
     while number < 4096:
-        points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])
+        points = np.array(segment.npoint(np.arange(2 * number + 1) / (2 * number)), dtype=float) * (1.0, -1.0)
         size = float(np.ptp(points, axis=0).max())
         facet = FACET * size if options.facet is None else options.facet
         off = np.hypot(*(points[1::2] - 0.5 * (points[:-1:2] + points[2::2])).T)

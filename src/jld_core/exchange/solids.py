@@ -314,6 +314,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     # to `notes`, and the result holds them as its report.
     found = _chosen(found, options, notes)
     parts = found.parts
+    notes.reached("solids", len(parts))
     if not parts:
         raise InputError("", "it holds no solid", "closed surfaces, one for each block")
     if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:

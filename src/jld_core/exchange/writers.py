@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from jld_core.errors import ParameterError
+from jld_core.errors import InputError, ParameterError
 from jld_core.exchange.formats import FORMATS, formats
 from jld_core.exchange.layout import Layout
 from jld_core.files import whole_file
 from jld_core.limit.movements import result_of_faces
+from jld_core.parameters import typed
 from jld_core.scene.units import METRES
 from jld_core.sub_assembly import faces_of
 
@@ -70,6 +71,7 @@ RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
 """First characters by which a spreadsheet takes a text for a formula."""
 
 
+@typed
 def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, unit: str | None = None) -> Path:
     """Write a layout to a file of another program, completely or not at all.
 
@@ -98,6 +100,8 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
         and an analysis starts from the file.
     """
     path = Path(path)
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise InputError(str(path), "it cannot be written", "a file in a folder that is there")
     if kind not in FORMATS:
         raise ParameterError("format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
     form = formats()[kind]
@@ -132,6 +136,7 @@ def _of_faces(layout: Layout, kind: str) -> Layout:
     return replace(layout, assembly=assembly, labels=layout.labels[: assembly.faces], result=result)
 
 
+@typed
 def blocks_csv(layout: Layout) -> str:
     """Return the text of blocks.csv: one row for each block with a free element.
 

@@ -48,7 +48,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     out_x, out_y = outward.tolist()
     length = math.hypot(x1 - x, y1 - y)
     along_x, along_y = (x1 - x) / length, (y1 - y) / length
-    covered, off = [(0.0, 0.0), (length, length)], []
+    found, off = list[tuple[list[float], float, float]](), []
     corners = outline.tolist()
     for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
         edge_x, edge_y = end_x - start_x, end_y - start_y
@@ -59,12 +59,15 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
         low, high = max(min(first, first + reach), 0.0), min(max(first, first + reach), length)
         heights = [height + slope * (place - first) for place in (low, high)]
         if high > low and max(abs(one) for one in heights) <= _OFF * length:
-            covered.append((low, high))
+            found.append((heights, low, high))
+    free = [(0.0, length)]
+    # an edge beside the contact, as that of a step, counts only where no nearer one lies
+    for heights, low, high in sorted(found, key=lambda one: max(abs(height) for height in one[0])):
+        own = [(max(low, a), min(high, b)) for a, b in free]
+        if any(b - a > tolerances.FACE * length for a, b in own):
             off += heights
-    beyond, reached = 0.0, 0.0
-    for low, high in sorted(covered):
-        beyond += max(0.0, low - reached)
-        reached = max(reached, high)
+        free = [part for a, b in free for part in ((a, min(b, low)), (max(a, high), b)) if part[1] > part[0]]
+    beyond = sum(b - a for a, b in free)
     return Fit(length, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
 
@@ -78,7 +81,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
-    regions, off = [], []
+    found, off = list[tuple[Floats, shapely.Polygon, shapely.Geometry]](), []
     for rings, normal in zip(loops, normals, strict=True):
         if normal @ outward < _ALONG:
             continue
@@ -90,9 +93,14 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         points = origin + shapely.get_coordinates(shared) @ axes
         heights = (rings[0].mean(axis=0) - points) @ normal / (outward @ normal)
         if abs(heights).max() <= _OFF * size:
-            regions.append(shapely.buffer(region, tolerances.FACE * size, join_style="mitre"))
-            off += heights.tolist()
+            found.append((heights, shapely.buffer(region, tolerances.FACE * size, join_style="mitre"), shared))
     grid = 1e-3 * tolerances.FACE * size
+    regions: list[shapely.Geometry] = []
+    for heights, region, shared in sorted(found, key=lambda one: float(abs(one[0]).max())):
+        near = shapely.union_all(regions, grid_size=grid)
+        if not regions or shapely.difference(shared, near, grid_size=grid).area > tolerances.FACE * stated.area:
+            off += heights.tolist()
+        regions.append(region)
     faces = shapely.union_all(regions, grid_size=grid)
     rest = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
     beyond = float(shapely.distance(shapely.points(rest), faces).max(initial=0.0)) if regions else size

@@ -15,7 +15,6 @@
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Result`: λ of one structure under one labelling: what all results have
-- `Settled`: range of thrust after a support movement
 - `SolveOptions`: name of `Model` before version 0.4
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
@@ -36,7 +35,6 @@ from __future__ import annotations
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import BatchAnalysis
 from jld_core.limit.bounds import Motion, Prover, State, exceeds, load_scale, relative_width
-from jld_core.limit.force_range import Settled
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.options import (
     FIELD_SECONDS,
@@ -71,7 +69,6 @@ __all__ = [
     "Proof",
     "Prover",
     "Result",
-    "Settled",
     "SolveOptions",
     "State",
     "Status",

@@ -85,13 +85,13 @@ class Model:
     seconds: float | None = None
 
     def __post_init__(self) -> None:
+        require_field_types(self)
         if self.cracks is not None:
             object.__setattr__(self, "cracks", cracks_of(self.cracks))
         for key, words in _WORDS.items():
             value, allowed = getattr(self, key), get_args(words)
             if value not in allowed:
                 raise ParameterError(key, f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
-        require_field_types(self)
         if self.range and self.friction != "zero-dilation":
             raise ParameterError(
                 "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'

@@ -18,7 +18,9 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing, number, stands_in_words
 from jld_core.limit.options import Governing
+from jld_core.parameters import typed
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
+from jld_core.sub_assembly import labels_of
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
@@ -207,6 +209,7 @@ def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
     return CaseBounds(status, low, high, low)
 
 
+@typed
 @one_thread()
 def solve_by_fields(
     assembly: Assembly, labels: Bits | None = None, *, gap: float = 0.05, seconds: float = FIELD_SECONDS
@@ -239,7 +242,7 @@ def solve_by_fields(
     Formulas: docs/method.md (9.6) to (9.12), in space (10.1) to (10.6).
     """
     start = time.perf_counter()
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    own = labels_of(assembly, labels)
     names = [case.name for case in assembly.cases] or [""]
     bound: Callable[..., FieldBounds | SpatialBounds] = bounds_by_fields
     if assembly.dimension == 3:

@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.planar_contacts import certain_contacts
 from jld_core.memory import memory_limit
+from jld_core.parameters import typed
 from jld_core.scene import Scene
 
 _FACES: Final = 2e4  # number of faces at which the times in `_COSTS` were measured
@@ -45,6 +46,7 @@ class CostEstimate:
         return f"one layout of this size is expected to take some {few} to evaluate"
 
 
+@typed
 def cost_estimate(assembly: Assembly) -> CostEstimate:
     """Estimate time and memory to evaluate one labelling under all load cases.
 
@@ -97,6 +99,7 @@ def _grid_faces(rows: Sequence[str]) -> int:
     return int(np.count_nonzero(across) + np.count_nonzero(along))
 
 
+@typed
 def require_memory(structure: Assembly | Scene) -> CostEstimate:
     """Raise InputError if one labelling needs more memory than there is; return the estimate.
 

@@ -30,6 +30,7 @@ from jld_core import plugins, tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.parameters import typed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, is_large
 from jld_core.strengths import CRITERIA, STANDARD, Route
@@ -72,6 +73,7 @@ class Sensitivity:
         return {**{name: value if math.isfinite(value) else None for name, value in plain.items()}, "unit": self.unit}
 
 
+@typed
 @one_thread()
 def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
     """Compute the rates of λ with friction, shear strength, tensile strength and weight.
@@ -304,6 +306,7 @@ class GeometrySensitivities:
         }
 
 
+@typed
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
     """Compute the derivatives of λ by the positions of all vertices.
 

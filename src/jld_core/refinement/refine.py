@@ -16,6 +16,7 @@ from jld_core.build.materials import direction_of_weight
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces
 from jld_core.geometry.unions import region_of, union_outlines
+from jld_core.parameters import typed
 from jld_core.refinement.arrangement import (
     MOST,
     convex,
@@ -56,6 +57,7 @@ class Refined:
     notes: tuple[str, ...]
 
 
+@typed
 def refine(
     scene: Scene,
     cell: tuple[float, ...] = (),
@@ -134,6 +136,9 @@ def refine(
         If sizes or kinds do not fit the scene, an element cannot be cut, the inner material is missing, or a pressure
         acts on a free face with a hole of a solid that is split.
     """
+    cell = tuple(cell)
+    if cells is not None and not (len(cells) and all(isinstance(one, shapely.Polygon) for one in cells)):
+        raise ParameterError("cells", "they are wrong", "a list of polygons")
     grid = CellOptions(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew, lintel, bearing)
     check_options(scene, grid, by)
     assembly = build_assembly(scene)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import shapely
 
 from jld_core.errors import ParameterError
+from jld_core.parameters import typed
 from jld_core.samples.corner_bonds import corner_course
 from jld_core.samples.stone import Stone, box, cap, check, count, scene_of
 from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
 from jld_core.scene import Scene
 
 
+@typed
 def corner(
     courses: int = 4,
     length: float = 1.6,

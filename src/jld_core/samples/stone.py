@@ -10,6 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
+from jld_core.parameters import require_field_types
 from jld_core.scene import Scene, parse_scene
 
 
@@ -34,6 +35,9 @@ class Stone:
     tension: float = 2e5
     shear: float = 2e5
 
+    def __post_init__(self) -> None:
+        require_field_types(self)
+
 
 MOST: Final = 100_000
 """Largest number of elements of a sample."""
@@ -48,8 +52,8 @@ push: horizontal body load. crown, quarter: 1 N downwards on the upper side of t
 def check(**values: float) -> None:
     """Raise InputError for a dimension that is not a finite number above 0."""
     for name, value in values.items():
-        if not (value > 0.0 and np.isfinite(value)):
-            raise ParameterError(name, f"{value:g} is wrong", "a number above 0")
+        if not 0.0 < value < np.inf:
+            raise ParameterError(name, f"{float(value):g} is wrong", "a number above 0")
 
 
 def count(least: int, **values: int) -> None:

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from jld_core.errors import ParameterError
+from jld_core.parameters import typed
 from jld_core.samples.stone import Stone, cap, check, choose, count, scene_of, steps, swept
 from jld_core.scene import Scene
 
 
+@typed
 def vault(
     kind: str = "barrel",
     radius: float = 1.5,
@@ -132,6 +134,7 @@ def _cross(inner: float, outer: float, reach: float, half: int, courses: int, fi
     return elements
 
 
+@typed
 def dome(
     radius: float = 1.5,
     thickness: float = 0.25,

@@ -127,5 +127,5 @@ def plain(key: str) -> str:
 
 def shown(value: object) -> str:
     """Return a value as JSON text for a message, cut to 40 characters."""
-    text = json.dumps(value, default=str, skipkeys=True)
+    text = json.dumps(value, default=lambda one: type(one).__name__, skipkeys=True)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, ValidationError
 
 from jld_core.errors import InputError, ParameterError
+from jld_core.parameters import typed
 from jld_core.scene.complaints import first_complaint, shown
 from jld_core.scene.part import Part, Positive
 
@@ -73,6 +74,7 @@ def cracks_of(given: Any) -> CrackModel:
     return found
 
 
+@typed
 def parse_cracks(text: str) -> CrackModel:
     """Return the crack model that a text names, as on the command line.
 

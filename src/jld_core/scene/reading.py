@@ -107,7 +107,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     InputError
         One line that names the key or element and what is expected.
     """
-    if not isinstance(document, dict):
+    if not isinstance(document, Mapping):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
     plain_document: dict[str, Any] = _as_json(document)
     try:

@@ -24,9 +24,7 @@ _FUNCTIONS: Final = {
     "import": ("exchange", "import_command"),
     "plot": ("plot", "plot_command"),
     "refine": ("exchange", "refine_command"),
-    "settlement": ("thrust", "settlement"),
     "solve": ("solve", "solve"),
-    "thrust": ("thrust", "thrust"),
     "verify": ("check", "verify_command"),
 }
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +46,23 @@ from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 
 
+@contextmanager
+def shown_reading(file: Path) -> Iterator[Callable[[str, int, int], None]]:
+    """Show on stderr, if it is a terminal, how much of a file was read, by the function that this yields."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(file=sys.stderr)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[said]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(f"reading {file.name}", total=None, said="")
+
+        def show(what: str, done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total or None, said=f"{done} {what}")
+
+        yield show
+
+
 def import_command(
     file: Annotated[
         Path,
@@ -65,6 +85,9 @@ def import_command(
     unit: FileUnit = None,
     up: Up = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time in which the file must be read; default 60, and 5 for each megabyte.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
@@ -80,9 +103,11 @@ def import_command(
         unit=unit,
         up=up,
         like=None if like is None else load_scene(like),
+        seconds=seconds,
     )
     refuse_itself(file, out)
-    found = import_file(file, options)
+    with shown_reading(file) as progress:
+        found = import_file(file, options, progress=progress)
     try:
         scene = parse_scene(found.document, "")
         build_assembly(scene)
@@ -108,8 +133,6 @@ def export_command(
 
     The table has the name of the file with the ending .blocks.csv.
     """
-    if out.is_dir() or not out.absolute().parent.is_dir():
-        raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
     table = out.with_suffix(".blocks.csv")
     for file in (out, table):
         refuse_itself(source, file)

@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.models.solve_many import BatchResult
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.evaluation.protocol import evaluations_of
 from jld_explore.space import SearchSpace
@@ -71,16 +72,22 @@ class Driver(ABC):
         self.space, self.seed = space, seed
 
     def __init_subclass__(cls, **others: Any) -> None:
-        """Let `tell` of a driver take a `BatchResult` in place of evaluations."""
+        """Let `tell` of a driver take a `BatchResult` in place of evaluations, and check what it is given."""
         super().__init_subclass__(**others)
+        if "ask" in cls.__dict__:
+            setattr(cls, "ask", typed(cls.ask))  # noqa: B010 – mypy refuses the assignment of a method
         own: Any = cls.__dict__.get("tell")
         if own is not None:
 
             @wraps(own)
             def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
-                own(self, labellings, evaluations_of(evaluations))
+                rows, found = np.asarray(labellings), evaluations_of(evaluations)
+                if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
+                    given = f"they are of shape {rows.shape}, with {len(found)} evaluations"
+                    raise ParameterError("labellings", given, "those that `ask` returned, one row for each evaluation")
+                own(self, rows, found)
 
-            setattr(cls, "tell", tell)  # noqa: B010 – mypy refuses the assignment of a method
+            setattr(cls, "tell", tell)  # noqa: B010
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
-from jld_core.parameters import near
+from jld_core.parameters import near, typed
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
@@ -57,6 +57,7 @@ def driver_named(name: str) -> type[Driver]:
     return kinds[name]
 
 
+@typed
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
     """Make a driver by its name.
 

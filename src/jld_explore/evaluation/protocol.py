@@ -14,6 +14,7 @@ from typing import Final, Protocol, Self, runtime_checkable
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.solve_many import BatchResult
@@ -73,6 +74,8 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evaluation]:
     """Return the evaluations of a result of `jld_core.solve_many`, and evaluations as they are."""
     if not isinstance(found, BatchResult):
+        if not isinstance(found, Sequence) or not all(isinstance(one, Evaluation) for one in found):
+            raise ParameterError("evaluations", "they are wrong", "a list of them, or what solve_many returned")
         return found
     names = list(found.cases)
     cases = [tuple(one.load_factor[k] for one in found.cases.values()) for k in range(len(found))]

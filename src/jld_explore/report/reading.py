@@ -18,7 +18,7 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve_by_elements, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_core.solvers import SOLVERS
@@ -236,6 +236,7 @@ class _Summary(BaseModel):
     front: list[_Point] = []
 
 
+@typed
 def read_folder(folder: str | Path) -> Exploration:
     """Read a finished study from its folder.
 

@@ -432,6 +432,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         # If every standing layout is locked, there is no strongest one.
         "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
+        "bound_by": None if bound is None else study.bound_by,
         "gap": gap,
         "stop_reason": str(reason),
         "classes": len(results) if complete else study.total,

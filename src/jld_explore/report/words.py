@@ -38,6 +38,10 @@ STOPPED: Final = {
 }
 
 
+BOUNDED_BY: Final = {"faces": " (bounded face by face)", "blocks": " (bounded by blocks)"}
+"""Description of `bound_by` of a summary where no driver proved the bound."""
+
+
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     """Describe an assembly and its search space for `jld check`."""
     spots = int(np.count_nonzero(space.candidates))
@@ -73,6 +77,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         proof = "but some layouts are locked: they carry any load"
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
+        gap = f"{BOUNDED_BY.get(facts.get('bound_by'), '')}{gap}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
     if facts.get(STANDS) is False:
         proof = f"{'strongest' if facts['proven'] else 'not proven strongest'} {falls_below(facts)}"

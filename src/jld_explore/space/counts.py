@@ -15,7 +15,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.geometry.outlines import boundary
-from jld_core.parameters import near
+from jld_core.parameters import near, typed
 from jld_explore.space.labelling import Connectivity, blocks_of, connectivity, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
@@ -317,6 +317,7 @@ def registered() -> tuple[Count, ...]:
     return tuple(_COUNTS.values())
 
 
+@typed
 def register(count: Count) -> None:
     """Add a count.
 
@@ -349,6 +350,7 @@ def unregister(name: str) -> None:
     del _COUNTS[name]
 
 
+@typed
 def count_named(name: str, where: str = "search.front.count") -> Count:
     """Return a count by its name.
 
@@ -381,6 +383,7 @@ _CHUNK: Final = 8192  # number of labellings counted together, so that arrays st
 _SLICE: Final = 64
 
 
+@typed
 def values_of(
     count: Count,
     assembly: Assembly,

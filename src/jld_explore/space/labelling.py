@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch.rows import Graph
+from jld_core.errors import ParameterError
+from jld_core.parameters import require_kind
 
 # labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry
 Packed = NDArray[np.uint8]
@@ -77,6 +79,10 @@ def to_string(labelling: Bits) -> str:
     str
         m letters.
     """
+    if np.ndim(labelling) != 1:
+        raise ParameterError(
+            "labelling", f"an array of shape {np.shape(labelling)} is given", "one label per interface"
+        )
     return to_strings(np.asarray(labelling)[None])[0]
 
 
@@ -107,11 +113,12 @@ def from_string(text: str) -> Bits:
 
     Raises
     ------
-    ValueError
+    InputError
         If the text holds any other letter.
     """
+    require_kind("text", text, str)
     if text.strip(LETTERS):
-        raise ValueError(f"a labelling holds {text.strip(LETTERS)[0]!r}; expected 'd' and 'i' only")
+        raise ParameterError("text", f"a labelling holds {text.strip(LETTERS)[0]!r}", "'d' and 'i' only")
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(DRY_LETTER))
 
 

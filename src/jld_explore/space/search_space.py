@@ -14,7 +14,7 @@ from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
-from jld_core.parameters import require_kind
+from jld_core.parameters import require_kind, typed
 from jld_core.plugins import part
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named, values_of
@@ -310,6 +310,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     return np.asarray(good)
 
 
+@typed
 def search_space(
     scene: Scene,
     assembly: Assembly,

@@ -314,7 +314,7 @@ class DesignOptions:
     def reading(self) -> ImportOptions:
         """Options of reading a file that is no scene."""
         shared = {name: getattr(self, name) for name in READING if name != "load_layer"}
-        return ImportOptions(load=self.load_layer, **shared)
+        return ImportOptions(load=self.load_layer, seconds=self.seconds, **shared)
 
     def given(self) -> dict[str, Any]:
         """Return the values by name of those options that differ from their defaults."""

@@ -13,13 +13,10 @@ import shapely
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions, Notes
+from jld_core.exchange import Notes, import_file
 from jld_core.exchange.cells import hardly_meant
-from jld_core.exchange.drawing import planar_scene
-from jld_core.exchange.drawn_loads import Drawing
-from jld_core.exchange.libraries import read_content, reading
+from jld_core.exchange.libraries import reading
 from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS
-from jld_core.exchange.solids import spatial_scene
 from jld_core.geometry.unions import union_outlines
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
@@ -143,18 +140,10 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
-    how, notes = options.reading, Notes()
+    found = import_file(file, options.reading, feet=True)
+    report = found.report
+    notes = Notes(*(list(getattr(report, one)) for one in ("found", "snapped", "assumed", "skipped", "doubtful")))
     with reading(file):
-        content = read_content(file, how, notes)
-        if isinstance(content, Drawing):
-            _refuse_crossing(content, how)
-            found = planar_scene(content, how, notes, feet=True)
-        elif options.thickness is not None:
-            raise ParameterError(
-                "thickness", "the outline is a solid, which has its own", "a drawing, or no such option"
-            )
-        else:
-            found = spatial_scene(content, how, notes, feet=True)
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")
         loadless = any(said[0] in note for note in notes.assumed)
@@ -195,21 +184,6 @@ def _defaults(options: DesignOptions) -> list[str]:
     return [
         f"{words} {value:g}{unit}" for name, (words, value, unit) in values.items() if getattr(options, name) is None
     ]
-
-
-def _refuse_crossing(drawing: Drawing, how: ImportOptions) -> None:
-    """Raise InputError if a closed outline of a drawing crosses itself, naming the place."""
-    # Crossings that enclose less than a thousandth of the area are left to the import, which closes gaps.
-    for path in drawing.paths:
-        if not path.closed or how.role(path.layer) is not None or len(path.points) < 4:
-            continue
-        outline = shapely.Polygon(path.points[:, :2])
-        covered = shapely.make_valid(outline).area
-        if outline.is_valid or abs(covered - outline.area) <= 1e-3 * covered:
-            continue
-        x, y = shapely.is_valid_reason(outline).rstrip("]").rpartition("[")[2].split()[:2]
-        problem = f"its outline crosses itself at ({float(x):.6g}, {float(y):.6g})"
-        raise InputError("", problem, "corners in the order in which one walks round the outline")
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:

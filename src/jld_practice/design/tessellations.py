@@ -19,9 +19,9 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.unions import region_of, union_outlines
 from jld_core.refinement import refine
-from jld_core.refinement.aligned import TriangleStresses, aligned_cells
 from jld_core.refinement.voussoirs import Arc, find_arcs
 from jld_core.scene import Scene, parse_scene
+from jld_practice.design.aligned import TriangleStresses, aligned_cells
 from jld_practice.design.crushing import stresses_of_body
 from jld_practice.design.loads import side_of, with_loads
 from jld_practice.design.options import DesignOptions

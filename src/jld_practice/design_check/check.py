@@ -18,8 +18,6 @@ from jld_core.assembly import Assembly, LoadCase
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import FIELD_SECONDS, CaseBounds, LimitAnalysisResult, SolveOptions, Status, number
-from jld_core.limit.force_range import extreme_value
-from jld_core.limit.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
 from jld_core.loads import Loads
 from jld_core.mechanics import require_materials
 from jld_core.models import limit_analysis, solve_by_fields, solve_rigid
@@ -34,6 +32,9 @@ from jld_core.scene.design_values import at_design_values
 from jld_core.solvers import make_solver
 from jld_core.strengths import Route
 from jld_core.threads import one_thread
+from jld_practice.reactions.force_range import extreme_value
+from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
+from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.form import LimitFunction
 from jld_practice.reliability.structure import Growth, RandomStructure, SampleBounds, Variables
 

@@ -16,7 +16,6 @@ from jld_core.build.materials import friction
 from jld_core.build.plausibility import weight_facts
 from jld_core.limit import Status, number
 from jld_core.limit.result import effects
-from jld_core.limit.thrust import Reserve
 from jld_core.scene.cracks import cracks_to_json
 from jld_core.scene.design import STATED, UNREDUCED
 from jld_core.scene.design_values import at_design_values
@@ -25,6 +24,7 @@ from jld_core.scene.uncertain import uncertain_values
 from jld_core.tolerances import GAP
 from jld_explore.report.languages import words_in
 from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
+from jld_practice.reactions.thrust import Reserve
 
 # texts by key, in the order of `report.languages.LANGUAGES`
 WORDS: Final[dict[str, tuple[str, str, str]]] = {

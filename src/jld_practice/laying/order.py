@@ -11,7 +11,9 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
+from jld_core.parameters import typed
 from jld_core.scene.units import force_in_words
+from jld_core.sub_assembly import labels_of
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
 
@@ -171,6 +173,7 @@ def words_of_fall(laying: Laying, number: int, step: Step) -> str:
     return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
 
 
+@typed
 def assembly_order(
     assembly: Assembly,
     labels: Bits,
@@ -212,6 +215,7 @@ def assembly_order(
     """
     # removing a block never obstructs another: any choice of single blocks succeeds, only stages need a search
     assembly.members.refuse("an assembly sequence")
+    labels = labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)

@@ -1,6 +1,6 @@
 // @ts-check
 /** What a hand does to the drawing, tool by tool. */
-import { byId, say } from "./dom.js";
+import { say } from "./dom.js";
 import { liveOf, nextFace, painted, toggled } from "./editing.js";
 import { dragged } from "./joints.js";
 
@@ -52,7 +52,6 @@ export class Hand {
   end() {
     if (!this.act) return false;
     this.act = null;
-    byId("answer").style.minHeight = "";
     this.studio.steps.commit();
     this.studio.draw();
     this.studio.lists();
@@ -73,8 +72,6 @@ export class Hand {
       studio.preview({ labelling: painted(studio.data.structure, labelling, this.act.block) });
     } else if (tool === "joint" && what.vertex !== undefined) {
       this.act = { kind: "joint", joints: studio.joints, from: steps.now.vertices, vertex: what.vertex, screen: figure.root.getScreenCTM() };
-      // the drawing stays where it is while the answer above it changes
-      byId("answer").style.minHeight = `${byId("answer").offsetHeight}px`;
     } else if (tool === "load") {
       return this.beginLoad(what, event, figure);
     } else if (tool === "support" && what.element !== undefined) {

@@ -9,7 +9,7 @@ const KEYS = [
   ["Enter or space", "in the drawing: toggle the face, or keep its label with that tool; in a field: take the value"],
   ["Escape", "in a field: the value as it was; here: close"],
   ["Ctrl+Z, Ctrl+Y", "take back, do again: labels, geometry, loads, supports, materials, limits, opened files"],
-  ["Ctrl+O", "open a file"],
+  ["Ctrl+O", "open a file; Ctrl+Z takes back what was said of its layers"],
 ];
 const WORDS = [
   ["λ", "the load factor at collapse: the live loads times λ are the most that the layout carries."],
@@ -35,7 +35,7 @@ export function help() {
   const box = el("dialog", { id: "help", "aria-labelledby": "help-name" },
     el("div", { class: "row" }, el("h2", { id: "help-name" }, "Help"), close),
     el("h3", {}, "Keys"), rows(KEYS, "kbd"), el("h3", {}, "What it means"), rows(WORDS, ""),
-    el("p", { class: "hint" }, "Drop a file on the page to open it: a scene or COMPAS (.json), a drawing (.dxf, .svg, .csv), or solids (.3dm, .ifc, .obj, .ply, .stl)."));
+    el("p", { class: "hint" }, "Drop a file on the page: a scene (.json) opens at once; of a drawing (.dxf, .svg, .csv), of solids (.3dm, .ifc, .step, .obj, .ply, .stl) and of COMPAS (.json) the page first shows what was understood, and you say what is ground, opening, load, or to be ignored."));
   document.body.append(box);
   return { open: () => { if (!box.open) box.showModal(); } };
 }

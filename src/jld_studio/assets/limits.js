@@ -16,12 +16,12 @@ export function limitForm(host, desk, data) {
       ["sawn_length", "sawn length", length], ["saw_cuts", "saw cuts", ""], ["saw_set_ups", "set-ups of the saw", ""],
       ["block_mass", "mass of a block", "kg"], ["block_weight", "weight of a block", force], ["block_extent", "extent of a block", length], ["block_aspect", "longest by shortest side", ""],
     ];
-    const row = ([key, name, unit]) => el("tr", {}, el("th", { scope: "row" }, name, unit ? ` [${unit}]` : ""),
+    const row = (/** @type {string[]} */ [key, name, unit]) => el("tr", {}, el("th", { scope: "row" }, name, unit ? ` [${unit}]` : ""),
       ["least", "most"].map((side, i) => el("td", {}, form.text(`${side} ${name}`, [key, i], { bare: true, hint: i ? "no limit" : "no limit" }))));
     const keep = form.now.keep ?? {};
     const kept = (keep.dry ?? []).length + (keep.inner ?? []).length;
     return [
-      el("table", { class: "limits" }, el("thead", {}, el("tr", {}, el("td"), el("th", { scope: "col" }, "least"), el("th", { scope: "col" }, "most"))), el("tbody", {}, bounds.map(/** @type {any} */ (row)))),
+      el("table", { class: "limits" }, el("thead", {}, el("tr", {}, el("td"), el("th", { scope: "col" }, "least"), el("th", { scope: "col" }, "most"))), el("tbody", {}, bounds.map(row))),
       el("div", { class: "stacked" },
         form.choice("faces that a search chooses", ["candidates"], [["all", "all between free elements"], ["all+supports", "all, those at supports too"], ["inside-blocks", "inside the blocks of the scene"]], "all"),
         form.choice("every dry face separates two blocks", ["segmentation"], [[true, "yes"], [false, "no: slits are admitted"]], true),

@@ -1,23 +1,8 @@
 // @ts-check
-/** Files that are dropped on the page: what was read of them, what was skipped, and the options to read them with. */
-import { el } from "./dom.js";
+/** Files that are dropped on the page: scenes are opened, drawings are asked about first. */
+import { Asking } from "./asking.js";
+import { byId, el } from "./dom.js";
 import { ask } from "./live.js";
-
-const OPTIONS = /** @type {const} */ ([
-  ["unit", "unit of its lengths", "mm, cm, m, in, ft; default its own"],
-  ["layer", "layers that alone are read", "default: all"],
-  ["skip", "layers that are not read", ""],
-  ["support", "layers of supports", "or: lowest"],
-  ["dry", "layers of dry joints", ""],
-  ["inner", "layers of inner faces", ""],
-  ["load", "layers of live loads", ""],
-  ["hole", "layers of openings", ""],
-  ["thickness", "thickness, m", "1"],
-  ["tolerance", "tolerance, in its unit", "0.0005 of the size"],
-  ["up", "axis that points upwards (solids)", "z, or y"],
-  ["facet", "chords from arcs, in its unit", "0.001 of the size"],
-]);
-const NUMBERS = ["thickness", "tolerance", "facet"];
 
 /** @param {ArrayBuffer} buffer */
 function base64(buffer) {
@@ -31,14 +16,12 @@ export class Opening {
   /**
    * @param {HTMLElement} host
    * @param {(found: any) => void} take the answer to a file that was opened
+   * @param {(job: string) => Promise<HTMLElement>} entry of a search in the list
    */
-  constructor(host, take) {
+  constructor(host, take, entry) {
     this.host = host;
     this.take = take;
-    /** @type {{name: string, content: string} | null} */
-    this.file = null;
-    /** @type {Record<string, any>} */
-    this.options = {};
+    this.asking = new Asking(byId("asking"), { open: (file, options) => this.read(file, options), entry });
     /** reports by the name of the scene @type {Map<string, any>} */
     this.reports = new Map();
     this.chooser = el("input", { type: "file", class: "visually-hidden", tabindex: -1, "aria-label": "file to open", onchange: () => this.#chosen(this.chooser.files) });
@@ -67,24 +50,25 @@ export class Opening {
   /** @param {FileList | null} files */
   async #chosen(files) {
     if (!files?.length) return;
-    this.file = { name: files[0].name, content: base64(await files[0].arrayBuffer()) };
-    this.options = {};
-    await this.read();
+    await this.begin({ name: files[0].name, content: base64(await files[0].arrayBuffer()) }, {});
   }
 
-  /** Read the file with the options stated. */
-  async read() {
-    if (!this.file) return;
-    this.host.hidden = false;
-    this.host.replaceChildren(el("h2", {}, this.file.name), el("p", { class: "hint", role: "status" }, "being read …"));
+  /** @param {{name: string, content: string}} file @param {Record<string, any>} options of an import */
+  async begin(file, options) {
+    if (!(await this.asking.begin(file, options))) return;
+    this.asking.close();
     try {
-      const found = await ask("open", { ...this.file, options: this.options });
-      this.reports.set(found.scene, { file: this.file, options: this.options, report: found.report, unit: found.unit });
-      this.take(found);
+      await this.read(file, options);
     } catch (error) {
-      const { key, message } = /** @type {any} */ (error);
-      this.#fill(this.file.name, [], message, key ?? "");
+      this.#fill(file, options, [], error instanceof Error ? error.message : String(error));
     }
+  }
+
+  /** Open a file as a scene. @param {{name: string, content: string}} file @param {Record<string, any>} options */
+  async read(file, options) {
+    const found = await ask("open", { ...file, options });
+    this.reports.set(found.scene, { file, options, report: found.report });
+    this.take(found);
   }
 
   /** Show what was read of a scene, if it came from a file. @param {string} scene its name */
@@ -92,37 +76,18 @@ export class Opening {
     const found = this.reports.get(scene);
     this.host.hidden = !found;
     if (!found) return;
-    this.file = found.file;
-    this.options = found.options;
-    this.#fill(found.file.name, found.report, "", "");
+    this.#fill(found.file, found.options, found.report, "");
   }
 
-  /** @param {string} name @param {string[][]} report @param {string} problem @param {string} key of the option that is wrong */
-  #fill(name, report, problem, key) {
-    const beside = OPTIONS.some(([option]) => option === key);
-    const drawing = !/\.json$/i.test(name) || report.length > 0;
-    const fields = OPTIONS.map(([option, label, hint]) => {
-      const id = `option-${option}`;
-      return el("label", { class: "field" }, el("span", { class: "label" }, label),
-        el("input", { type: "text", "data-option": option, value: this.options[option] ?? "", placeholder: hint, "aria-invalid": key === option ? "true" : null, "aria-describedby": key === option ? id : null }),
-        key === option ? el("span", { class: "problem", id, role: "alert" }, problem) : null);
-    });
+  /** @param {{name: string, content: string}} file @param {Record<string, any>} options @param {string[][]} report @param {string} problem */
+  #fill(file, options, report, problem) {
+    this.host.hidden = false;
     this.host.replaceChildren(
-      el("div", { class: "row" }, el("h2", {}, name), el("button", { type: "button", class: "reset", onclick: () => { this.host.hidden = true; } }, "close")),
-      problem && !beside ? el("p", { class: "warning", role: "alert" }, problem) : el("span"),
-      !report.length && !problem ? el("p", { class: "hint" }, "The scene as its file states it.") : el("span"),
+      el("div", { class: "row" }, el("h2", {}, file.name), el("button", { type: "button", class: "reset", onclick: () => { this.host.hidden = true; } }, "close")),
+      problem ? el("p", { class: "warning", role: "alert" }, problem) : "",
+      !report.length && !problem ? el("p", { class: "hint" }, "The scene as its file states it.") : "",
       el("dl", { class: "facts report" }, report.map(([kind, text]) => [el("dt", { class: kind === "doubtful" ? "doubtful" : null }, kind), el("dd", {}, text)])),
-      drawing ? el("details", { open: problem !== "" }, el("summary", {}, "read it in another way"),
-        el("form", { class: "stacked", onsubmit: (/** @type {Event} */ event) => {
-          event.preventDefault();
-          const form = /** @type {HTMLElement} */ (event.target);
-          this.options = Object.fromEntries([...form.querySelectorAll("[data-option]")].map((/** @type {any} */ one) => {
-            const text = one.value.trim();
-            const number = NUMBERS.includes(one.dataset.option) && text !== "" && !Number.isNaN(Number(text.replace(",", ".")));
-            return [one.dataset.option, number ? Number(text.replace(",", ".")) : text];
-          }).filter(([, value]) => value !== ""));
-          this.read();
-        } }, fields, el("button", { type: "submit" }, "read again"))) : el("span"),
+      report.length ? el("button", { type: "button", onclick: () => this.asking.begin(file, options) }, "read it in another way") : "",
     );
   }
 }

@@ -8,7 +8,7 @@ import { ask } from "./live.js";
 function progressOf(job) {
   const { done, total, best, bound, seconds } = { ...job.progress };
   const { summary } = job;
-  const parts = [];
+  const parts = job.progress.line ? [job.progress.line] : [];
   const [top, roof] = job.state === "running" || job.state === "stopping" ? [best, bound] : [summary.best ?? best, summary.bound ?? bound];
   if (summary.proven && typeof top !== "number") return summary.unbounded ? "a layout is locked: no live load brings it down" : "proven: no layout stands under any λ";
   if (done !== undefined) parts.push(`${done}${total ? ` of ${total}` : ""} layouts`);
@@ -72,6 +72,12 @@ export class Searches {
     setTimeout(() => this.#poll(), running ? 500 : 2500);
   }
 
+  /** The entry of a search in the list, which may be shown elsewhere. @param {string} name */
+  async entry(name) {
+    await this.refresh();
+    return this.entries.get(name).node;
+  }
+
   async refresh() {
     const { jobs } = await ask("jobs");
     for (const job of jobs) this.#fill(job);
@@ -108,8 +114,8 @@ export class Searches {
     entry.state.textContent = job.state;
     entry.buttons.replaceChildren(...[
       running ? button("stop", () => this.#act("stop", { name: job.name })) : null,
-      running ? button("take its best", () => this.#take(entry.job)) : null,
-      job.state === "stopped" || job.kind === "study" && job.state === "done" && !job.summary.proven ? button("resume", () => this.#act("resume", { name: job.name })) : null,
+      running && job.kind !== "design" ? button("take its best", () => this.#take(entry.job)) : null,
+      (job.state === "stopped" && job.kind !== "design") || job.kind === "study" && job.state === "done" && !job.summary.proven ? button("resume", () => this.#act("resume", { name: job.name })) : null,
       results && !running ? button("show best", () => this.#results(job)) : null,
       results && !running ? button("page", () => this.#page(job)) : null,
     ].filter(Boolean));

@@ -32,6 +32,12 @@ class Studio {
     const own = Object.values(data.solutions)[0];
     this.steps = new Steps({ scene: given.scene, labelling: own?.labelling ?? "", ...structuredClone(given.changes) });
     this.tool = "toggle";
+    /** name of the scene that is shown @type {string | undefined} */
+    this.using = undefined;
+    /** @type {any} */
+    this.viewer = null;
+    /** forms by part of the scene @type {any} */
+    this.forms = null;
     /** @type {import("./contract.js").Solution | null} */
     this.solution = null;
     /** texts of λ × load, by case @type {string[][]} */
@@ -41,7 +47,7 @@ class Studio {
     byId("folder").textContent = given.folder;
     const state = () => this.state();
     const complain = (/** @type {string} */ message) => this.complain(message);
-    this.opening = new Opening(byId("opened"), (found) => this.opened(found));
+    this.opening = new Opening(byId("opened"), (found) => this.opened(found), (job) => this.searches.entry(job));
     this.files = new Files(byId("export"), given.formats, state, complain);
     this.#forms();
     this.#use();
@@ -50,14 +56,15 @@ class Studio {
       now: () => ({ ...state(), text: [...byId("answer").querySelectorAll(".value:not([hidden])")].map((node) => node.textContent).join("; ") }),
       show: (candidate) => this.go(candidate), compare: (candidate) => this.compare(candidate), complain,
     });
-    this.searches = new Searches(byId("searches"), state, { show: (found, job) => this.results(found, job.name), take: (found) => this.go(found), complain });
+    this.searches = new Searches(byId("searches"), state, { show: (found, job) => this.results(found, job), take: (found) => this.go(found), complain });
     this.help = help();
     byId("open").addEventListener("click", () => this.opening.choose());
     byId("show-help").addEventListener("click", () => this.help.open());
     document.addEventListener("keydown", (event) => this.shortcut(event));
-    if (data.table) this.results({ ...data, studio: { scene: given.scene, changes: {} } }, "this folder");
+    if (data.table) this.results({ ...data, studio: { scene: given.scene, changes: {} } }, { name: "this folder" });
     this.controls();
     this.refresh();
+    if (given.drawing) this.opening.begin(given.drawing, given.drawing.options);
   }
 
   #forms() {
@@ -364,7 +371,8 @@ class Studio {
     if (event.ctrlKey || event.metaKey) {
       // a field with changes of its own takes back what was typed
       if (typing && key !== "o" && (target.dataset.was === undefined || target.value !== target.dataset.was)) return;
-      if (key === "z" && !event.shiftKey) this.undo();
+      if (key === "z" && !event.shiftKey && this.opening.asking.open) this.opening.asking.undo();
+      else if (key === "z" && !event.shiftKey) this.undo();
       else if (key === "y" || (key === "z" && event.shiftKey)) this.redo();
       else if (key === "o") this.opening.choose();
       else return;
@@ -437,8 +445,12 @@ class Studio {
     this.draw();
   }
 
-  /** The best layouts of a search join the candidates, in the scene that was searched. @param {any} found @param {string} name */
-  results(found, name) {
+  /** The best layouts of a search join the candidates, in the scene that was searched; that of a design is opened. @param {any} found @param {any} job */
+  results(found, { name, kind }) {
+    if (kind === "design") {
+      this.opening.asking.close();
+      return this.opened(found);
+    }
     const data = checked(found);
     if (!data.table) return;
     const { scene, changes } = found.studio;

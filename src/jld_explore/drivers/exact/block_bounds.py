@@ -230,7 +230,7 @@ class BlockBoundTightening:
         self._context, self._blocks = context, context.blocks
         blocks, space = context.blocks, context.space
         self._allowed: Bools = np.ones(0 if blocks is None else len(blocks), dtype=bool)
-        self._sides = 0 if blocks is None else _sides_of(space, blocks)
+        self._sides = 0 if blocks is None else sides_of(space, blocks)
         usable = (
             wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, context.analyses))
         )
@@ -325,7 +325,7 @@ class BlockBoundTightening:
         return Conflict(where, labels[where], least, Evidence.BLOCKS, by_blocks=self._proof)
 
 
-def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
+def sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
     """Return the number of faces on the edges of blocks, summed over all blocks."""
     faces = space.assembly.interfaces
     around = np.bincount(np.concatenate([faces.a, faces.b]), minlength=len(space.assembly.elements))

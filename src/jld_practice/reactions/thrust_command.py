@@ -14,9 +14,14 @@ from jld_core.assembly import Assembly
 from jld_core.build.settlements import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import Settled
-from jld_core.limit.force_range import settle
-from jld_core.limit.thrust import (
+from jld_core.models import rigid
+from jld_explore.cli.ending import UNCERTIFIED
+from jld_explore.cli.layout import layout_of, require_whole_faces
+from jld_explore.cli.options import AsJson, Rank
+from jld_explore.cli.streams import say
+from jld_practice.reactions import Settled
+from jld_practice.reactions.force_range import settle
+from jld_practice.reactions.thrust import (
     Resultant,
     ThrustRanges,
     reactions_of_supports,
@@ -25,11 +30,6 @@ from jld_core.limit.thrust import (
     thrust_ranges,
     words_of_range,
 )
-from jld_core.models import rigid
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Rank
-from jld_explore.cli.streams import say
 
 
 def thrust(
@@ -121,7 +121,7 @@ def _words(found: ThrustRanges) -> str:
 def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
     """Write thrust.json and one picture per resultant and load case."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.thrust import figure_of_range
+    from jld_practice.reactions.thrust_figure import figure_of_range
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "thrust.json", told)
@@ -167,7 +167,7 @@ def settlement(
 
 def _settlement_words(found: Settled) -> str:
     """Describe the reactions under one settlement."""
-    from jld_core.views.settled import words_of
+    from jld_practice.reactions.settled_figure import words_of
 
     if found.stands is False:
         return f"{found.settlement.name}: it falls under its dead load alone"
@@ -182,7 +182,7 @@ def _settlement_words(found: Settled) -> str:
 def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
     """Write settlement.json and one picture per settlement."""
     from jld_core.views.figures import save_figure
-    from jld_core.views.settled import figure_of_settled
+    from jld_practice.reactions.settled_figure import figure_of_settled
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "settlement.json", told)

@@ -19,11 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build.settlements import Settlement
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import relative_width
-from jld_core.limit.options import SolveOptions, Status
-from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
 from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
 from jld_core.mechanics.scaling import reference_load
 from jld_core.program import Template

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from jld_core.limit.thrust import ResultantRange, ThrustRanges
 from jld_core.views.figure_layout import figure_for, finish
 from jld_core.views.figures import draw_assembly, draw_forces
+from jld_practice.reactions.thrust import ResultantRange, ThrustRanges
 
 
 def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:

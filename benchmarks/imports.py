@@ -1,0 +1,109 @@
+"""Reading files: time and memory of bombs, of large files, and of the shelf of files as programs write them.
+
+`python -m benchmarks.imports` writes the table. Each file is read by `jld import` in a process of its own: processor
+seconds of it and of the one that reads, and the larger memory of both. Bombs are small files that expand, nest or
+branch (`tests/files/bombs.py`): each has to end in one line. Large ones are cells of lines beside a closed outline, in
+n × n cells, and blocks of solids.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from benchmarks.common import ROOT, about, load_of_machine, table, write
+from benchmarks.scenes import cubes
+from jld_core import InputError, build_assembly
+from jld_core.exchange import ImportOptions, Layout, export, import_file
+
+_MB: Final = 1e6
+
+
+def _walls(count: int) -> Callable[[Path], None]:
+    """Cells of lines beside a closed outline, on a support."""
+
+    def write_wall(path: Path) -> None:
+        import ezdxf
+
+        document = ezdxf.new(units=6)
+        space = document.modelspace()
+        for i in range(count + 1):
+            for j in range(count):
+                space.add_line((i, j), (i, j + 1))
+                space.add_line((j, i), (j + 1, i))
+        ground = [(0, -1), (count + 1, -1), (count + 1, 0), (0, 0)]
+        space.add_lwpolyline(ground, close=True, dxfattribs={"layer": "SUPPORT"})
+        space.add_lwpolyline([(count, 0), (count + 1, 0), (count + 1, 1), (count, 1)], close=True)
+        document.saveas(path)
+
+    return write_wall
+
+
+def _solids(kind: str) -> Callable[[Path], None]:
+    """1 728 cubes in a file that `jld export` writes."""
+
+    def write_cubes(path: Path) -> None:
+        scene = cubes(12)
+        assembly = build_assembly(scene)
+        export(Layout(scene, assembly, np.ones(len(assembly.interfaces), bool)), kind, path, cells=True)
+
+    return write_cubes
+
+
+def read(path: Path, out: Path, *options: str) -> tuple[float, float, int, str]:
+    """Processor seconds, memory in MB, exit code and last line of `jld import` of a file."""
+    command = [sys.executable, "-m", "jld_explore", "import", str(path), "-o", str(out), *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
+        said = process.stdout.read().replace(f"{path.parent}/", "")
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    return used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss / _MB, process.returncode, said
+
+
+def main() -> None:
+    """Read every file, and write the table."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from files.bombs import bombs
+    from files.make import shelf
+
+    files: list[tuple[str, str, Callable[[Path], None]]] = [("bomb", name, one) for name, (one, _) in bombs().items()]
+    files += [("large", f"wall_{count}x{count}.dxf", _walls(count)) for count in (30, 100)]
+    kinds = {"obj": "obj", "stl": "stl", "ply": "ply", "step": "step", "ifc": "ifc", "3dm": "3dm", "compas": "json"}
+    files += [("large", f"1728_cubes.{ending}", _solids(kind)) for kind, ending in kinds.items()]
+    rows, shelf_times = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for group, name, make in files:
+            path = Path(folder) / name
+            make(path)
+            seconds, memory, code, said = read(path, Path(folder) / "out.json", "--support", "lowest")
+            line = said.strip().splitlines()[0].removeprefix("jld: ").removeprefix("found        ")[:110]
+            kilobytes = f"{path.stat().st_size / 1e3:.0f}"
+            rows.append([group, name, kilobytes, f"{seconds:.1f}", f"{memory:.0f}", str(code), line.replace("|", "/")])
+            print(rows[-1], flush=True)
+        for file in shelf():
+            path = Path(folder) / file.name
+            file.write(path)
+            start = time.process_time(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            with contextlib.suppress(InputError):
+                import_file(path, ImportOptions(**file.options))
+            own = time.process_time() - start[0]
+            shelf_times.append((own + resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - start[1], file.name))
+    longest, total = max(shelf_times), sum(seconds for seconds, _ in shelf_times)
+    shelf_line = f"The {len(shelf_times)} files of the shelf: {total:.1f} s, longest {longest[0]:.2f} s ({longest[1]})."
+    head = "group | file | kB | s | MB | exit code | what it says"
+    write("imports", f"# Reading files\n\n{about(__doc__)}\n\n{table(head, rows)}\n\n{shelf_line} {load_of_machine()}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""Bound on λ of all layouts by the block relaxation at the root, computed in a process beside any search."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from typing import Final
+
+import cloudpickle
+import numpy as np
+
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.limit import LimitAnalysis, SolveOptions
+from jld_core.limit.block_relaxation import applies_to
+from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.memory import memory_limit
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
+from jld_explore.space import SearchSpace
+
+LEAST_SECONDS: Final = 5.0
+"""Shortest time limit of a search in which the bound is computed; the process alone takes two seconds to start."""
+
+_SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
+_SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
+_MEMORY_SHARE: Final = 0.4  # largest share of the memory for the program
+_LISTING_SHARE: Final = 0.1  # largest share of the time for listing the possible blocks
+_CLOSE: Final = 1.0  # time before the deadline at which the solver ends, s
+_NICE: Final = 5  # the search goes first where it uses every core
+
+
+class BlockRoot:
+    """Block relaxation of all possible blocks of a space, solved in a process of its own.
+
+    `poll` returns the bound once it is there, in scene units. `close` ends the process.
+    """
+
+    def __init__(self, space: SearchSpace, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
+        self._workers = WorkerPool(1)
+        self._worker: PoolWorker | None = self._workers.first()
+        self._future: Future[float | None] | None = None
+        self._bound: float | None = None
+        if self._worker is not None:
+            work = cloudpickle.dumps(blocks)
+            self._future = self._workers.submit(self._worker, _bound, work, seconds, _NICE if busy else 0)
+
+    @classmethod
+    def beside(cls, space: SearchSpace, model: SolveOptions, deadline: Deadline, jobs: int) -> BlockRoot | None:
+        """Start the process for a search; None where the bound does not exist or would come too late.
+
+        model: must support bounds over labellings. deadline: of the search.
+        """
+        left = deadline.remaining()
+        assembly = space.assembly
+        if not LEAST_SECONDS <= left < float("inf") or space.void is not None:
+            return None
+        if not model.supports_bounds_over_labellings or not all(
+            applies_to(LimitAnalysis(case)) for case in assembly.by_case
+        ):
+            return None
+        blocks = None
+        with suppress(DeadlinePassed), Deadline(_LISTING_SHARE * left).enforced():
+            blocks = possible_blocks(space)
+        if blocks is None or not len(blocks):
+            return None
+        sides = sides_of(space, blocks)
+        if sides * _SIDE_SECONDS > deadline.remaining() or sides * _SIDE_MEMORY > _MEMORY_SHARE * memory_limit():
+            return None
+        return cls(space, BlockSpace(space, blocks), deadline.remaining() - _CLOSE, busy=jobs >= (os.cpu_count() or 1))
+
+    def poll(self, seconds: float = 0.0) -> float | None:
+        """Return the bound, scene units, waiting for it up to some seconds; None while there is none."""
+        if self._future is None or self._worker is None or not wait([self._future], timeout=seconds).done:
+            return self._bound
+        found, self._future = self._workers.result(self._worker, self._future), None
+        self._bound = found if isinstance(found, float) else None
+        return self._bound
+
+    @property
+    def running(self) -> bool:
+        """Return True while the bound may still come."""
+        return self._future is not None
+
+    def close(self) -> None:
+        """End the process; a bound that has not come is lost."""
+        self._future = None
+        self._workers.close()
+
+
+@one_thread()
+def _bound(work: bytes, seconds: float, nice: int) -> float | None:
+    """Solve the block relaxation in this worker process for at most some seconds; return the bound, scene units."""
+    start = time.perf_counter()
+    os.nice(nice)
+    blocks: BlockSpace = pickle.loads(work)
+    space = blocks.space
+    whole = relaxation_of(space.assembly)
+    if whole is None:
+        return None
+    most = whole.bound(space.fixed, space.candidates)
+    relaxation = blocks.relaxation(seconds=seconds - (time.perf_counter() - start))
+    bound = relaxation.choose(np.ones(len(blocks.blocks), dtype=bool), 0.0, most).bound * whole.unit
+    return float(bound) if np.isfinite(bound) else None
