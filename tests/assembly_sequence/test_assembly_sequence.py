@@ -11,7 +11,6 @@ from cases import dry_and_inner, grid_assembly
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene
-from jld_core.limit import LimitAnalysis
 from jld_practice.laying import assembly_order
 from jld_practice.laying.order import locked_blocks
 

@@ -12,7 +12,6 @@ import pytest
 from command import Command
 from jld_core import Scene, build_assembly, samples
 from jld_core.deadline import DeadlinePassed
-from jld_core.scene import Scene
 from jld_practice.laying.freedom import Freedom, blocks_of_labelling
 from jld_practice.laying.quick import order_without_stages
 from jld_practice.laying.standing import Parts

@@ -22,7 +22,6 @@ import jld_core as jc
 import jld_experiment
 from cases import dry_and_inner
 from jld_core import Result
-from jld_core.limit import Result
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import ExploreSettings, explore

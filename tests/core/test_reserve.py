@@ -10,7 +10,6 @@ import pytest
 
 from cases_spatial import box
 from jld_core import LimitAnalysis, build_assembly, parse_scene
-from jld_core.limit import LimitAnalysis
 from jld_core.samples import arch
 from jld_practice.reactions.thrust import Reserve, least_share, shrunk
 

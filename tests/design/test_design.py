@@ -21,8 +21,6 @@ from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore
-from jld_explore.explore import explore
-from jld_explore.settings import ExploreSettings
 from jld_explore.study_state import Interrupted
 from jld_practice.design import run, tessellations
 from jld_practice.design import trials as checks

@@ -11,7 +11,6 @@ import pytest
 from jld_core import build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.cli import explore as progress
-from jld_explore.cli import progress
 from jld_explore.space import from_string
 from scenes_of_pages import small_scene
 

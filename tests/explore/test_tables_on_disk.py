@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from jld_explore.report.result_files import write_results
 
 from cases import dry_and_inner, grid_document
 from command import Command
 from jld_core import parse_scene
 from jld_experiment import experiments
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import csv_of, read_folder, result_files, tables
+from jld_explore.report import csv_of, tables
 from jld_explore.report import tables as result_files
 from jld_explore.report.tables import write_results
 from jld_explore.space.labelling import to_strings

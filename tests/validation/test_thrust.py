@@ -15,7 +15,6 @@ from command import Command
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.errors import ParameterError
 from jld_core.samples import arch
-from jld_core.scene import Scene
 from jld_core.strengths import Route
 from jld_practice.reactions import thrust_ranges
 from jld_practice.reactions.thrust import (

@@ -36,7 +36,6 @@ from jld_dilation.certificate import BinaryFractions
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
 from jld_explore import ExploreSettings, explore
-from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
 from reference_zero_dilation import loads_without_dilation
