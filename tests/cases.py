@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from jld_core import Assembly, Scene, build_assembly, parse_scene
+from jld_core.strengths import Route
 
 Document = dict[str, Any]
 ROOT_CELL = 0.1
+ROUTE = Route("a test")
+"""Who asks for strengths of faces."""
 
 
 def dry_and_inner(density: float, friction: float, tension: float, shear: float, **keys: Any) -> Document:
@@ -69,6 +74,14 @@ def grid_scene(rows: list[str], **kwargs: Any) -> Scene:
 def grid_assembly(rows: list[str], **kwargs: Any) -> Assembly:
     """The same, as an assembly."""
     return build_assembly(grid_scene(rows, **kwargs))
+
+
+def every_layout(space: Any) -> Any:
+    """All labellings (k, m) of a search space, as enumeration lists them."""
+    from jld_explore.drivers import make_driver  # which tests of the core do not load
+
+    none = np.empty((0, len(space.fixed)), dtype=bool)
+    return np.concatenate([none, *(rows for rows, _ in make_driver("enumeration", space, 0).batches())])
 
 
 DOWN = [{"element": "c2r0", "force": [0, -1]}]

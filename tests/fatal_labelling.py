@@ -34,5 +34,5 @@ def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
             time.sleep(60.0)
         return healthy(self, row, *more)
 
-    Evaluator.evaluate = evaluate  # type: ignore[method-assign]
+    Evaluator.evaluate = evaluate
     return assembly

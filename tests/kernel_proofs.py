@@ -19,7 +19,7 @@ def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object
     """The batch solver for an analysis, as the analysis itself makes it; variant: see `BatchSolver`."""
     opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
-    return BatchSolver(analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys)  # type: ignore[arg-type]
+    return BatchSolver(analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys)
 
 
 def assert_proven(
@@ -54,7 +54,6 @@ def assert_proven(
             assert proof.status is Status.UNSTABLE
         elif found.verdict[k] == LOCKED:
             assert proof.status in (Status.LOCKED, Status.UNCERTIFIED)
-            assert found.rays is not None
             ray = analysis.prover.ray(np.append(found.rays[k].ravel(), 1.0), labels)
             assert ray.slack >= -tolerances.ROUNDING
             assert ray.error <= tolerances.ROUNDING

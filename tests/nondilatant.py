@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from cases import ROUTE
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene
 from jld_core.limit.mechanism import face_jumps
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
 def certify(result: LimitAnalysisResult) -> None:

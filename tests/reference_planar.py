@@ -9,11 +9,9 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
+from cases import ROUTE
 from jld_core import Assembly
 from jld_core.arrays import Bits, Ints
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
 def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.Variable]:

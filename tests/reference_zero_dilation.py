@@ -11,11 +11,9 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import linprog
 
+from cases import ROUTE
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 _ZERO = 1e-9
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}

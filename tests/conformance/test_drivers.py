@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.space import keys
@@ -152,7 +151,7 @@ def talk(driver: Driver, found: Case, budget: int, portion: int | None = None) -
 )
 def test_all_of_a_small_space_and_nothing_else_or_twice(name: str, scene: str) -> None:
     found = case(scene)
-    every = {key for rows, _ in Enumeration(found.space).batches() for key in keys(rows)}
+    every = set(keys(every_layout(found.space)))
     driver = driver_of(name, found.space, 0)
     asked = talk(driver, found, len(every) + 100)
     assert len(asked) == len(set(asked))

@@ -107,7 +107,6 @@ def test_mechanisms_open_every_face_without_rounding(kernels: dict[str, str], na
     asked = labellings(analysis.assembly, 40, seed=7)
     for path in kernels.values():
         found = lanes_of(analysis, path).solve(asked, vectors=True)
-        assert found.velocity is not None
         for k in np.flatnonzero(np.isfinite(found.high)):
             assert exact_margin(analysis, found.velocity[k], asked[k]) >= 0
 
@@ -186,7 +185,6 @@ def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -
     assert (found.low > thresholds).all()
     assert (found.low <= whole + 1e-6 * abs(whole)).all()
     assert found.iterations.sum() < known.iterations[known.verdict == PROVEN].sum()
-    assert found.forces is not None
     for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
         state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
         assert state.admissible
@@ -259,7 +257,6 @@ def test_many_cells_need_one_pass(kernel: str) -> None:
     dice = np.random.default_rng(0)
     orders = np.array([dice.permutation(len(inner)) for _ in range(64)])
     joined = Joining(faces.a[inner], faces.b[inner], cells, 1, 4, 0, kernel).parts(orders, np.full(64, len(inner)))
-    assert joined is not None
     asked = np.ones((64, len(faces)), dtype=bool)
     asked[:, inner] = joined[0][:, faces.a[inner]] != joined[0][:, faces.b[inner]]
     made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
@@ -390,15 +387,11 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
     monkeypatch.setenv(library.SWITCH, "off")
     plain = Relaxation(analysis).refute_all(asked, loose, everything)
     for k, (one, other) in enumerate(zip(together, plain, strict=True)):
-        assert one is not None
-        assert other is not None
         assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
         alone = relaxation.refute(asked[k], loose[k], 1e12)
-        assert alone is not None
         assert alone.bound == one.bound
         assert relaxation.refute(asked[k], loose[k], 0.9 * other.bound) is None
         refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
-        assert refuted is not None
         assert refuted.bound <= 1.1 * other.bound
 
 
@@ -410,7 +403,6 @@ def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None
     labels = dice.random((50, 20)) < dice.random((50, 1))
     for path in kernels.values():
         found = Graph(12, a, b, always, path).blocks(labels)
-        assert found is not None
         for row, names in zip(labels, found, strict=True):
             ends = np.concatenate([always, np.column_stack([a, b])[~row]])
             matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
@@ -440,12 +432,10 @@ def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None
     ends = np.array(pairs).T
     for path in kernels.values():
         found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
-        assert found is not None
         for row, count, names in zip(order, wanted, found[0], strict=True):
             parts = joined([pairs[k] for k in row[:count]], sizes, most)
             assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
         mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
-        assert mended is not None
         assert mended[1].any()
         assert not found[1].all()
         cells = [np.bincount(names, weights=sizes) for names in mended[0]]

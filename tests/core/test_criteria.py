@@ -127,8 +127,6 @@ def test_rows_have_the_coefficients_of_the_batch_solver(scene_name: str) -> None
     assembly = build_assembly(load_scene(SCENES / f"{scene_name}.json"))
     scaling, size = scaling_of(assembly), (len(assembly.interfaces), assembly.dimension)
     closed, rows = (rows_of_sets(one(assembly, scaling), *size) for one in (yield_set, row_yield))
-    assert closed is not None
-    assert rows is not None
     assert rows.rows == pytest.approx(closed.rows, rel=0.0, abs=1e-15)
     assert np.array_equal(rows.keep, closed.keep)
 

@@ -36,7 +36,7 @@ from paths import ROOT
 )
 def test_parameters_become_flags(options: dict[str, object], in_python: str, on_command_line: str) -> None:
     with pytest.raises(InputError) as caught:
-        SolveOptions(**options)  # type: ignore[arg-type]
+        SolveOptions(**options)
     assert caught.value.parameter == next(iter(options))
     assert str(caught.value).startswith(in_python)
     assert in_flags(caught.value).startswith(on_command_line)

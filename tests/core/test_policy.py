@@ -48,9 +48,8 @@ def test_a_result_has_the_options_of_its_model() -> None:
     assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
     given = {"contact": "concave", "inner_bending": "kern", "condense": "off", "gap": 1e-5}
     found = solve(assembly, **given)
-    assert found.model == SolveOptions(**given)  # type: ignore[arg-type]
+    assert found.model == SolveOptions(**given)
     assert (found.contact, found.friction) == ("concave", "associative")
-    assert found.forces is not None
     assert found.forces.shape == (len(assembly.interfaces), 6)
 
 
@@ -97,8 +96,6 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
     assert proof.status is Status.COLLAPSE
     assert proof.stands is True
     held = proof.found or proof.state
-    assert held is not None
-    assert proof.motion is not None
     template = analysis.template
     left = template.matrix @ held.forces.ravel() + template.dead + held.load * template.live
     assert abs(left).max() <= 1e-8

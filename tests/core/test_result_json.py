@@ -29,7 +29,7 @@ def spatial() -> Assembly:
 
 @pytest.mark.parametrize("make", [planar, spatial])
 def test_forces_and_frames_balance_the_loads(make: object) -> None:
-    assembly = make()  # type: ignore[operator]
+    assembly = make()
     result = solve(assembly)
     found = json.loads(json.dumps(result.to_json()))
     assert [face["index"] for face in found["faces"]] == list(range(len(assembly.interfaces)))

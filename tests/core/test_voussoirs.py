@@ -131,7 +131,7 @@ def test_a_flat_arch_converges_where_its_sides_meet() -> None:
     outline = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0 * 1.9 / 1.5, 0.4], [-1.0 * 1.9 / 1.5, 0.4]])
     own = scene(outline, [box(-1.0, -0.1, 2.0, 0.1)])
     for how in ({}, {"centre": (0.0, -1.5)}):
-        new = build_assembly(refine(own, voussoirs=5, **how).scene)  # type: ignore[arg-type]
+        new = build_assembly(refine(own, voussoirs=5, **how).scene)
         expected = np.sort(sample.elements.volume[~sample.elements.support])
         assert np.sort(new.elements.volume[~new.elements.support]) == pytest.approx(expected, rel=1e-9)
 

@@ -73,7 +73,6 @@ def test_a_pier_is_crushed_under_unfavourable_weight() -> None:
     assert one.governing.bounds.load_factor == pytest.approx(expected, rel=1e-6)
     assert one.governing.combination.self_weight == "unfavourable"
     state = one.reserve
-    assert state is not None
     # N under the design loads is (48 + 42) of 125, all joints use this share at least
     assert state.bracket == pytest.approx((90 / 125, 90 / 125), abs=2e-3)
     vertical = next(part for part in one.reactions if part.resultant.component == "Fy")
@@ -296,7 +295,6 @@ def test_a_spatial_block_slides_and_its_reaction_is_that_of_statics() -> None:
     reaction = {part.resultant.component: part.interval for part in one.reactions}
     assert reaction["Fz"] == pytest.approx((18.0, 18.0), rel=1e-6)
     assert reaction["Fx"] == pytest.approx((-5.6, -5.6), rel=1e-6)
-    assert one.reserve is not None
     assert one.reserve.bracket == pytest.approx((5.6 / (0.4 * 18),) * 2, abs=2e-3)
 
 

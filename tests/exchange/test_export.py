@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import ROUTE, grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_scene
 from command import call
@@ -23,11 +23,8 @@ from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export
 from jld_core.geometry.congruence import alike
 from jld_core.geometry.outlines import Outline
 from jld_core.geometry.unions import extrude, union_outlines
-from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore, read_folder
 from paths import SCENES
-
-ROUTE = Route("a test")
 
 pytest.importorskip("ezdxf")
 meshio = pytest.importorskip("meshio")

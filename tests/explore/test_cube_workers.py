@@ -71,7 +71,6 @@ def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:
     for aim in ("best", "front"):
         one, _ = prove(scene, tmp_path / f"one {aim}", SOLO_PROGRAMS, aim=aim, by_blocks="off")
         two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
-        assert driver._sources is not None
         # the bound at the root alone may prove all
         assert driver._sources.solves > 0 or one.summary.facts["relaxations"] <= 1
         assert two.summary.proven is one.summary.proven is True
@@ -95,7 +94,6 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     for name, settings in (("one", SOLO_PROGRAMS), ("two", TWO)):
         driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, solo_relaxations=0)
         found.append(explore(scene, tmp_path / name, settings, driver=driver).summary.facts["require"])
-        assert driver._sources is not None
         assert (driver._sources.solves > 0) is (settings is TWO)
     assert found[0]["proven"] is found[1]["proven"] is True
     assert found[0]["best"] == found[1]["best"] is not None
@@ -111,7 +109,6 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         if called:
             monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
-        assert driver._sources is not None
         assert (driver._sources.solves > 0) is called
         assert driver.context.relaxation.solves > 60  # by threads, before others were called
         assert two.summary.proven is True
@@ -166,7 +163,7 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
     held: list[tuple[Future[Any], tuple[Any, ...]]] = []
 
     class Starting(ThreadPoolExecutor):
-        def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+        def submit(self, *task: Any) -> Future[Any]:
             held.append((Future(), task))
             return held[-1][0]
 
@@ -215,7 +212,7 @@ class Mortal(ThreadPoolExecutor):
         Mortal.made += 1
         self.left = 1 if Mortal.made <= 2 else 10**9
 
-    def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+    def submit(self, *task: Any) -> Future[Any]:
         if self.left == 0:
             dead: Future[Any] = Future()
             dead.set_exception(TerminatedWorkerError("killed"))
@@ -248,9 +245,6 @@ def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeyp
     scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
     one, first = prove(scene, tmp_path / "one", SOLO_PROGRAMS, solo_relaxations=None, by_blocks="on")
     two, second = prove(scene, tmp_path / "two", solo_relaxations=None, by_blocks="on")
-    assert first._block_search is not None
-    assert second._block_search is not None
-    assert second._block_search._bounds is not None
     assert second._block_search._bounds.solves_in_worker > 0
     assert second._block_search.solves == first._block_search.solves > 10
     assert (Mortal.made >= 3) is dies
@@ -327,7 +321,6 @@ def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
 
     settings = replace(SOLO_PROGRAMS, cluster=cluster.scheduler_address)
     away = explore(scene, tmp_path / "away", settings, report=raise_deferred, driver=driver)
-    assert driver._sources is not None
     assert driver._sources.solves > 0
     assert events == ["joined", "left"]
     assert away.summary.proven is True

@@ -144,7 +144,7 @@ def test_brute_force_on_random_shapes_and_limits(data: st.DataObject) -> None:
 
     def limits() -> list[int | None]:
         low, high = data.draw(bound), data.draw(bound)
-        return sorted((low, high)) if low is not None and high is not None else [low, high]  # type: ignore[type-var]
+        return sorted((low, high)) if low is not None and high is not None else [low, high]
 
     search: dict[str, Any] = {
         key: limits() for key in ("block_cells", "blocks", "dry_faces") if data.draw(st.booleans())

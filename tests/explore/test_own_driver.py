@@ -6,18 +6,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 from pydantic import Field
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
-from jld_explore.drivers.enumeration import Enumeration
 
 
 class BackwardsOptions(DriverOptions):
@@ -32,7 +30,7 @@ class Backwards(Driver):
 
     def __init__(self, space: SearchSpace, seed: int = 0, step: int = 5) -> None:
         super().__init__(space, seed)
-        self.left = np.concatenate([rows for rows, _ in Enumeration(space).batches()])[::-1]
+        self.left = every_layout(space)[::-1]
         self.step, self.told = step, 0
 
     @property

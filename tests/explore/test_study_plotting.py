@@ -167,8 +167,8 @@ def test_dry_frequency_counts_the_best_rows(assembly: Assembly, results: pd.Data
     figure = plot_dry_frequency(results, assembly, top=1)
     best = labels_of(results["labelling"].iloc[0], assembly)
     lines = {item.get_label(): item for item in figure.axes[0].collections}
-    assert len(lines["dry"].get_segments()) == int(best.sum())  # type: ignore[attr-defined]
-    assert len(lines["inner"].get_segments()) == int((~best).sum())  # type: ignore[attr-defined]
+    assert len(lines["dry"].get_segments()) == int(best.sum())
+    assert len(lines["inner"].get_segments()) == int((~best).sum())
     assert "the labelling" in figure.texts[0].get_text()
     wide = plot_dry_frequency(results, assembly, top=20)
     known = results[results["status"] == "collapse"].head(20)

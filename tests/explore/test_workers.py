@@ -145,7 +145,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     """Its batch is tried twice and given up; all others are evaluated."""
     monkeypatch.setenv("JLD_KERNEL", "off")  # what dies is the evaluation of one labelling
     assembly, _, rows = wall()
-    recipe = WorkerSpec.of(FatalLabelling(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
+    recipe = WorkerSpec.of(FatalLabelling(assembly, rows[17], way), EvaluatorSettings())
     pool = Workers(recipe, 2, rows.shape[1], hang_seconds=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)

@@ -62,7 +62,7 @@ def test_bending_is_drawn_with_both_signs(assembly: Assembly, mesh: Mesh) -> Non
     stress[..., 0] = middle - mesh.corners[..., 1]
     grid = averaged(assembly, Stresses(mesh, stress))
     for kind, sign in (("compression", 1.0), ("tension", -1.0)):
-        found = trajectories(grid, kind, 0.02)  # type: ignore[arg-type]
+        found = trajectories(grid, kind, 0.02)
         assert len(found) >= 3
         for one in found:
             assert np.ptp(one.points[:, 1]) < 1e-3 * np.ptp(one.points[:, 0])
@@ -90,7 +90,7 @@ def test_cracks_are_where_velocity_jumps(assembly: Assembly) -> None:
     faces = [k for k in range(len(labels)) if "c2r0" in assembly.pair(k)]
     labels[faces[0]] = True
     drawn = draw_cracks(Figure().add_subplot(), assembly, labels, Velocities(coarse, velocity, np.zeros(len(coarse))))
-    joints, cracks = (drawn[name][0].get_segments() for name in ("joints", "cracks"))  # type: ignore[attr-defined]
+    joints, cracks = (drawn[name][0].get_segments() for name in ("joints", "cracks"))
     assert len(joints) == 2
     assert len(cracks) == 2 * (len(faces) - 1)
     (own, other) = (np.asarray(side) for side in joints)
@@ -114,7 +114,6 @@ def test_a_figure_names_bounds_units_and_signs(assembly: Assembly) -> None:
     assert f"{found.lower:.4g}" in text
     assert f"{found.upper:.4g}" in text
     legend = figure.axes[1].get_legend()
-    assert legend is not None
     words = " ".join(one.get_text() for one in legend.get_texts())
     assert "compression (solid)" in words
     assert "tension (dashed)" in words

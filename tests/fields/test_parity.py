@@ -11,6 +11,7 @@ import pytest
 from benchmarks.claims import fields
 from benchmarks.claims.geometry import Move
 
+from cases import ROUTE
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats
 from jld_core.fields.bounds import disagreement
@@ -19,9 +20,6 @@ from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.problem import Material, material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
 def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
@@ -136,7 +134,6 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
-    assert scenes is not None
     assembly = build_assembly(parse_scene(scenes[0]))
     mesh, loads = loaded_mesh(assembly)
     material = material_of(assembly)
@@ -148,7 +145,6 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
         # no stress field of this mesh carries the dead load
         assert lower_by_cvxpy(*given) == -math.inf
         return
-    assert high is not None
     assert low.factor * units.load == pytest.approx(lower_by_cvxpy(*given), rel=1e-5)
     assert high.factor * units.load == pytest.approx(upper_by_cvxpy(*given), rel=1e-5)
     # the local differences between power and stress power add up to the gap

@@ -29,14 +29,12 @@ def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkey
     """Both bounds with and without iterative refinement, to a tenth of what scenes may differ by (1e-6)."""
 
     def careful(self: ConeProgram, off: object = None, objective: object = None) -> Answer:
-        return self._solve(off, objective, careful=True)  # type: ignore[arg-type]
+        return self._solve(off, objective, careful=True)
 
     quick = LowerBound(problem).bound(LABELS), UpperBound(problem).bound(LABELS)
     monkeypatch.setattr(ConeProgram, "solve", careful)
     slow = LowerBound(problem).bound(LABELS), UpperBound(problem).bound(LABELS)
     for one, other in zip(quick, slow, strict=True):
-        assert one is not None
-        assert other is not None
         assert one.factor == pytest.approx(other.factor, rel=1e-7)
 
 
@@ -46,13 +44,12 @@ def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monke
 
     def failing(self: ConeProgram, off: object, objective: object, careful: bool) -> Answer:
         asked.append(careful)
-        found = original(self, off, objective, careful)  # type: ignore[arg-type]
+        found = original(self, off, objective, careful)
         return found if careful else Answer(0.0 * found.point, found.dual, 0.0, False, "NumericalError")
 
     monkeypatch.setattr(ConeProgram, "_solve", failing)
     found = LowerBound(problem).bound(LABELS)
     assert asked == [False, True]
-    assert found is not None
     assert found.factor > 0.0
 
 
@@ -73,8 +70,6 @@ def test_a_field_is_settled_where_opening_costs(problem: Problem, monkeypatch: p
     noise = 1e-6 * abs(velocity).max() * np.random.default_rng(1).uniform(-1.0, 1.0, velocity.shape)
     shaken = upper.certify(velocity + noise, LABELS, answer.objective)
     assert settled
-    assert found is not None
-    assert shaken is not None
     assert found.factor == pytest.approx(answer.objective, rel=1e-7)
     assert shaken.factor == pytest.approx(found.factor, rel=1e-2)
     assert shaken.factor >= answer.objective * (1.0 - 1e-9)

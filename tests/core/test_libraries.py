@@ -1,7 +1,9 @@
-"""One thread in products of matrices within our own loops, as many as before outside of them."""
+"""What a solver's library prints does not reach stdout, which belongs to results."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +17,29 @@ from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation.protocol import Evaluator
 from paths import ROOT
+
+LOUD = """
+import os, highspy
+real, greeted = highspy.Highs, []
+class Loud(real):
+    def __init__(self):
+        if not greeted:
+            os.write(1, b"a banner\\n")
+            greeted.append(True)
+        super().__init__()
+highspy.Highs = Loud
+from jld_core import samples, build_assembly, solve
+print(solve(build_assembly(samples.wall(courses=2, length=0.8)), solver="highs").status, greeted)
+"""
+
+
+def test_a_banner_of_highs_is_not_on_stdout() -> None:
+    """HiGHS 1.16 greets whoever makes the first instance, before it can be told to be silent."""
+    done = subprocess.run([sys.executable, "-c", LOUD], capture_output=True, text=True, check=True)
+    assert done.stdout == "collapse [True]\n"
+
+
+# One thread in products of matrices within our own loops, as many as before outside of them.
 
 
 def threads() -> set[int]:
@@ -47,7 +72,7 @@ def test_a_solve_and_a_search_take_one_thread(monkeypatch: pytest.MonkeyPatch, t
 
         def noted(*arguments: object, _whole: object = whole, **named: object) -> object:
             seen.append(threads())
-            return _whole(*arguments, **named)  # type: ignore[operator]
+            return _whole(*arguments, **named)
 
         monkeypatch.setattr(owner, name, noted)
     scene = load_scene(ROOT / "scenes" / "flat_beam_arch.json")
