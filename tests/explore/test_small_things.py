@@ -93,7 +93,7 @@ def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_names_of_the_face_are_not_modules() -> None:
     import jld_explore.explore
-    import jld_explore.study
+    import jld_explore.search.study
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))

@@ -20,7 +20,8 @@ from jld_core.memory import memory_limit
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import WorkerPool
 from jld_explore.space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with this bound; its process takes two seconds to start
@@ -38,7 +39,7 @@ class BlockRoot:
 
     def __init__(self, space: SearchSpace, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
         self._workers = WorkerPool(1)
-        self._worker: PoolWorker | None = self._workers.first()
+        self._worker: Pool | None = self._workers.first()
         self._future: Future[float | None] | None = None
         self._bound: float | None = None
         if self._worker is not None:

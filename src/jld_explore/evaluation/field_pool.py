@@ -18,7 +18,7 @@ from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import mesh_seconds, time_rate
-from jld_explore.evaluation.worker_pool import TaskPool
+from jld_explore.evaluation.pool import Pool
 
 TOGETHER: Final = 4
 """Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
@@ -74,7 +74,7 @@ class FieldPool:
     """
 
     def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:
-        self.deadline, self.tasks = Deadline() if deadline is None else deadline, TaskPool(jobs)
+        self.deadline, self.tasks = Deadline() if deadline is None else deadline, Pool(jobs)
         self.settings = [FieldSetting.of(case) for case in assembly.by_case]
         self._coarse: list[CoarseBounds] | None = None
         self.required = assembly.required
@@ -233,7 +233,7 @@ class FieldPool:
                 break  # it is refined later, if there is time for it beside the others
             required, least = float(self.required[case]), float(enough[row])
             tasks.append((row, case, mesh, (self.settings[case], self.labellings[row], mesh, required, least, *more)))
-        found = self.tasks.run(step, [arguments for *_, arguments in tasks])
+        found = list(self.tasks.run(step, [arguments for *_, arguments in tasks]))
         self.programs += 2 * len(tasks)
         for (row, case, mesh, _), one in zip(tasks, found, strict=True):
             self.rate = max(self.rate, time_rate(one.seconds, len(mesh)))

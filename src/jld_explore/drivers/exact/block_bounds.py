@@ -35,8 +35,8 @@ from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import CheckedProof, ProofContext
 from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.evaluation.process_settings import client_of_cluster
-from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space import SearchSpace
 
 SOLO_PROGRAMS: Final = 40
@@ -96,7 +96,7 @@ class BlockBoundPool:
         self._here = self._block_space.relaxation(context.analyses)
         self._worker_allowed = False
         self._workers: WorkerPool | None = None
-        self._worker: PoolWorker | None = None
+        self._worker: Pool | None = None
         self._ready: Future[SolvedProgram | None] | None = None
         self._threads: ThreadPoolExecutor | None = None
         self.solves_in_worker = 0

@@ -109,18 +109,13 @@ class ProofContext:
         Result: None where the space has no formula or no relaxation, so that conflicts prove nothing.
         """
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
-        blocks = _list_blocks(space) if list_blocks else None
-        counts = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
-        terms = [count.terms(space.assembly) if count.terms else None for count in counts]
-        if any(one is None or (one.blocks and blocks is None) for one in terms):
+        blocks = listed_blocks(space) if list_blocks else None
+        if without_formula(space, blocks, counted) is not None:
             return None
         relaxation = relaxation_of(space.assembly, analyses)
         if relaxation is None:
             return None
-        free = space.candidates.copy()
-        if blocks is not None:
-            joined = {face for inside in blocks.inside for face in inside}
-            free &= np.isin(np.arange(len(free)), list(joined))
+        free = free_faces(space, blocks)
         return cls(space, blocks, free, seed, analyses, relaxation)
 
     @property
@@ -174,7 +169,7 @@ class ProofContext:
         return hashlib.sha256(b"".join([*parts, names])).hexdigest()
 
 
-def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
+def listed_blocks(space: SearchSpace) -> PossibleBlocks | None:
     """List the possible blocks of a space; None also if that takes too long."""
     try:
         with Deadline(_LISTING_SHARE * time_left()).enforced():
@@ -183,16 +178,35 @@ def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
         return None
 
 
+def free_faces(space: SearchSpace, blocks: PossibleBlocks | None) -> Bools:
+    """Return the faces (m,) that may take either label in some labelling."""
+    if blocks is None:
+        return space.candidates.copy()
+    joined = {face for inside in blocks.inside for face in inside}
+    return np.asarray(space.candidates & np.isin(np.arange(len(space.candidates)), list(joined)))
+
+
+def without_formula(space: SearchSpace, blocks: PossibleBlocks | None, aimed: Count | None) -> Count | None:
+    """Return the first count, of the limits or the one aimed at, that no formula expresses; None if all have one."""
+    for count in [*(count for count, _ in space.limits.on_counts), *([] if aimed is None else [aimed])]:
+        terms = count.terms(space.assembly) if count.terms else None
+        if terms is None or (terms.blocks and blocks is None):
+            return count
+    return None
+
+
 class Heuristics:
     """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
 
     driver: driver that runs whenever it is due. due: number of its labellings before the proof; the attribute is the
-    number that are due now. limit: largest number of labellings that are proposed together; None for no limit.
+    number that are due now. limit: largest number of labellings that are proposed together; None for no limit. ended:
+    whether neither driver will be asked again, so that evaluations are of no use to them.
     """
 
     def __init__(self, driver: Driver, due: int) -> None:
         self.driver, self.due = driver, due
         self.limit: int | None = None
+        self.ended = False
         self._starter: Driver | None = None
         self._starter_due = 0
 
@@ -208,6 +222,8 @@ class Heuristics:
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m)."""
+        if self.ended:
+            return
         self.driver.tell(labellings, evaluations)
         if self._starter is not None:
             self._starter.tell(labellings, evaluations)

@@ -30,8 +30,8 @@ from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, LeastBounds, ProofState
-from jld_explore.evaluation.process_settings import client_of_cluster
-from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space.limits import Range
 
 # Number of proofs whose state a worker keeps. A worker of a cluster may serve several proofs, one after the other.
@@ -161,7 +161,7 @@ class _AssignedCube:
     The target consists of its number, the count and the scaled λ to refute.
     """
 
-    worker: PoolWorker
+    worker: Pool
     cube: Cube
     tasks_done: int
     target: int
@@ -271,7 +271,7 @@ class CubeWorkers:
             del self._cubes[place]
             self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._face_scores))
 
-    def _assign(self, worker: PoolWorker, cube: Cube, tasks_done: int) -> None:
+    def _assign(self, worker: Pool, cube: Cube, tasks_done: int) -> None:
         """Send a cube to a worker, with the conflicts and labellings that the worker lacks."""
         worker_state = self._worker_states.setdefault(worker.name, _WorkerState())
         content = None
@@ -301,7 +301,7 @@ class CubeWorkers:
         worker_state.handed_over += len(handed_over)
         self._assigned[future] = _AssignedCube(worker, cube, tasks_done, self._target, self._count, self._threshold)
 
-    def _reclaim_cubes(self, worker: PoolWorker) -> None:
+    def _reclaim_cubes(self, worker: Pool) -> None:
         """Return the cubes of a lost worker to the queue."""
         self._worker_states.pop(worker.name, None)
         for future, one in list(self._assigned.items()):

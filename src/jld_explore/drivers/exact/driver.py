@@ -54,7 +54,103 @@ class ExactOptions(DriverOptions):
     aim: Aim = Field("best", description="best, or front (the best for every count)")
 
 
-class ConflictDriver(Driver):
+class ProvingDriver(Driver):
+    """Driver that draws labellings from a formula, refutes them, minimises the conflicts and records these.
+
+    The proof is checked when no labelling is left. A subclass brings the relaxation that refutes.
+    """
+
+    name = "exact"
+    remembers = True
+    checks = True
+    Options = ExactOptions
+
+    def __init__(self, space: SearchSpace, seed: int) -> None:
+        super().__init__(space, seed)
+        self._state = ProofState(space)
+        self._proof_check: ProofCheck | None = None
+        self._contradictions: list[str] = []
+        self._deadline = Deadline()
+        self._heartbeat: Callable[[], None] = lambda: None
+
+    @property
+    def state(self) -> ProofState:
+        """State of the proof: conflicts, and labellings that no conflict refutes."""
+        return self._state
+
+    @property
+    def conflicts(self) -> int:
+        """Number of conflicts found."""
+        return len(self._state.conflicts)
+
+    @property
+    @abstractmethod
+    def relaxations(self) -> int:
+        """Number of relaxations solved in all threads and processes."""
+
+    @property
+    def proof_check(self) -> ProofCheck | None:
+        """Result of checking the finished proof; None before the check."""
+        return self._proof_check
+
+    @property
+    def finished(self) -> bool:
+        """True if everything aimed at is proven and the proof passed its check."""
+        return self._proof_check is not None and self._proof_check.passed
+
+    @property
+    def complaints(self) -> list[str]:
+        """Contradictions found, and a failed check of the proof."""
+        check = self._proof_check
+        return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
+
+    @property
+    def _given_up(self) -> bool:
+        """True if the proof was contradicted again after its restart."""
+        return len(self._contradictions) > 1
+
+    def withdraw(self, reason: str) -> None:
+        """Forget all conflicts and start the proof again.
+
+        After a second contradiction the proof is given up.
+        """
+        self._contradictions.append(reason)
+        self._restart()
+
+    @abstractmethod
+    def _restart(self) -> None: ...
+
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """Return the cost of the proof and the result of its check."""
+        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        return found if self._proof_check is None else {**found, "proof_check": self._proof_check.to_dict()}
+
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """Set deadline, heartbeat and records of the search."""
+        # The search stops early enough to evaluate the labellings found last.
+        self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
+        self._heartbeat = heartbeat
+
+    @property
+    def _time_is_up(self) -> bool:
+        """True if the deadline has passed."""
+        return self._deadline.passed()
+
+    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take over evaluations of labellings (k, m) from a resumed study."""
+        self._learn(labellings, evaluations)
+        self._state.note_evaluated(labellings)
+
+    @abstractmethod
+    def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
+
+    @property
+    def _no_labellings(self) -> Bits:
+        """Empty array of labellings (0, m)."""
+        return np.empty((0, len(self.space.fixed)), dtype=bool)
+
+
+class ConflictDriver(ProvingDriver):
     """Driver that proves its result by conflicts, or by enumeration where those do not apply.
 
     A conflict is labels on some faces that no labelling above a λ has together. Enumeration proves the same. It is
@@ -65,11 +161,7 @@ class ConflictDriver(Driver):
     expresses the aim.
     """
 
-    name = "exact"
-    remembers = True
     modular = True
-    checks = True
-    Options = ExactOptions
 
     def __init__(
         self,
@@ -85,17 +177,14 @@ class ConflictDriver(Driver):
         self._context = None if enumerates else ProofContext.of(space, seed, counted, list_blocks=list_blocks)
         self._enumeration = Enumeration(space) if self._context is None else None
         self._scale = 1.0 if self._context is None else self._context.relaxation.unit
-        self._state = ProofState(space)
         self._formula: Formula | None = None
         self._conflicts_in_formula = self._handed_over_in_formula = 0
         self._solo_relaxations, self._jobs = solo_relaxations, 1
         self._sources = self._new_sources()
         self._waiting = self._no_labellings
-        self._proof_check: ProofCheck | None = None
-        self._contradictions: list[str] = []
         self._corrections = 0
-        self._deadline = Deadline()
-        self._heartbeat: Callable[[], None] = lambda: None
+        self._nothing_proposed = True
+        self._steps = self._search()
         self._started_at = time.perf_counter()
 
     @property
@@ -131,21 +220,6 @@ class ConflictDriver(Driver):
         return self._formula
 
     @property
-    def state(self) -> ProofState:
-        """State of the proof: conflicts, and labellings that no conflict refutes."""
-        return self._state
-
-    @property
-    def conflicts(self) -> int:
-        """Number of conflicts found."""
-        return len(self._state.conflicts)
-
-    @property
-    def proof_check(self) -> ProofCheck | None:
-        """Result of checking the finished proof; None before the check."""
-        return self._proof_check
-
-    @property
     def relaxations(self) -> int:
         """Number of relaxations solved in all threads and processes."""
         here = 0 if self._context is None else self._context.relaxation.solves
@@ -153,28 +227,15 @@ class ConflictDriver(Driver):
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """Return the cost of the proof and the result of its check."""
-        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
-        if self._proof_check is not None:
-            found["proof_check"] = self._proof_check.to_dict()
-        elif self._enumeration is not None and complete:
-            # Every symmetry class has an evaluation, so nothing was inferred about labellings that were not
-            # evaluated.
-            found["proof_check"] = ProofCheck("", 0.0).to_dict()
-        return found
+        # Where every symmetry class has an evaluation, nothing was inferred about labellings without one.
+        found = super().facts(results, complete)
+        whole = self._enumeration is not None and complete
+        return {"proof_check": ProofCheck("", 0.0).to_dict(), **found} if whole else found
 
-    @property
-    def complaints(self) -> list[str]:
-        """Contradictions found, and a failed check of the proof."""
-        failed = self._proof_check is not None and not self._proof_check.passed
-        return [*self._contradictions, *([f"not proven: {self._proof_check.problem}"] if failed else [])]  # type: ignore[union-attr]
-
-    def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and start the proof again.
-
-        After a second contradiction the proof is given up.
-        """
-        self._contradictions.append(reason)
+    def _restart(self) -> None:
+        """Forget all conflicts and begin with new sources."""
         self._begin_again(self._state.clear)
+        self._steps = self._search()
 
     def _begin_again(self, change: Callable[[], None]) -> None:
         """Stop the sources of conflicts, change the state of the proof, and begin with new sources and formula."""
@@ -199,11 +260,6 @@ class ConflictDriver(Driver):
         self._corrections += 1
         return bool(check.holds) and self._corrections <= _CORRECTIONS
 
-    @property
-    def _given_up(self) -> bool:
-        """True if the proof was contradicted again after its restart."""
-        return len(self._contradictions) > 1
-
     def set_workers(self, jobs: int) -> None:
         """Set the number of workers that refute parts of the space."""
         self._jobs = jobs
@@ -218,41 +274,77 @@ class ConflictDriver(Driver):
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """Set deadline, heartbeat and records of the search."""
-        # The search stops early enough to evaluate the labellings found last.
-        self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
-        self._heartbeat = heartbeat
+        super().start(deadline, heartbeat, records)
         self._started_at = time.perf_counter()
         if records is not None and self._context is not None:
             self._state.conflicts.keep(records, self._context.key)
-
-    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take over evaluations of labellings (k, m) from a resumed study."""
-        self._learn(labellings, evaluations)
-        self._state.note_evaluated(labellings)
-
-    @abstractmethod
-    def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
-
-    @property
-    def _no_labellings(self) -> Bits:
-        """Empty array of labellings (0, m)."""
-        return np.empty((0, len(self.space.fixed)), dtype=bool)
-
-    @property
-    def _time_is_up(self) -> bool:
-        """True if the deadline has passed."""
-        return self._deadline.passed()
 
     def _time_is_up_after_heartbeat(self) -> bool:
         """Report progress, then return True if time is up."""
         self._heartbeat()
         return self._time_is_up
 
-    def _take_waiting(self, limit: int | None) -> Bits:
-        """Remove and return at most `limit` of the labellings that wait for evaluation."""
+    _heuristics: Heuristics
+
+    def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings (k, m) to evaluate."""
+        # When nothing is left to prove this method checks the proof, after which one that is corrected goes on.
+        if self._enumeration is not None:
+            return self._enumeration.ask(limit)
+        self.sources.exchange()
+        self._heuristics.limit = limit
+        # the driver that begins needs no time after its last labelling: the study ends it
+        while not len(self._waiting) and self.working and (self._heuristics.starting or not self._time_is_up):
+            found = self._next_labellings()
+            if found is None:
+                break
+            self._waiting = found
+        if self._nothing_proposed and not len(self._waiting) and not self._state.has_evaluations:
+            self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
         given = self._waiting[:limit]
         self._waiting = self._waiting[len(given) :]
+        self._nothing_proposed &= not len(given)
+        if not len(given) and not self.working and self._proof_check is None and not self._given_up:
+            check = self._checked()
+            goes_on = self._take_up(check)
+            self._note_check(check, goes_on=goes_on)
+            if goes_on:
+                self._steps = self._search()
+                return self.ask(limit)
+            self._proof_check = check
         return given
+
+    def _next_labellings(self) -> Bits | None:
+        """Continue the search; return labellings (k, m), maybe none, or None at its end."""
+        try:
+            return next(self._steps, None)
+        except BaseException:
+            # a generator that raised cannot continue; another one begins with all that is known
+            self._steps = self._search()
+            raise
+
+    @abstractmethod
+    def _search(self) -> Iterator[Bits]:
+        """Yield labellings (k, m) to evaluate, maybe none, until nothing is left to prove.
+
+        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
+        """
+
+    @abstractmethod
+    def _checked(self) -> ProofCheck:
+        """Check the proof that has ended."""
+
+    @abstractmethod
+    def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
+        """Take in the result of a check; the search begins anew where the proof goes on."""
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m)."""
+        if self._enumeration is not None:
+            self._enumeration.tell(labellings, evaluations)
+            return
+        self._heuristics.tell(labellings, evaluations)
+        self.restore(labellings, evaluations)
 
     def _generate(self, sources: ConflictSources, threshold: float) -> bool:
         """Find and save conflicts for a short time; return True if no labelling is left.
@@ -385,9 +477,8 @@ class Exact(ConflictDriver):
         batched = context is not None and context.relaxation.batched
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
-        self._nothing_proposed = self._use_block_bounds = True
+        self._use_block_bounds = True
         self._targets = Targets(space, self._count, self._incumbents, self._load_scale)
-        self._steps = self._search()
 
     @property
     def found(self) -> dict[int | None, Best]:
@@ -418,11 +509,6 @@ class Exact(ConflictDriver):
         return best.bound if math.isfinite(best.bound) else None
 
     @property
-    def finished(self) -> bool:
-        """True if everything aimed at is proven and the proof passed its check."""
-        return self._proof_check is not None and self._proof_check.passed
-
-    @property
     def working(self) -> bool:
         """True if targets are left and the proof is not given up."""
         if self._enumeration is not None:
@@ -446,11 +532,10 @@ class Exact(ConflictDriver):
             found["front"] = rows
         return found
 
-    def withdraw(self, reason: str) -> None:
+    def _restart(self) -> None:
         """Forget all conflicts and bounds and start the proof again."""
-        super().withdraw(reason)
+        super()._restart()
         self._targets.restart()
-        self._steps = self._search()
         if self._block_search is not None:
             self._block_search.abandon()
 
@@ -474,43 +559,16 @@ class Exact(ConflictDriver):
         if self._enumeration is None:
             self._heuristics.begin_with(starter, labellings)
 
-    def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate."""
-        # When nothing is left to prove this method checks the proof.
-        if self._enumeration is not None:
-            return self._enumeration.ask(limit)
-        if self._sources is not None:
-            self._sources.exchange()
-        self._heuristics.limit = limit
-        # the driver that begins needs no time after its last labelling: the study ends it
-        while not len(self._waiting) and self._targets_left and (self._heuristics.starting or not self._time_is_up):
-            found = self._next_labellings()
-            if found is None:
-                break
-            self._waiting = found
-        if self._nothing_proposed and not len(self._waiting) and not self._incumbents:
-            self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
-        given = self._take_waiting(limit)
-        self._nothing_proposed &= not len(given)
-        if not len(given) and not self._targets_left and self._proof_check is None and not self._given_up:
-            claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
-            check = self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
-            goes_on = self._take_up(check)
-            self._targets.raise_to(check.holds, self._scale)
-            if goes_on:
-                self._steps = self._search()
-                return self.ask(limit)
-            self._targets.left.clear()
-            self._proof_check = check
-        return given
+    def _checked(self) -> ProofCheck:
+        """Check the claims on all targets."""
+        claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
+        return self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
-        if self._enumeration is not None:
-            self._enumeration.tell(labellings, evaluations)
-            return
-        self._heuristics.tell(labellings, evaluations)
-        self.restore(labellings, evaluations)
+    def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
+        """Raise bounds that do not hold; their targets are left where the proof goes on."""
+        self._targets.raise_to(check.holds, self._scale)
+        if not goes_on:
+            self._targets.left.clear()
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations and raise the best λ of each target."""
@@ -522,20 +580,8 @@ class Exact(ConflictDriver):
         """True if the deadline has passed or `programs` programs are solved."""
         return super()._time_is_up or (self._most_programs is not None and self.relaxations >= self._most_programs)
 
-    def _next_labellings(self) -> Bits | None:
-        """Continue the search; return labellings (k, m), maybe none, or None at its end."""
-        try:
-            return next(self._steps, None)
-        except BaseException:
-            # a generator that raised cannot continue; another one begins with all that is known
-            self._steps = self._search()
-            raise
-
     def _search(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) to evaluate, maybe none, until every target is settled.
-
-        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
-        """
+        """Yield labellings (k, m) to evaluate, maybe none, until every target is settled."""
         yield from self._heuristics.start()
         yield from self._heuristics.run()
         while self._targets_left:

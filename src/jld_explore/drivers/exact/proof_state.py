@@ -248,6 +248,11 @@ class ProofState:
                 self._evaluated.add(key)
                 self._without_evaluation.pop(key, None)
 
+    @property
+    def has_evaluations(self) -> bool:
+        """True if any labelling has an evaluation."""
+        return bool(self._evaluated)
+
     def is_evaluated(self, labels: Bits) -> bool:
         """Return True if a canonical labelling (m,) has an evaluation."""
         return _key(labels) in self._evaluated

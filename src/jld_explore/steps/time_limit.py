@@ -12,7 +12,7 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_explore.report.reading import FIELD_PICTURE
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 
 LATENESS: Final = (2.0, 0.05)
 """Time by which a command may pass its time limit: seconds, or a share of the limit if that is larger."""

@@ -19,7 +19,7 @@ from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.registry import driver_named
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"

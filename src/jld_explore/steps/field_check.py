@@ -6,9 +6,9 @@ are computed on the coarsest mesh, for the best layouts and for the structure wi
 
 from __future__ import annotations
 
-import json
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -19,15 +19,14 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.problem import require_fields
-from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
-from jld_explore.report import Exploration, Summary
-from jld_explore.report.tables import write_results
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import Exploration
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
+from jld_explore.steps.step import Step, StepContext, with_entries
 
 MOST: Final = 2.0
 """Longest expected processor time of the check, s: fewer layouts are checked where it would take longer."""
@@ -85,52 +84,53 @@ def _too_long(triangles: str, seconds: float) -> str:
     return f"{triangles} triangles would take some {seconds:.1f} s for each layout"
 
 
-def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
-    """Return the part of a time limit that is kept back for a check, s; 0 without a limit."""
-    return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
+class FieldCheck(Step):
+    """Check of the best layouts by fields; columns `fields_lo` and `fields_hi`."""
 
+    name = "fields"
 
-def add_check(
-    done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline, settings: ExploreSettings
-) -> Exploration:
-    """Check the best layouts by fields; write the results with the bounds, and add these to the summary on disk.
+    def __init__(self, plan: CheckPlan) -> None:
+        self.plan = plan
 
-    Result: the search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
-    """
-    start = time.perf_counter()
-    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)
-    low, high = np.full((2, len(done.results)), np.nan)
-    uncut: tuple[float, float] | None = None
-    skipped, checked = plan.skipped, 0
-    if plan.count and len(ranked):
-        labellings = [from_string(str(text)) for text in ranked["labelling"]]
-        bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], deadline)
-        checked = max(len(bounds) - 1, 0)
-        skipped = "" if checked else "the time limit left no time for it"
-        if checked:
-            uncut = bounds[0]
-            low[:checked], high[:checked] = np.array(bounds[1:]).T
-    results = done.results.assign(
-        fields_lo=np.where(np.isfinite(low), low, np.nan), fields_hi=np.where(np.isfinite(high), high, np.nan)
-    )
-    values = ranked["load_factor"].to_numpy(dtype=float)[:checked]
-    findings = _findings(values, low[:checked], high[:checked], uncut)
-    facts: dict[str, Any] = {
-        "checked": checked,
-        "uncut": None if uncut is None else [number(end) for end in uncut],
-        "findings": findings,
-        "skipped": skipped or None,
-        "next": f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
-        if findings
-        else None,
-        "seconds": time.perf_counter() - start,
-    }
-    best = [number(low[0]), number(high[0])] if checked else None
-    of_blocks = {"fields": facts, "by_fields": best, "uncut": facts["uncut"]}
-    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, **of_blocks}))
-    write_results(done.folder, found.results, csv=settings.csv)
-    write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
-    return found
+    def seconds(self, settings: ExploreSettings) -> float:
+        """Return the part of the time limit that is kept back for the check, s."""
+        return min(2.0 * self.plan.seconds, SHARE * (settings.seconds or 0.0))
+
+    def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
+        """Return facts of the check."""
+        entries: dict[str, Any] = self.run(done, context).summary.facts[self.name]
+        return entries
+
+    def run(self, done: Exploration, context: StepContext) -> Exploration:
+        """Return the search with the bounds of its best layouts."""
+        start, space = time.perf_counter(), context.space
+        ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(self.plan.count)
+        low, high = np.full((2, len(done.results)), np.nan)
+        uncut: tuple[float, float] | None = None
+        skipped, checked = self.plan.skipped, 0
+        if self.plan.count and len(ranked):
+            labellings = [from_string(str(text)) for text in ranked["labelling"]]
+            bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], context.deadline)
+            checked = max(len(bounds) - 1, 0)
+            skipped = "" if checked else "the time limit left no time for it"
+            if checked:
+                uncut = bounds[0]
+                low[:checked], high[:checked] = np.array(bounds[1:]).T
+        values = ranked["load_factor"].to_numpy(dtype=float)[:checked]
+        findings = _findings(values, low[:checked], high[:checked], uncut)
+        command = f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
+        facts: dict[str, Any] = {
+            "checked": checked,
+            "uncut": None if uncut is None else [number(end) for end in uncut],
+            "findings": findings,
+            "skipped": skipped or None,
+            "next": command if findings else None,
+            "seconds": time.perf_counter() - start,
+        }
+        best = [number(low[0]), number(high[0])] if checked else None
+        low[~np.isfinite(low)] = high[~np.isfinite(high)] = np.nan
+        entries = {self.name: facts, "by_fields": best, "uncut": facts["uncut"]}
+        return with_entries(done, entries, {"fields_lo": low, "fields_hi": high})
 
 
 @one_thread()

@@ -8,16 +8,21 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 from __future__ import annotations
 
 import math
+import platform
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jld_core._version import __version__
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
@@ -30,11 +35,10 @@ from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.standing import Standing, VoidStanding
-from jld_explore.evaluation.worker_pool import HANG_SECONDS, Workers, WorkerSpec
-from jld_explore.settings import ExploreSettings
+from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace, to_string, unpack
 from jld_explore.space.void import cut
-from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,6 +62,83 @@ _FIRST: Final = 0.6
 _LEAST: Final = 1.0  # seconds to find a first labelling if the time limit passes before any evaluation
 
 _NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of evaluations
+
+
+class StopReason(StrEnum):
+    """Reason why a study ended, `stop_reason` in its summary.
+
+    EXHAUSTED: all labellings were evaluated, or the driver has no more. PROVEN: the proof passed its check.
+    UNPROVEN: the proof failed its check. BUDGET and TIME: a limit was reached. INTERRUPTED: a signal ended it.
+    """
+
+    EXHAUSTED = "exhausted"
+    PROVEN = "proven"
+    UNPROVEN = "unproven"
+    BUDGET = "budget"
+    TIME = "time"
+    INTERRUPTED = "interrupted"
+
+
+class Interrupted(BaseException):
+    """Exception of the command line's signal handlers; finished results are on disk."""
+
+    done: Any = None  # results of the interrupted search, once written
+    words: str = "stopped; everything finished is on disk, go on with --resume"  # message for the terminal
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of a running study.
+
+    Attributes
+    ----------
+    done : int
+        Number of evaluated labellings, including recorded ones.
+    total : int or None
+        Number of classes, or the budget if smaller; None if unknown.
+    solved : int
+        Number of labellings that the workers evaluated.
+    best : float
+        Largest λ so far, NaN if there is none.
+    seconds : float
+        Time since the start, s.
+    bound : float
+        Proven upper bound on λ of all layouts, NaN if there is none.
+    gap : float
+        Relative difference between best and bound, NaN if there is none.
+    labelling : str
+        Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
+    left : float
+        Time left until the search ends at the latest, s; inf without a time limit.
+    """
+
+    done: int
+    total: int | None
+    solved: int
+    best: float
+    seconds: float
+    bound: float = np.nan
+    gap: float = np.nan
+    labelling: str = ""
+    left: float = np.inf
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Return the name by which a function of the user is recorded: module and qualified name."""
+    named = getattr(function, "__qualname__", type(function).__qualname__)
+    return f"{getattr(function, '__module__', '')}.{named}".lstrip(".")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions, by name, of programs on which numerical results may depend."""
+    from importlib.metadata import version  # imports e-mail, which most commands do without
+
+    return {
+        "jld": __version__,
+        "python": platform.python_version(),
+        "kernel": chosen() or "none",
+        **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
+    }
 
 
 class Study:

@@ -19,10 +19,9 @@ from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.race_aims import BestAim, FieldRace, FrontAim, RaceAim, RaceResult, RequirementAim
 from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
+from jld_explore.search.study import Progress, StopReason, Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
-from jld_explore.study import Study
-from jld_explore.study_state import Progress, StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
