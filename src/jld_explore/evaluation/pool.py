@@ -1,10 +1,4 @@
-"""Pools that run tasks: threads or processes of this machine, or the workers of a cluster.
-
-A `Pool` runs tasks in any of its workers, and `Pool.run` hands on results in the order of the tasks. A `WorkerPool`
-has one pool for each worker, so that a task can go on with what an earlier one left there. A worker that dies or leaves
-loses its state, and another one replaces it: users receive None or `LOST` in place of a future or a result. Settings of
-this process that a pool changes are restored when it is closed.
-"""
+"""Pools that run tasks: threads or processes of this machine, or the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -204,11 +198,9 @@ class Pool:
     Parameters
     ----------
     jobs : int
-        Number of threads or processes. The attribute may change while the pool is closed.
-    threads : bool
-        Whether threads of this process do the work.
-    cluster : bool
-        Whether the workers of the cluster in use do the work, where there is one.
+        Number of threads or processes; it may change while the pool is closed.
+    threads, cluster : bool
+        Whether threads of this process do the work, or workers of the cluster in use.
     address : str, optional
         The one worker of the cluster that does.
 
@@ -253,10 +245,9 @@ class Pool:
             return self._executor.submit(function, *arguments)
 
     def run(self, work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield the results of a function for the arguments of each task, in their order.
+        """Yield results of a function for the arguments of each task, in their order.
 
-        With one job, or for one task alone, all is done in this process, as are tasks that a dying process leaves
-        undone. Errors of a task are raised as they are.
+        One job or task, and what a dying process leaves undone, runs in this process.
         """
         if self.width == 1 or len(tasks) < 2:
             yield from (work(*task) for task in tasks)
@@ -376,7 +367,9 @@ LOST: Final = Lost.LOST  # value in place of a result where the worker died or l
 
 
 class WorkerPool:
-    """Pool of one `PoolWorker` per job, or per worker of the cluster in use, which replaces lost ones."""
+    """Workers that keep state between tasks: one `Pool` per job, or per worker of the cluster in use."""
+
+    # a worker that dies loses its state, and another replaces it: users receive None or `LOST`
 
     def __init__(self, jobs: int) -> None:
         self._client = client_of_cluster()

@@ -1,9 +1,4 @@
-"""Run a study of one scene with one driver and one record: ask, evaluate, tell, repeat.
-
-The driver proposes labellings and never evaluates; workers evaluate and never write.
-This process alone writes the record, tells the driver the results and reports progress.
-A study resumes by replay: the driver runs again from its seed and receives recorded results without evaluation.
-"""
+"""Run a study of one scene with one driver and one record: ask, evaluate, tell, repeat."""
 
 from __future__ import annotations
 
@@ -65,18 +60,14 @@ _NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of ev
 
 
 class StopReason(StrEnum):
-    """Reason why a study ended, `stop_reason` in its summary.
+    """Reason why a study ended, `stop_reason` in its summary."""
 
-    EXHAUSTED: all labellings were evaluated, or the driver has no more. PROVEN: the proof passed its check.
-    UNPROVEN: the proof failed its check. BUDGET and TIME: a limit was reached. INTERRUPTED: a signal ended it.
-    """
-
-    EXHAUSTED = "exhausted"
-    PROVEN = "proven"
-    UNPROVEN = "unproven"
+    EXHAUSTED = "exhausted"  # all labellings were evaluated, or the driver has no more
+    PROVEN = "proven"  # the proof passed its check
+    UNPROVEN = "unproven"  # the proof failed its check
     BUDGET = "budget"
     TIME = "time"
-    INTERRUPTED = "interrupted"
+    INTERRUPTED = "interrupted"  # by a signal
 
 
 class Interrupted(BaseException):
@@ -92,24 +83,20 @@ class Progress:
 
     Attributes
     ----------
-    done : int
-        Number of evaluated labellings, including recorded ones.
-    total : int or None
-        Number of classes, or the budget if smaller; None if unknown.
+    done, total : int, int or None
+        Labellings evaluated, recorded ones too, of all classes or the smaller budget; None if unknown.
     solved : int
-        Number of labellings that the workers evaluated.
+        Labellings that workers evaluated.
     best : float
         Largest λ so far, NaN if there is none.
     seconds : float
         Time since the start, s.
-    bound : float
-        Proven upper bound on λ of all layouts, NaN if there is none.
-    gap : float
-        Relative difference between best and bound, NaN if there is none.
+    bound, gap : float
+        Proven upper bound on λ of all layouts, and its relative distance from `best`; NaN if there is none.
     labelling : str
-        Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
+        Layout of `best` as text; "" if there is none, or the search names it only when it ends.
     left : float
-        Time left until the search ends at the latest, s; inf without a time limit.
+        Time left until the search ends at the latest, s; inf without a limit.
     """
 
     done: int
@@ -142,16 +129,7 @@ def versions() -> dict[str, str]:
 
 
 class Study:
-    """One search over labellings of a scene: call `run` once, then read the records.
-
-    The same scene, driver, seed and budget give the same recorded rows for any number of jobs.
-
-    scene, assembly, space, driver: scene with its assembly, search space and driver. folder: results folder; its record
-    is opened at once and closed by `run`. total: number of classes, if known. report: function called with `Progress`
-    after every batch. found_first: function called before the first labelling is evaluated. Until then the space may
-    turn out to be empty. make: function that makes the evaluator of each worker. deadline: deadline of the search.
-    Default: `settings.seconds` from now.
-    """
+    """One search over labellings of a scene: call `run` once, then read the records."""
 
     def __init__(
         self,
@@ -168,6 +146,9 @@ class Study:
         make: MakeEvaluator = evaluator_of,
         deadline: Deadline | None = None,
     ) -> None:
+        # A study resumes by replay: the driver runs again from its seed and receives recorded results. Equal scene,
+        # driver, seed and budget give equal rows for any number of jobs. found_first is called before the first
+        # evaluation; until then the space may turn out to be empty.
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
         self._make, self._found_first = make, found_first
@@ -232,10 +213,7 @@ class Study:
 
     @property
     def bound(self) -> float | None:
-        """Return the smallest proven upper bound on λ over the whole space; None if unknown.
-
-        It is in scene units. Bounds of earlier runs on the same record count as well.
-        """
+        """Smallest proven upper bound on λ of all layouts, scene units, of earlier runs too; None if unknown."""
         known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
         return min(known, default=None)
 
@@ -272,10 +250,7 @@ class Study:
             self.bound_by = by
 
     def run(self) -> StopReason:
-        """Search until the space, the budget or the time is exhausted, or a proof is complete.
-
-        Result: reason why the search ended. Raises Interrupted if a signal arrives; the record is closed first.
-        """
+        """Search until space, budget or time is exhausted, or a proof complete; return why it ended."""
         budget, driver = self.settings.budget, self.driver
         workers = self._workers()
         # Bounds on λ without dilation spare solves, unless another objective takes the place of λ.
