@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         ParallelSettings,
         SearchMethod,
     )
-    from jld_explore.search.study import Progress, StopReason
+    from jld_explore.search.state import Progress, StopReason
     from jld_explore.space import SearchSpace, search_space
     from jld_explore.steps.step import Step, StepContext
 
@@ -81,6 +81,6 @@ export_lazily(
         ],
         "space": ["SearchSpace", "search_space"],
         "steps.step": ["Step", "StepContext"],
-        "search.study": ["Progress", "StopReason"],
+        "search.state": ["Progress", "StopReason"],
     },
 )

@@ -30,7 +30,7 @@ from jld_explore import Exploration, ExploreSettings
 from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
 from jld_explore.report import csv_of
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string, search_space, to_string
 from jld_explore.space.search_space import feasible
 from jld_explore.steps.time_limit import busy_factor

@@ -46,7 +46,7 @@ from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
 from jld_explore.search.driver_choice import choose_driver
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible

@@ -97,8 +97,8 @@ def test_names_of_the_face_are_not_modules() -> None:
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))
-    with pytest.raises(AttributeError, match="no attribute 'search'"):
-        jld_explore.search  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'running'"):
+        jld_explore.running  # noqa: B018
 
 
 def test_a_scene_is_drawn_where_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:

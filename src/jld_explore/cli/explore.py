@@ -43,7 +43,7 @@ from jld_explore.drivers import driver_kinds
 from jld_explore.drivers.registry import owners
 from jld_explore.report import check_folder, words
 from jld_explore.report.words import speed
-from jld_explore.search import study
+from jld_explore.search import state
 from jld_explore.search.settings import (
     BudgetSettings,
     ExploreSettings,
@@ -52,7 +52,7 @@ from jld_explore.search.settings import (
     ParallelSettings,
     SearchMethod,
 )
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for tables and pictures.", show_default=False)]
 DriverName = Annotated[
@@ -148,7 +148,7 @@ class ProgressBar:
     ) -> None:
         self._bar.stop()
 
-    def __call__(self, now: study.Progress) -> None:
+    def __call__(self, now: state.Progress) -> None:
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
             best += f" ≤ {now.bound:.6g}"
@@ -159,7 +159,7 @@ class ProgressBar:
         self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
 
 
-def _time_left(now: study.Progress) -> str:
+def _time_left(now: state.Progress) -> str:
     """Return in words how long a search goes on at most; "" if nothing is known."""
     rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
     left = min(rest, now.left)

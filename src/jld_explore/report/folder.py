@@ -29,7 +29,8 @@ from jld_explore.report.columns import columns, csv_of, front_rows, values_on, w
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
 from jld_explore.report.summary import Summary
 from jld_explore.report.tables import without_parquet, write_results
-from jld_explore.search.study import StopReason, Study, name_of
+from jld_explore.search.state import StopReason, name_of
+from jld_explore.search.study import Study
 from jld_explore.space import registered
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from jld_explore.report import tables
 from jld_explore.report.columns import with_evidence
 from jld_explore.report.summary import Summary
 from jld_explore.report.tables import read_results, results_path
-from jld_explore.search.study import StopReason
+from jld_explore.search.state import StopReason
 from jld_explore.space.void import cut, is_labelling
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.race_aims import BestAim, FieldRace, FrontAim, RaceAim, RaceResult, RequirementAim
 from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.search.study import Progress, StopReason, Study
+from jld_explore.search.state import Progress, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 
