@@ -192,8 +192,7 @@ class Study:
             finish_first=self.evaluation_seconds <= _SOON,
             report=self._count,
         )
-        waiting: deque[PendingEvaluations] = deque()
-        dry = False
+        waiting, dry = deque[PendingEvaluations](), False
         try:
             if driver.remembers and len(self.records):
                 self._restore()
