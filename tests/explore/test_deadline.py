@@ -416,7 +416,7 @@ def test_a_signal_between_search_and_tables_leaves_page_and_load_factor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A signal while all layouts were bounded after a search left neither tables nor page."""
-    module = importlib.import_module("jld_explore.search.study")
+    module = importlib.import_module("jld_explore.explore")
     bound_all, calls = module._bound_all, []
 
     def interrupted(*arguments: Any, **options: Any) -> None:

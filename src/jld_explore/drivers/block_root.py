@@ -20,8 +20,7 @@ from jld_core.memory import memory_limit
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation import Pool
-from jld_explore.evaluation.pool import WorkerPool
+from jld_explore.evaluation.pool import Pool, is_lost
 from jld_explore.space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with this bound; its process takes two seconds to start
@@ -38,13 +37,10 @@ class BlockRoot:
     """Block relaxation of all possible blocks of a space, solved in a process of its own."""
 
     def __init__(self, space: SearchSpace, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
-        self._workers = WorkerPool(1)
-        self._worker: Pool | None = self._workers.first()
-        self._future: Future[float | None] | None = None
+        self._pool = Pool(1)
         self._bound: float | None = None
-        if self._worker is not None:
-            work = cloudpickle.dumps(blocks)
-            self._future = self._workers.submit(self._worker, _bound, work, seconds, _NICE if busy else 0)
+        nice = _NICE if busy else 0
+        self._future: Future[float | None] | None = self._pool.submit(_bound, cloudpickle.dumps(blocks), seconds, nice)
 
     @classmethod
     def beside(cls, space: SearchSpace, model: SolveOptions, deadline: Deadline, jobs: int) -> BlockRoot | None:
@@ -69,10 +65,15 @@ class BlockRoot:
 
     def poll(self, seconds: float = 0.0) -> float | None:
         """Return the bound, scene units, after waiting for it up to some seconds; None without one."""
-        if self._future is None or self._worker is None or not wait([self._future], timeout=seconds).done:
+        future = self._future
+        if future is None or not wait([future], timeout=seconds).done:
             return self._bound
-        found, self._future = self._workers.result(self._worker, self._future), None
-        self._bound = found if isinstance(found, float) else None
+        self._future = None
+        try:
+            self._bound = future.result()
+        except Exception as error:
+            if not is_lost(error):  # a process that is killed costs its bound alone
+                raise
         return self._bound
 
     @property
@@ -83,7 +84,7 @@ class BlockRoot:
     def close(self) -> None:
         """End the process; a bound that has not come is lost."""
         self._future = None
-        self._workers.close()
+        self._pool.close()
 
 
 @one_thread()

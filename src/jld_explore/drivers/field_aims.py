@@ -129,8 +129,6 @@ class FrontAim:
     def __init__(self, space: SearchSpace, gap: float) -> None:
         # All labellings are bounded first, then those of one count after the other, best count first. The goal is the
         # best λ of this count or a better one: a weaker layout is not on the front.
-        # All labellings are bounded first, then those of one count after the other, best count first. The goal is the
-        # best λ of this count or a better one: a weaker layout is not on the front.
         self.gap = gap
         count = _count_of_formula(space)
         self.count: Count | None = count

@@ -74,7 +74,6 @@ class FieldPool:
         self._meshes: dict[tuple[int, int], Mesh] = {}
         self._steps: dict[tuple[int, int], int] = {}
         # time of a mesh over a power of its triangles, s; cone programs solved; whether time ended a refinement
-        # time of a mesh over a power of its triangles, s; cone programs solved; whether time ended a refinement
         self.rate, self.programs, self.late = 0.0, 0, False
         self.add(labellings)
 

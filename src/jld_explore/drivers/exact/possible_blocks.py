@@ -142,7 +142,6 @@ class BlockTables:
         self._covering = covers[free]
         self.faces = np.flatnonzero(space.candidates & contains.any(axis=1))
         # blocks that contain each face, that have the element on its first side, and on whose edge it lies
-        # blocks that contain each face, that have the element on its first side, and on whose edge it lies
         self.inside = contains[self.faces]
         self.beside = covers[a[self.faces]]
         self.separated_by = (self.beside | covers[b[self.faces]]) & ~self.inside
