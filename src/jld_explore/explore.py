@@ -91,8 +91,6 @@ def explore(
 ) -> Exploration:
     """Search the labellings of a scene and write all results (docs/scene.md) into a folder.
 
-    Each keyword that is given replaces the field of that name in `settings`.
-
     Parameters
     ----------
     scene : str, Path, dict or Scene
@@ -100,47 +98,25 @@ def explore(
     out : str or Path, optional
         Results folder, new or empty unless `resume` is set. Default: a new temporary folder, which the result names.
     settings : ExploreSettings, optional
-        Settings of the search, from which the keywords take their defaults.
-    report : callable, optional
-        Function called with each `Progress`.
-    announce : callable, optional
-        Function called with messages, for example the name of the chosen driver.
+        Settings of the search; keywords below that are given replace its fields.
+    report, announce : callable, optional
+        Called with each `Progress`, and with messages such as the name of the chosen driver.
     driver : str or Driver, optional
-        Name of a driver, or a driver made for the scene's space. Default: one that proves where a proof is in reach.
+        Its name, or one made for the scene's space. Default: one that proves where a proof is in reach.
     objective : str or callable, optional
         "associative" (default), "zero-dilation", "zero-dilation-floor", "experiment" or "reliability"; or a function of
-        an `Evaluation` with λ, the assembly and the labels (m,), which returns the number to be maximised. Layouts
-        without λ are not ranked then, nothing is proven, and a search has neither the exact driver, certificates, low
-        material values, experiments, omitted cells nor a required load factor.
-    seconds : float, optional
-        Time limit, s.
-    budget : int, optional
-        Largest number of classes to evaluate.
-    jobs : int, optional
-        Number of worker processes, default 1.
-    seed : int, optional
-        Seed of the driver, default 0.
+        an `Evaluation` with λ, the assembly and the labels (m,), whose value is maximised. Then nothing is proven.
+    seconds, budget : float, int, optional
+        Time limit, s, and largest number of classes to evaluate.
+    jobs, seed : int, optional
+        Number of worker processes, default 1, and seed of the driver, default 0.
     model : Model, optional
         Crack model, model and solver; the objective sets `friction`, `range` and `floor_seconds`.
-    options : mapping of str to object, optional
-        Options of a named driver, which may also be given as keywords of their own.
-    robust : bool, optional
-        Rank by λ at the low values of materials.
-    experiment : int, optional
-        Number of best layouts that are tested in the virtual experiment at the end.
-    resume : bool, optional
-        Continue the search in the folder.
-    pictures : bool or "all", optional
-        Write page, front and best layout at the end, default True; "all": the other pictures too.
-    certificate : str or Path, optional
-        File for the proof of the exact driver.
-    cluster : str, optional
-        URL of a dask scheduler whose workers evaluate.
-    strict : bool, optional
-        Treat plausibility warnings as errors.
+    robust, experiment, resume, pictures, certificate, cluster, strict : optional
+        As the fields of `ExploreSettings`.
     started : float, optional
         Start of the time limit on the clock `time.perf_counter`, s. Default: now.
-    **driver_options
+    options, **driver_options
         Options of a named driver, as in ``driver="genetic", population=50``.
 
     Returns
@@ -294,11 +270,8 @@ def _search(
 def _driver_of(
     scene: Scene, space: SearchSpace, settings: ExploreSettings, deadline: Deadline, folder: Path
 ) -> tuple[Driver, int | None]:
-    """Choose the driver of a search and count the classes of its space if it is small, see `choose_driver`.
-
-    A search that goes on without a named driver keeps the one on record: what counts as a small space depends on the
-    time limit.
-    """
+    """Choose the driver of a search, and count the classes of its space if it is small."""
+    # a search that goes on without a named driver keeps the one on record: what is small depends on the time limit
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
@@ -309,11 +282,7 @@ def _driver_of(
 
 
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
-    """Return the space of the given driver, else that of the scene.
-
-    Raises InputError for a driver of another scene, or whose space has symmetries that the objective may not have, and
-    as `search_space`.
-    """
+    """Return the space of the given driver, else that of the scene; InputError if they do not fit."""
     # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
     own, driver = settings.own_objective, settings.driver
     apart = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
@@ -376,11 +345,7 @@ def _draw(
 
 
 def _run_study(study: Study, deadline: Deadline) -> StopReason:
-    """Run a study and bound all labellings if no other bound is known.
-
-    Result: reason why the search ended. Raises InputError if no labelling was found; the files of the search are
-    removed. Raises Interrupted if a signal arrived.
-    """
+    """Run a study and bound all labellings if no other bound is known; return why it ended."""
     # If the search is interrupted, its tables are written before the exception continues.
     try:
         reason = study.run()
@@ -433,11 +398,7 @@ def _solve_first(study: Study) -> bool:
 
 
 def _bound_all(study: Study, *, in_time: bool) -> None:
-    """Record a bound on λ of all labellings if the study has none and `in_time` is True.
-
-    in_time: True if the caller expects the bound in the time left. The records are reopened from disk first and closed
-    at the end. No bound is recorded if `scene.cracks` is not "faces", or the objective is the user's own.
-    """
+    """Record a bound on λ of all labellings if the study has none and there is time for it."""
     study.records = study.open_records()
     if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model), "faces")

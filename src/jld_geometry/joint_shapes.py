@@ -327,10 +327,7 @@ def shaped_scene(
 
 
 def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[shapely.Polygon]]:
-    """Return the cells of each element after its joints got a shape: its body, what lies beside keys, its teeth.
-
-    Raises InputError for a tooth that does not fit.
-    """
+    """Return the cells of each element after its joints got a shape: body, pieces beside keys, teeth."""
     # All outlines are one network of lines on a grid: whatever cells share a corner, they have the same numbers there.
     elements, faces = assembly.elements, assembly.interfaces
     outlines = [shapely.Polygon(outline) for outline in elements.shape]

@@ -258,10 +258,7 @@ def _in_rounds(
 
 
 def _refined(found: list[MovedLayout], pool: Pool, count: int, seconds: float, gap: float) -> list[MovedLayout]:
-    """Refine the bounds of the most promising layouts, and return all layouts ranked.
-
-    Promising are layouts whose upper bound exceeds the largest lower bound, the greatest upper bounds first.
-    """
+    """Refine the bounds of layouts that may still be best, greatest upper bounds first; rank all."""
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
     promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]

@@ -81,11 +81,7 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
 
 
 def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
-    """Read the conflicts that an earlier run of a study stored, and compute their bounds again.
-
-    Result: conflicts with the bounds that weighing gives; those without a finite bound are left out. Empty without a
-    file, or where it has another number of load cases. Raises InputError if the file cannot be read.
-    """
+    """Read stored conflicts and weigh them again; those without a finite bound are left out."""
     # The meshes of the file are added to the proof. The caller adds the conflicts.
     path = folder / CONFLICTS_FILE
     if not path.exists():
@@ -101,10 +97,7 @@ def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
 
 
 def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]:
-    """Compute the bounds of the conflicts of a file again, and return those with finite bounds.
-
-    Adds the meshes of the file to `driver`. Empty where the number of load cases differs.
-    """
+    """Add the meshes of a file to `proof`; return its conflicts of finite bounds, weighed again."""
     if int(content["shared"]) != driver.refuter.cases:
         return []
     cases = content["case"].tolist()
@@ -167,20 +160,15 @@ _CAUTION: Final = 1.5  # least time left for another batch of labellings, over t
 
 
 class FieldExact(ProvingDriver):
-    """Driver that proves, to a gap, the largest λ of a space whose blocks crack anywhere.
-
-    space: the search space, of a planar assembly. aim: prove the strongest layout, or that of every count of the front.
-    Where the scene requires a load factor the best count among layouts that carry it is proven instead. gap: relative
-    distance between the best lower bound and the bound on all labellings at which the proof ends. search: labellings
-    evaluated before the proof, per face that can change. refuter: meshes on which labellings are refuted. incumbents:
-    labellings that were evaluated, and the pool of those that the meshes of all labellings do not refute. Raises
-    InputError if cells may be left out, a front is aimed at beside a required factor, or no formula expresses the count
-    of the front or one that the scene limits.
-    """
+    """Driver that proves, to a gap, the largest λ of a planar space whose blocks crack anywhere."""
 
     def __init__(
         self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, gap: float = 0.05, search: int = 30
     ) -> None:
+        # A labelling that a velocity field proves too weak is minimised to a conflict, as by rigid blocks; a formula
+        # gives labellings that no conflict rules out. What the coarsest mesh does not refute is evaluated and refined
+        # until its own fields refute it or make it the strongest. A bracket as narrow as the gap is always refuted
+        # above best / (1 − gap).
         super().__init__(space, seed)
         self._aim, self._aimed_at = aim_of(space, aim, gap), aim
         if space.void is not None:
@@ -233,20 +221,15 @@ class FieldExact(ProvingDriver):
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings that are refined one by one, with their bounds; see `FieldPool`."""
         return self.incumbents.pool
 
     @property
     def best(self) -> float:
-        """Largest governing factor that a layout is proven to carry; −inf without a layout."""
+        """Largest proven lower bound on the governing factor; −inf without a layout."""
         return max(self.incumbents.best().values(), default=-math.inf)
 
     def bounds_above(self, labellings: Bits) -> Floats:
-        """Return upper bounds on the governing factor of labellings that conflicts prove, (k,).
-
-        labellings: (k, m), True = dry. inf where nothing is proven, and for all where the proof was contradicted or
-        failed its check.
-        """
+        """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
         return np.full(len(labellings), np.inf) if self.complaints else self._refuted_above(labellings)
 
     def _refuted_above(self, labellings: Bits) -> Floats:
@@ -259,29 +242,21 @@ class FieldExact(ProvingDriver):
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on the governing factor of all labellings, scene units.
-
-        None before there is one, after a failed check, and after a second contradiction.
-        """
+        """Proven upper bound on all governing factors; None after a failed check or two contradictions."""
         failed = self._proof_check is not None and not self._proof_check.passed
         return None if failed or self._given_up or not math.isfinite(self._bound) else self._bound
 
     @property
     def open_layouts(self) -> int:
-        """Number of layouts of better count whose refinement ended without a decision.
-
-        They may carry the required factor, so the best count is not proven. 0 for other aims.
-        """
+        """Number of layouts of better count that may carry the required factor."""
         return int(self._aim.facts({}, False).get("open_layouts", 0))
 
     @property
     def settings(self) -> dict[str, Any]:
-        """{"aim": "front"} where a front is proven, else empty."""
         return {"aim": self._aimed_at} if self._aimed_at == "front" else {}
 
     @property
     def working(self) -> bool:
-        """True until the proof has ended or was contradicted twice."""
         return not self._settled and not self._given_up
 
     @property
@@ -290,18 +265,12 @@ class FieldExact(ProvingDriver):
         return self.refuter.programs + self.pool.programs
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return entries of the summary: cost of the proof, facts of its aim, and its check."""
         return super().facts(results, complete) | self._aim.facts(self.incumbents.best(), not self.complaints)
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of processes that refute and refine."""
         self.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set deadline and heartbeat, and load the conflicts of a resumed study.
-
-        The driver stops a little before the deadline. Raises InputError for a damaged file of conflicts.
-        """
         super().start(deadline, heartbeat, records)
         self.pool.deadline = self._deadline
         self._before = self._deadline.within(_ANNEALED * self._deadline.remaining())
@@ -310,7 +279,6 @@ class FieldExact(ProvingDriver):
             self._add(load_conflicts(self._folder, self))
 
     def close(self) -> None:
-        """Stop the worker processes, and save the conflicts in the folder of the study."""
         self.pool.tasks.close()
         if self._folder is not None and self._folder.is_dir():
             save_conflicts(self._folder, self)
@@ -412,7 +380,7 @@ class FieldExact(ProvingDriver):
             self._bound_by(self.refuter.common(case), case)
 
     def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
-        """Bound all labellings on the next mesh of load case `case`; store a lower bound."""
+        """Bound all labellings on the next mesh of a load case; store a lower bound."""
         start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
         found = meshes.step()
         if found is not None and found.bound < self._bound:
@@ -483,7 +451,6 @@ class FieldExact(ProvingDriver):
         return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
 
     def _refine_lower(self, rows: Ints) -> None:
-        """Refine `rows` of the pool by one mesh for their lower bounds."""
         self.pool.refine(rows.tolist(), self._enough())
 
     def _enough(self) -> Floats:
@@ -515,7 +482,7 @@ class FieldExact(ProvingDriver):
         return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
 
     def _draw(self) -> bool:
-        """Draw and refute a batch, or set `_stopped` without time for it; False if none is left."""
+        """Draw and refute a batch, or set `stopped` without time for it; False if none is left."""
         formula = self._formula
         if formula is None:
             raise RuntimeError("the proof has no formula before its first aim")
@@ -569,7 +536,7 @@ class FieldExact(ProvingDriver):
             self._end_target()
 
     def _end_target(self) -> None:
-        """Record the bound of a target; begin the next that has a labelling, or `_settle`."""
+        """Record the bound of a target; begin the next that has a labelling, or end the proof."""
         self._cut |= self.pool.late and self._left_open > self._goal
         open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
         known = self._aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
@@ -584,13 +551,13 @@ class FieldExact(ProvingDriver):
         self._aim_formula()
 
     def _exists(self) -> bool:
-        """Return True if the target has any labelling, however weak."""
+        """Return whether the target has any labelling, however weak."""
         self._formula = self._formula or self._stated()
         self._formula.aim(-math.inf, self._aim.target(self.incumbents.best()))
         return self._formula.next() is not None
 
     def _settle(self) -> None:
-        """Check the ended proof, or set `_stopped` if time left a target open."""
+        """Check the ended proof, or set `stopped` if time left a target open."""
         self._stopped, self._settled = self._cut, not self._cut
         if self._stopped:
             return

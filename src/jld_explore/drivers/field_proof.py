@@ -1,4 +1,4 @@
-"""Refute labellings by fields, and keep the bounds of those that were evaluated."""
+"""Proof by fields that no layout carries more than the best by a gap."""
 
 from __future__ import annotations
 
@@ -340,10 +340,7 @@ class FieldRefuter:
                 self.relaxation.add(problem)
 
     def refute(self, labellings: Sequence[Bits], threshold: float, tasks: Pool) -> list[Conflict | None]:
-        """Prove that labellings carry less than a factor, and minimise each refuted one to a conflict.
-
-        threshold: governing factor. Result: one conflict for each labelling, None where no mesh refutes it.
-        """
+        """Prove that labellings carry less than a governing factor: a conflict each, None if unproven."""
         levels = self._levels()
         found = list(tasks.run(level_conflict, [(self._setup, labels, threshold, levels) for labels in labellings]))
         self.programs += sum(one.solves for one in found)

@@ -1,10 +1,4 @@
-"""Pools that run tasks: threads or processes of this machine, or the workers of a cluster.
-
-A `Pool` runs tasks in any of its workers, and `Pool.run` hands on results in the order of the tasks. A `WorkerPool`
-has one pool for each worker, so that a task can go on with what an earlier one left there. A worker that dies or leaves
-loses its state, and another one replaces it: users receive None or `LOST` in place of a future or a result. Settings of
-this process that a pool changes are restored when it is closed.
-"""
+"""Pools that run tasks: threads or processes of this machine, or the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -54,10 +48,7 @@ class _OpenContexts:
 
 @contextmanager
 def switch_interval(seconds: float) -> Iterator[None]:
-    """Set the interval after which threads release the interpreter, s, while a context is open.
-
-    Of several open contexts, in any threads, the least interval counts.
-    """
+    """Set the interval, s, after which threads release the interpreter; the least open one counts."""
     with _CHANGING:
         if not _OpenContexts.intervals:
             _OpenContexts.before = sys.getswitchinterval()
@@ -100,11 +91,7 @@ _WORKERS: Final = 60.0  # seconds in which a first worker must join
 
 @contextmanager
 def on_cluster(url: str | None) -> Iterator[None]:
-    """Use the workers of a dask scheduler for all pools made within this context that may use one.
-
-    Yields: the context has no value. Raises InputError if the extra `cluster` is not installed, no scheduler answers,
-    it has no workers, or their version differs.
-    """
+    """Use the workers of a dask scheduler for all `Workers` made within this context."""
     if url is None:
         yield
         return
@@ -178,12 +165,12 @@ def raise_deferred(error: BaseException) -> None:
     Parameters
     ----------
     error : BaseException
-        Error to raise. If several errors are deferred, only the last one is raised.
+        Of several deferred errors only the last one is raised.
 
     Raises
     ------
     BaseException
-        `error`, at once outside `deferred_signals`, else when the outermost context ends.
+        `error`.
     """
     if not _Deferred.depth:
         raise error
@@ -193,18 +180,16 @@ def raise_deferred(error: BaseException) -> None:
 # Exceptions of a task whose worker died, left or hung; a cluster has its own ones
 _LOSSES: Final = (BrokenExecutor, ShutdownExecutorError, CancelledError, TimeoutError, multiprocessing.TimeoutError)
 
-GRACE: Final = 0.3
-"""Seconds after a deadline in which evaluations already begun may finish."""
+GRACE: Final = 0.3  # seconds after a deadline in which evaluations already begun may finish
 
 _TASKS_PER_PROCESS: Final = 2  # tasks per process that are submitted ahead; if a worker dies, all of them are suspected
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
+# environment of a worker: one BLAS thread, since matrices are small and the jobs use the cores
 SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
-"""Environment of a worker: one BLAS thread, since matrices are small and the jobs use the cores."""
 
 
-Result = TypeVar("Result")
-"""Type of the result of a task."""
+Result = TypeVar("Result")  # of a task
 
 
 class Pool:
@@ -213,11 +198,9 @@ class Pool:
     Parameters
     ----------
     jobs : int
-        Number of threads or processes. The attribute may change while the pool is closed.
-    threads : bool
-        Whether threads of this process do the work.
-    cluster : bool
-        Whether the workers of the cluster in use do the work, where there is one.
+        Number of threads or processes; it may change while the pool is closed.
+    threads, cluster : bool
+        Whether threads of this process do the work, or workers of the cluster in use.
     address : str, optional
         The one worker of the cluster that does.
 
@@ -262,10 +245,9 @@ class Pool:
             return self._executor.submit(function, *arguments)
 
     def run(self, work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield the results of a function for the arguments of each task, in their order.
+        """Yield results of a function for the arguments of each task, in their order.
 
-        With one job, or for one task alone, all is done in this process, as are tasks that a dying process leaves
-        undone. Errors of a task are raised as they are.
+        One job or task, and what a dying process leaves undone, runs in this process.
         """
         if self.width == 1 or len(tasks) < 2:
             yield from (work(*task) for task in tasks)
@@ -301,7 +283,7 @@ class Pool:
 
 
 def make_executor(jobs: int) -> Executor:
-    """Return the executor of local processes, which start with its first task; tests replace it."""
+    """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
     found: Executor = ProcessPoolExecutor(
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
@@ -309,14 +291,7 @@ def make_executor(jobs: int) -> Executor:
 
 
 class TaskStream:
-    """Tasks of one run, submitted in part; iterating yields their results as they finish.
-
-    Iteration raises TimeoutError if no result arrives within `hang_seconds`, and the error of a task that failed.
-
-    pool: pool that runs the tasks. hang_seconds: seconds without any result after which workers count as hung.
-    submitted: numbers of the tasks submitted so far. late: True if the iteration
-    ended because the deadline passed.
-    """
+    """Tasks of one run, submitted in part; iterating yields their results as they finish."""
 
     def __init__(self, pool: Pool, hang_seconds: float, deadline: Deadline | None) -> None:
         self._pool, self._hang_seconds, self._deadline = pool, hang_seconds, deadline
@@ -326,10 +301,7 @@ class TaskStream:
         self.late = False
 
     def begin(self, tasks: Iterator[tuple[int, Callable[..., Any], tuple[Any, ...]]]) -> None:
-        """Submit tasks (number, function, arguments): some at once, others as results arrive.
-
-        Iterate over the stream to get the results.
-        """
+        """Submit tasks (number, function, arguments): some at once, others as results arrive."""
         self._waiting = deque(tasks)
         self._submit_waiting()
 
@@ -342,11 +314,7 @@ class TaskStream:
             self._in_progress[self._pool.submit(function, *arguments)] = number
 
     def __iter__(self) -> Iterator[Any]:
-        """Yield results as they finish; stop and set `late` if the deadline ends the wait.
-
-        Raises TimeoutError if no result arrives within `hang_seconds` and the deadline has not passed. The wait for one
-        result lasts at most until `GRACE` seconds after the deadline.
-        """
+        """Yield results; set `late` at the deadline; TimeoutError if none comes within `hang_seconds`."""
         while self._in_progress:
             longest_wait = self._hang_seconds
             if self._deadline is not None:
@@ -365,15 +333,12 @@ class TaskStream:
 
 
 def is_lost(error: BaseException) -> bool:
-    """Return True if a task failed because its worker died, left or hung.
-
-    Result: True if another worker may succeed, False for an error of the task itself.
-    """
+    """Return whether a task failed because its worker died, left or hung: another may succeed."""
     return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
 
 
 def _init_process(parent: int) -> None:
-    """Initialise a worker process: ignore Ctrl-C, exit after the parent, keep state that grows on purpose."""
+    """Initialise a local process and disable loky's check for memory leaks."""
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # loky would restart the process, as if memory leaked
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
@@ -398,15 +363,13 @@ class Lost(Enum):
     LOST = "lost"
 
 
-LOST: Final = Lost.LOST
-"""Value in place of a result where the worker died or left."""
+LOST: Final = Lost.LOST  # value in place of a result where the worker died or left
 
 
 class WorkerPool:
-    """Workers that keep state between tasks: a `Pool` of one process per job, or one per worker of the cluster in use.
+    """Workers that keep state between tasks: one `Pool` per job, or per worker of the cluster in use."""
 
-    jobs: number of local processes; ignored on a cluster.
-    """
+    # a worker that dies loses its state, and another replaces it: users receive None or `LOST`
 
     def __init__(self, jobs: int) -> None:
         self._client = client_of_cluster()
@@ -415,18 +378,13 @@ class WorkerPool:
         self._workers: list[Pool] = []
 
     def __iter__(self) -> Iterator[Pool]:
-        """Iterate over the workers."""
         return iter(self._workers)
 
     def __len__(self) -> int:
-        """Return the number of workers."""
         return len(self._workers)
 
     def fill(self) -> list[Pool]:
-        """Add missing workers and return the cluster workers that have left.
-
-        Result: workers removed from the pool; always empty for local processes.
-        """
+        """Add missing workers; return the cluster workers that have left."""
         if self._client is None:
             while len(self._workers) < self._jobs and self._starts_left > 0:
                 self._starts_left -= 1
@@ -452,7 +410,7 @@ class WorkerPool:
         return next(iter(self), None)
 
     def submit(self, worker: Pool, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
-        """Submit a task to one worker and return its future; None if the worker has died, which is then removed."""
+        """Submit a task to one worker; None if the worker has died, which is then removed."""
         try:
             return worker.submit(function, *arguments)
         except Exception:  # the exception of an executor whose process died depends on its kind
@@ -460,10 +418,7 @@ class WorkerPool:
             return None
 
     def result(self, worker: Pool, future: Future[Result]) -> Lost | Result:
-        """Wait for a task and return its result, or `LOST` if its worker died or left; the worker is then removed.
-
-        Raises an error of the task itself, which another worker would repeat.
-        """
+        """Wait for a task; return its result, or `LOST` if its worker died, which is then removed."""
         try:
             return future.result()
         except Exception as error:
@@ -480,6 +435,5 @@ class WorkerPool:
             worker.close()
 
     def close(self) -> None:
-        """Remove and close all workers."""
         for worker in list(self._workers):
             self.remove(worker)

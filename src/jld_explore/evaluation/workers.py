@@ -61,10 +61,7 @@ class WorkerSpec:
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
     def evaluator(self) -> LabellingEvaluator:
-        """Return the evaluator of this thread, made at the first call and kept.
-
-        Raises InputError if the worker has another version of jld.
-        """
+        """Return the evaluator of this thread, made at the first call; InputError for another version."""
         # Another specification replaces it. If another thread of the process has one that can be shared, a twin is
         # made.
         if getattr(_of_thread, "digest", None) != self.digest:
@@ -87,10 +84,7 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """Return True if the batch solver settles nearly all labellings.
-
-        See `SharedEvaluator`.
-        """
+        """True if the batch solver settles nearly all labellings."""
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
@@ -104,11 +98,7 @@ def evaluate_batch(
     thresholds: Floats | None = None,
     required: bool = False,
 ) -> tuple[int, list[Evaluation]]:
-    """Evaluate one batch in this process with the evaluator of this thread.
-
-    labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
-    number of the batch, and evaluations of all k labellings, or of those finished by the deadline.
-    """
+    """Evaluate labellings (k, m) of one batch; return its number, and what was finished in time."""
     if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
     evaluator = spec.evaluator()
@@ -122,8 +112,7 @@ def evaluate_batch(
     return number, evaluator.evaluate_all(labellings, thresholds, deadline)
 
 
-HANG_SECONDS: Final = 600.0
-"""Seconds without any result after which workers count as hung."""
+HANG_SECONDS: Final = 600.0  # seconds without any result after which workers count as hung
 
 # Smallest number of tasks into which labellings are split, so that workers finish at similar times
 _FEWEST_TASKS: Final = 8
@@ -161,25 +150,17 @@ def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], f
 
 
 class Workers:
-    """Pool of workers for one specification; with one job everything runs in this process.
-
-    spec: specification of the evaluator. jobs: number of processes, or limit of threads. faces: number of faces of the
-    scene. hang_seconds: seconds without any result after which workers count as hung. batch: stay in this process, in a
-    few threads, because the batch solver settles nearly all labellings. ahead: number of runs that begin before the
-    results of an earlier one are requested; see `Driver.ahead`. deaths: number of times that workers died or hung.
-    threads: number of threads of this process; 0 where processes evaluate. threads_of_run: number of threads among
-    which one run is divided.
-    """
+    """Pool of workers for one specification: processes, a cluster, or threads of this process."""
 
     def __init__(
         self,
         spec: WorkerSpec,
         jobs: int,
         faces: int,
-        hang_seconds: float = HANG_SECONDS,
+        hang_seconds: float = HANG_SECONDS,  # without any result, after which workers count as hung
         *,
-        batch: bool = False,
-        ahead: int = 0,
+        batch: bool = False,  # stay in this process: the batch solver settles nearly all labellings
+        ahead: int = 0,  # runs that begin before the results of an earlier one are requested, see `Driver.ahead`
     ) -> None:
         self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
@@ -208,11 +189,7 @@ class Workers:
         *,
         first_required: bool = False,
     ) -> Run:
-        """Begin to evaluate labellings, after the runs begun before.
-
-        labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
-        iterator over the results.
-        """
+        """Begin to evaluate labellings (k, m), after the runs begun before."""
         # With one job the evaluation starts when results are requested.
         thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
         run = Run(self, labellings, deadline, thresholds, first_required)
@@ -264,7 +241,7 @@ class Workers:
         self.processes.close()
 
     def close(self) -> None:
-        """Stop all local workers at once; workers of a cluster are not stopped."""
+        """Terminate all local workers at once; workers of a cluster are not stopped."""
         with self._settings:
             self.abandon()
             for pool in (self._threads, self._single_thread):
@@ -273,12 +250,7 @@ class Workers:
 
 
 class Run:
-    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
-
-    The slice is the range of labellings to which the evaluations belong. Iteration ends early at the deadline. Several
-    runs may be in progress, so that workers stay busy while earlier results are processed. If workers die, the
-    unfinished tasks are sent again. A task lost twice yields failed evaluations.
-    """
+    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish, until the deadline."""
 
     def __init__(
         self,
@@ -311,10 +283,7 @@ class Run:
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
-
-        Tasks are numbered from 0 in the order of the labellings; iterating waits for their results.
-        """
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
         # The labelling that is needed in any case is evaluated in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
@@ -348,7 +317,7 @@ class Run:
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Yield (slice, evaluations) as tasks finish."""
+        """Yield (slice, evaluations) as tasks finish; a task lost twice yields failed evaluations."""
         # Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
         workers = self._workers
         if workers.in_process:

@@ -1,8 +1,4 @@
-"""Check the best layouts of a search by faces: bound λ of blocks that may crack anywhere.
-
-λ by faces depends on the grid of candidate faces, since blocks crack along these alone. Bounds by fields do not. They
-are computed on the coarsest mesh, for the best layouts and for the structure without cuts.
-"""
+"""Check the best layouts of a search by faces: bound λ of blocks that may crack anywhere."""
 
 from __future__ import annotations
 
@@ -48,11 +44,7 @@ class CheckPlan:
 
 
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
-    """Decide how many layouts of a search by faces can be checked by fields.
-
-    Result: plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by
-    experiment or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
-    """
+    """Decide how many layouts of a search can be checked by fields; None where fields do not apply."""
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
         not settings.check_fields
@@ -135,11 +127,7 @@ class FieldCheck(Step):
 
 @one_thread()
 def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
-    """Bound the governing factor of labellings on the coarsest mesh, until the deadline.
-
-    labellings: each (m,), True = dry. The result has (lower, upper) bound for each of the first labellings, as many as
-    there was time for.
-    """
+    """Bound labellings (m,) on the coarsest mesh: (lower, upper) of the first ones, until the deadline."""
     coarse = [CoarseBounds(FieldSetting.of(case), many=False) for case in assembly.by_case]
     required = assembly.required
     found: list[tuple[float, float]] = []
@@ -153,10 +141,7 @@ def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> l
 
 
 def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
-    """Describe in sentences how bounds by fields differ from λ by faces.
-
-    values: (k,) λ by faces of the best layouts, the best first. low, high: (k,) bounds by fields.
-    """
+    """Say how bounds by fields, low and high (k,), differ from λ by faces of the best layouts (k,)."""
     # Bounds by fields may change λ of the best layout, the order of the layouts, and whether cuts are of use.
     if not len(values):
         return []

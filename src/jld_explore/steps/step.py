@@ -24,11 +24,9 @@ class StepContext:
     Attributes
     ----------
     space : SearchSpace
-        Space of the search.
     settings : ExploreSettings
-        Settings of the search.
     deadline : Deadline
-        Time after which nothing long is begun.
+        After it nothing long is begun.
     """
 
     space: SearchSpace
@@ -39,8 +37,7 @@ class StepContext:
 class Step(ABC):
     """What follows a search (abstract base class of the group ``jld.steps``).
 
-    A subclass defines `name` and `entries`; what `entries` returns stands in summary.json under the name. A step that
-    also adds columns to the results overrides `run`.
+    A subclass defines `entries`, which go into summary.json; one that adds columns to results overrides `run`.
 
     Attributes
     ----------
@@ -79,10 +76,7 @@ def with_entries(
 
 
 def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly, own: Iterable[Step] = ()) -> list[Step]:
-    """Return the steps that settings ask for: own ones, then those of packages in the order of their names.
-
-    Raises InputError for one that cannot follow a search of the scene.
-    """
+    """Return the steps that settings ask for: own ones, then those of packages by name; or InputError."""
     steps = list(own)
     for name, kind in plugins.load_all("jld.steps").items():
         if not (isinstance(kind, type) and issubclass(kind, Step) and getattr(kind, "name", None) == name):

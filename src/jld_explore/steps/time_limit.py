@@ -1,8 +1,4 @@
-"""Divide a time limit between a search and what is written after it: tables, page and pictures.
-
-A command may pass its limit S by `lateness`, the larger of 2 s and 0.05 S. Each step of writing has to end at a share
-of that. The time that writing is expected to take beyond these shares is kept back from the limit.
-"""
+"""Divide a time limit between a search and what is written after it: tables, page and pictures."""
 
 from __future__ import annotations
 

@@ -19,11 +19,7 @@ MOST: Final = 2000
 
 
 def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> float | None:
-    """Return the upper bound on λ by faces where every face that may be inner is inner.
-
-    Result: upper bound on the governing factor. None where it is not finite, beside other crack models, uncertain
-    values or cells left out, and above MOST interfaces.
-    """
+    """Return the upper bound on λ by faces with all joints inner; None where there is none."""
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if not plain or len(assembly.labels) > MOST:
         return None

@@ -1,4 +1,4 @@
-"""Define the data that stay fixed during a proof: space, possible blocks and relaxation."""
+"""Define the data that stay fixed during a proof, and its schedules."""
 
 from __future__ import annotations
 
@@ -24,42 +24,33 @@ from jld_explore.space import Count, SearchSpace
 # Largest share of the time left for listing the possible blocks; the formula works without the list
 _LISTING_SHARE: Final = 0.3
 
-SEED_STEP: Final = 1000
-"""Difference of the seeds of two threads or of two workers, so that each prefers other labels."""
+SEED_STEP: Final = 1000  # difference of the seeds of two threads or workers, so that each prefers other labels
 
 
 class PartialLabellingRelaxation(Protocol):
-    """Relaxation that bounds λ of partial labellings, by rigid blocks or by fields.
-
-    In a partial labelling, `undecided` (k, m) or (m,) is True for faces that may take either label. λ is scaled.
-    """
+    """Relaxation that bounds scaled λ of labellings (k, m) whose `undecided` faces are open."""
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
+        """Prove that partial labellings (k, m) do not exceed thresholds (k,); None if unproven.
 
-        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried. A proof holds its mechanism
-        and its bound.
+        thorough: (k,) True where another solver may be tried.
         """
         ...
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Prove that one partial labelling (m,) does not exceed `threshold`; None if this fails.
-
-        labels: True = dry, ignored where `undecided`.
-        """
+        """Prove that one partial labelling (m,) does not exceed `threshold`, or return None."""
         ...
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the least bound on the scaled λ of one partial labelling (m,), None without one."""
+        """Return the least bound on scaled λ of one partial labelling (m,), or None."""
         ...
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Return (k,) bounds that known mechanisms of one load case give for labellings (k, m).
+        """Return bounds (k,) that mechanisms (k, q · free) give for labellings (k, m).
 
-        velocities: (k, q · free) one scaled mechanism for each. A bound is inf where its mechanism proves nothing, and
-        −inf where no λ is admissible.
+        inf where a mechanism proves nothing, −inf where no λ is admissible.
         """
         ...
 
@@ -69,7 +60,7 @@ class CheckedProof(Protocol):
 
     @property
     def space(self) -> SearchSpace:
-        """The search space."""
+        """Search space."""
 
     @property
     def blocks(self) -> PossibleBlocks | None:
@@ -77,7 +68,7 @@ class CheckedProof(Protocol):
 
     @property
     def free(self) -> Bools:
-        """Faces (m,) bool, True where some labelling of the space has either label."""
+        """Faces (m,), True where some labelling of the space has either label."""
 
     @property
     def relaxation(self) -> PartialLabellingRelaxation:
@@ -85,7 +76,7 @@ class CheckedProof(Protocol):
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused."""
+        """Labels (m,) of faces that are not free; entries of free faces are unused."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +95,7 @@ class ProofContext:
     def of(
         cls, space: SearchSpace, seed: int, counted: Count | None = None, *, list_blocks: bool = True
     ) -> ProofContext | None:
-        """Make the context of a space.
-
-        Result: None where the space has no formula or no relaxation, so that conflicts prove nothing.
-        """
+        """Make the context of a space, None without a formula or a relaxation."""
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
         blocks = listed_blocks(space) if list_blocks else None
         if without_formula(space, blocks, counted) is not None:
@@ -120,26 +108,18 @@ class ProofContext:
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused.
-
-        Candidates outside every possible block are dry whatever the label of the scene.
-        """
+        """Labels (m,) of faces that are not free: candidates outside every possible block are dry."""
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
 
     def packed(self, seed: int) -> bytes:
-        """Return the context with another seed, pickled for a worker.
-
-        The worker makes a relaxation of its own. cloudpickle is used because limits hold lambdas, which pickle refuses.
-        """
+        """Return the context with another seed, pickled for a worker."""
+        # cloudpickle, because limits hold lambdas; the worker makes a relaxation of its own
         content: bytes = cloudpickle.dumps((self.space, self.blocks, self.free, seed))
         return content
 
     @classmethod
     def unpacked(cls, content: bytes) -> ProofContext:
-        """Make the context in a worker from the bytes of `packed`.
-
-        Its analyses and its relaxation are made anew. Raises RuntimeError if the assembly has no relaxation.
-        """
+        """Make the context, with new analyses and relaxation, in a worker from the bytes of `packed`."""
         given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
         space, blocks, free, seed = given
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
@@ -196,12 +176,7 @@ def without_formula(space: SearchSpace, blocks: PossibleBlocks | None, aimed: Co
 
 
 class Heuristics:
-    """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
-
-    driver: driver that runs whenever it is due. due: number of its labellings before the proof; the attribute is the
-    number that are due now. limit: largest number of labellings that are proposed together; None for no limit. ended:
-    whether neither driver will be asked again, so that evaluations are of no use to them.
-    """
+    """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due."""
 
     def __init__(self, driver: Driver, due: int) -> None:
         self.driver, self.due = driver, due
@@ -212,7 +187,7 @@ class Heuristics:
 
     @property
     def starting(self) -> bool:
-        """Return True if labellings of the driver that begins are due."""
+        """True if labellings of the driver that begins are due."""
         return self._starter_due > 0
 
     def begin_with(self, starter: Driver, due: int) -> None:
@@ -221,7 +196,6 @@ class Heuristics:
         self.due = 0
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
         if self.ended:
             return
         self.driver.tell(labellings, evaluations)
@@ -275,13 +249,7 @@ class ScheduledStep:
 
 
 class TargetSchedule:
-    """Sequence of λ targets from a bound down to the best λ known.
-
-    Each step is a fraction of the remaining gap. After a step that takes too long the next one is half that fraction
-    and may need more conflicts. Conflicts found on the way also hold for higher targets.
-
-    conflicts_allowed: conflicts that a step may take at first.
-    """
+    """Sequence of λ targets from a bound down to the best λ known, by fractions of the gap."""
 
     def __init__(self, conflicts_allowed: int) -> None:
         self._conflicts_allowed = conflicts_allowed
@@ -302,10 +270,7 @@ class TargetSchedule:
             self._fraction *= _GROWTH
 
     def is_stuck(self, conflicts: int, bound: float, aimed: float) -> bool:
-        """Return True if the current step should be replaced by a smaller one.
-
-        The next step is then half as wide.
-        """
+        """Return whether the current step should be replaced by one half as wide."""
         if conflicts < self._conflicts_allowed or not bound - aimed > _LEAST_STEP * abs(bound):
             return False
         self._fraction = _FIRST_FRACTION * min(1.0 if self._fraction is None else self._fraction, 1.0)
@@ -326,10 +291,7 @@ _LABELLINGS_IN_LONG_PROOF: Final = 0.06
 
 
 class AnnealingSchedule:
-    """Schedule for interleaving annealing with the proof.
-
-    batched: whether the batch solver solves the relaxations. disabled: whether to do without annealing.
-    """
+    """Schedule for interleaving annealing with the proof."""
 
     def __init__(self, *, batched: bool, disabled: bool) -> None:
         self._share = _LABELLINGS_PER_RELAXATION[not batched]
@@ -337,10 +299,7 @@ class AnnealingSchedule:
         self._last_run = 0
 
     def labellings_due(self, relaxations: int) -> int:
-        """Return the number of labellings to anneal now, 0 if annealing is not due.
-
-        A number above 0 starts the next interval, so anneal them.
-        """
+        """Return how many labellings to anneal now; a number above 0 starts the next interval."""
         since = relaxations - self._last_run
         if since < self._interval:
             return 0

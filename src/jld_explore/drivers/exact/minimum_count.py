@@ -1,10 +1,4 @@
-"""Prove the best count among labellings that carry a required load factor.
-
-The formula holds the labellings with a better count than the best known one that meets the requirement. Its
-labellings are refuted by mechanisms that prove them too weak, or evaluated. A labelling that meets the requirement
-improves the count, and the formula then aims at better counts still. A formula without a model proves that no
-labelling with a better count carries the required load.
-"""
+"""Prove the best count among labellings that carry a required load factor."""
 
 from __future__ import annotations
 
@@ -28,13 +22,7 @@ from jld_explore.space.limits import Range
 
 
 class MinimumCount(ConflictDriver):
-    """Driver that proves the best count where `search.require` asks for a load factor.
-
-    Spaces without a formula, for example with a count that is no sum of ones, are enumerated, which proves the same.
-
-    aim: must be "best". search: labellings evaluated before the proof, per face that can change. Raises InputError if
-    the space requires no load factor, or `aim` is not "best".
-    """
+    """Driver that proves the best count where `search.require` asks for a load factor."""
 
     def __init__(
         self,
@@ -57,7 +45,6 @@ class MinimumCount(ConflictDriver):
 
     @property
     def working(self) -> bool:
-        """True if the proof is neither done nor given up."""
         if self._enumeration is not None:
             return self._enumeration.working
         return not self._done and not self._given_up
