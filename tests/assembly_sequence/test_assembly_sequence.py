@@ -13,9 +13,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from cases import dry_and_inner, grid_assembly
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, dry_and_inner, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, samples
 from jld_core.deadline import DeadlinePassed

@@ -14,7 +14,7 @@ import pytest
 import jld_core
 import jld_experiment
 import jld_explore
-from paths import ROOT
+from command import ROOT
 
 PAGES = sorted((ROOT / "docs" / "guide").glob("*.md"))
 START = "import jld_core as jc\n"

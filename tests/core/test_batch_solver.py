@@ -14,9 +14,8 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-import cases_spatial
-from cases import CASES, grid_assembly
-from cases_spatial import SPATIAL
+import cases
+from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
 from jld_core.arrays import Bits
@@ -26,7 +25,7 @@ from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED,
 from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
 from jld_core.limit.case_relaxation import Relaxation
-from kernel_proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
+from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
 PLANAR = list(CASES)
 EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
@@ -300,11 +299,9 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
 
 def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     angles = np.arange(17) * 2.0 * np.pi / 17.0
-    round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
+    round_hull = LimitAnalysis(cases.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(
-        cases_spatial.stools(
-            [cases_spatial.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}}
-        )
+        cases.stools([cases.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}})
     )
     for other in (round_hull, crushed):
         assert not fits(other.template)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cases import assembly_in_space as spatial_assembly
 from cases import grid_assembly
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import wall as spatial_wall
+from cases import wall_in_space as spatial_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, solve
 from jld_core.arrays import Bits
 from jld_core.limit import result_of

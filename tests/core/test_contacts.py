@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import ROUTE
-from cases_spatial import ELL, prism, rotation, scene, split, stools, wall
-from cases_spatial import assembly as assembly_in_space
-from cases_spatial import box as box_in_space
+from cases import ELL, ROUTE, mirrored, prism, rotated, rotation, stools
+from cases import assembly_in_space as assembly_in_space
+from cases import box as box_in_space
+from cases import scene_in_space as scene
+from cases import split_in_triangles as split
+from cases import wall_in_space as wall
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import find_planar_contacts
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.planar_contacts import check_polygons
-from transforms import mirrored, rotated
 
 Document = dict[str, Any]
 Points = list[list[float]]

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner
-from cases_spatial import box
+from cases import box, dry_and_inner
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.loads import Traction, resultants

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases_spatial import box, prism, scene
+from cases import box, prism
+from cases import scene_in_space as scene
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.geometry.polyhedra import distance_from_face

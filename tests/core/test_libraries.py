@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from command import ROOT
 from jld_core import LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation.protocol import Evaluator
-from paths import ROOT
 
 LOUD = """
 import os, highspy

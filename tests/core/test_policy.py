@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cases_spatial
+import cases
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
@@ -45,7 +45,7 @@ def test_a_solver_is_handed_in(condense: str) -> None:
 
 
 def test_a_result_has_the_options_of_its_model() -> None:
-    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    assembly = cases.assembly_in_space(cases.wall_in_space(3, 2))
     given = {"contact": "concave", "inner_bending": "kern", "condense": "off", "gap": 1e-5}
     found = solve(assembly, **given)
     assert found.model == SolveOptions(**given)
@@ -90,7 +90,7 @@ def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: 
 )
 def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptions) -> None:
     """Forces balance the loads at their λ, and the mechanism does one unit of live work: sums in scene units."""
-    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    assembly = cases.assembly_in_space(cases.wall_in_space(3, 2))
     analysis = limit_analysis(assembly, options)
     proof = solve_labelling(analysis, assembly.labels, options, stands=True)
     assert proof.status is Status.COLLAPSE

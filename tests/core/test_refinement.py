@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import dry_and_inner, grid_document
-from cases_spatial import box
+from cases import box, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.arrays import Floats

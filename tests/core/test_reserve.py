@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases_spatial import box
+from cases import box
 from jld_core import LimitAnalysis, build_assembly, parse_scene
 from jld_core.samples import arch
 from jld_practice.reactions.thrust import Reserve, least_share, shrunk

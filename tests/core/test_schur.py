@@ -11,8 +11,9 @@ import pytest
 import scipy.sparse as sp
 from studies.families import running_bond
 
-from cases import CASES, dry_and_inner, grid_assembly
-from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
+from cases import CASES, ELL, IRREGULAR, OBLONG, TRIANGLE, dry_and_inner, grid_assembly, rotation, stools
+from cases import assembly_in_space as assembly
+from cases import wall_in_space as wall
 from jld_core import (
     Assembly,
     LimitAnalysis,

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from benchmarks.claims.converged import drawn
 
-from cases import grid_assembly, grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, grid_assembly, grid_document
 from command import Command
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits

@@ -15,8 +15,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cases import CASES, DOWN, grid_assembly, grid_document
-from cases_spatial import box, scene
+from cases import CASES, DOWN, box, grid_assembly, grid_document
+from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import dry_and_inner
+from cases import dry_and_inner, solid_of
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.errors import ParameterError
@@ -20,7 +20,6 @@ from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.samples.bonds import BONDS
 from jld_core.samples.corner_bonds import corner_course
-from solids import solid_of
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Least and largest coordinates of a box."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from tests.cases_spatial import box
 
-from cases import all_inner
+from cases import all_inner, box
 from jld_core import build_assembly, parse_scene, solve
 
 AREA = 0.01

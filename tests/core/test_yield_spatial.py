@@ -16,14 +16,15 @@ from benchmarks.common import random_segmentations
 from benchmarks.scenes import cubes
 from numpy.typing import NDArray
 
-from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
+from cases import ELL, IRREGULAR, OBLONG, TRIANGLE, box, stools
+from cases import assembly_in_space as assembly
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import InnerBending, scaling_of
 from jld_core.mechanics.standard import StandardYield, standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, RawStatus
-from reference_spatial import face_constraints, load_factor, make_face
+from proofs import face_constraints, load_factor_in_space, make_face
 
 Array = NDArray[np.float64]
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -273,7 +274,7 @@ def test_published_assemblies(name: str, tolerance: float, direction: str, given
     values = solved(built), solved(points)
     assert values == pytest.approx((convex, concave), abs=tolerance)
     if given:
-        reference = load_factor(scene), load_factor(scene, concave=True)
+        reference = load_factor_in_space(scene), load_factor_in_space(scene, concave=True)
         assert reference == pytest.approx((convex, concave), abs=tolerance)
         # the file's coordinates are single precision, and its rectangles are not quite
         assert values == pytest.approx(reference, rel=1e-6)
@@ -311,7 +312,7 @@ def test_program_equals_second_statement(variant: str) -> None:
     """Every kind of face in a solve, obliquely loaded; 1e-7 relative."""
     scene, bending = variant_document(variant), VARIANTS[variant][3]
     value = solved(build_assembly(parse_scene(scene)), bending)
-    assert value == pytest.approx(load_factor(scene, kern=bending == "kern"), rel=1e-7)
+    assert value == pytest.approx(load_factor_in_space(scene, kern=bending == "kern"), rel=1e-7)
 
 
 def test_structures_that_stand_by_strength_fall_without_it() -> None:
@@ -319,7 +320,7 @@ def test_structures_that_stand_by_strength_fall_without_it() -> None:
     built = build_assembly(parse_scene(variant_document("glued")))
     assert ClarabelSolver().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE
     with pytest.raises(AssertionError, match="infeasible"):
-        load_factor(variant_document("glued"), kern=True)
+        load_factor_in_space(variant_document("glued"), kern=True)
     soft, softer = (solved(build_assembly(parse_scene(variant_document(name)))) for name in ("soft", "softer"))
     hard = variant_document("soft")
     del hard["materials"]["dry"]["compressive_strength"]

@@ -32,7 +32,7 @@ from jld_dilation.modes import (
 from jld_dilation.range import LowerBoundSearch
 from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
 from jld_dilation.sweep import BlockSweep, MultiStartSearch
-from nondilatant import block
+from proofs import block
 
 
 def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound, float]:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner
-from cases_spatial import box
+from cases import box, dry_and_inner
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.errors import ParameterError
 from jld_core.scene.design import PartialFactors, partial_factors

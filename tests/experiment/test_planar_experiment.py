@@ -11,7 +11,8 @@ from benchmarks.experiment import beam_arch, far_plateau
 from scipy.spatial.transform import Rotation
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from cases import ROUTE, grid_document
+from cases import ROUTE, as_elements, grid_document, in_units, renumbered, rotated
+from command import SCENES
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
@@ -19,8 +20,6 @@ from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, pu
 from jld_experiment.driving import scout
 from jld_experiment.report import summary
 from jld_experiment.subcontacts import sub_contacts
-from paths import SCENES
-from transforms import as_elements, in_units, renumbered, rotated
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")

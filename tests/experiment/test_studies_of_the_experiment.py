@@ -14,12 +14,12 @@ from studies.report import SCENES
 from studies.scenes import stacked_cubes
 
 from cases import dry_and_inner
+from command import SCENES as SCENES_of_command
 from command import Command
 from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
 from jld_experiment import experiments as module
 from jld_experiment.experiments import FILE, Experiments, with_experiments
 from jld_explore import ExploreSettings, explore
-from paths import SCENES as SCENES_of_command
 
 STRONGEST = "iiidididddddiididdidiiid"
 """The proven best layout of the beam-arch by λ."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, every_layout, grid_document
-from cases_spatial import box, scene
+from cases import DOWN, box, every_layout, grid_document
+from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space

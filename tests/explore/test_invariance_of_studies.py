@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases_spatial import box
+from cases import box
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene.design import partial_factors

@@ -21,6 +21,7 @@ import pytest
 from nbclient import NotebookClient
 
 from cases import ROUTE, grid_document
+from command import ROOT, SCENES
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.errors import ParameterError
 from jld_core.scene.cracks import CellCracks
@@ -30,7 +31,6 @@ from jld_explore.space import from_string
 from jld_studio import notebook as notebook_of_page
 from jld_studio.notebook import NotebookPage
 from jld_studio.notebook_kernel import AssemblyStructure, LayoutSolver, structure_of
-from paths import ROOT, SCENES
 
 CELLS = (
     "from pathlib import Path\n"

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import every_layout, grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_scene
+from cases import box, every_layout, grid_document
+from cases import scene_in_space as spatial_scene
 from jld_core import InputError, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_explore import SearchSpace, search_space

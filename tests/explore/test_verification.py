@@ -23,9 +23,9 @@ import pytest
 from benchmarks.claims import certificates
 from pysat.solvers import Solver
 
-from cases import dry_and_inner, grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_document
+from cases import box, dry_and_inner, grid_document
+from cases import scene_in_space as spatial_document
+from command import SCENES as SCENE_FILES
 from command import Command, Outcome
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
@@ -36,7 +36,6 @@ from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim
 from jld_explore.verification.labellings import Labellings
 from jld_explore.verification.verify import Checker, follows
-from paths import SCENES as SCENE_FILES
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 

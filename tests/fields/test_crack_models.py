@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from studies.crack_models import HALVES, VORONOI, finer
 
-from cases import all_inner, dry_and_inner, grid_document
-from cases_spatial import box
+from cases import all_inner, box, dry_and_inner, grid_document
 from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats

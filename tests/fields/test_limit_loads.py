@@ -12,9 +12,8 @@ import pytest
 from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move, random_move
 
-from cases import all_inner, dry_and_inner
-from cases_spatial import box as box_in_space
-from cases_spatial import prism, rotation
+from cases import all_inner, dry_and_inner, prism, rotation
+from cases import box as box_in_space
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus

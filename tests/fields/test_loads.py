@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner
-from cases_spatial import box
+from cases import box, dry_and_inner
 from command import Command
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.arrays import Floats

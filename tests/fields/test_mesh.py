@@ -12,8 +12,7 @@ from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move
 from studies.crack_models import bridge
 
-from cases import all_inner, dry_and_inner
-from cases_spatial import box, prism, rotation
+from cases import all_inner, box, dry_and_inner, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.fields import bounds_by_fields

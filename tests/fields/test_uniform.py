@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases_spatial import box
+from cases import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.fields.lower import LowerBound

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from studies.families import semicircular_arch
 
-from cases import all_inner, dry_and_inner, grid_assembly
-from cases_spatial import box
+from cases import all_inner, box, dry_and_inner, grid_assembly
 from jld_core import LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.limit.mechanism import Movement, face_motions
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cases import grid_scene
+from cases import as_elements, grid_scene
+from command import SCENES
 from jld_core import (
     Assembly,
     LimitAnalysis,
@@ -25,9 +26,7 @@ from jld_core.arrays import Bits, Ints
 from jld_core.solvers import SOLVERS
 from jld_explore import search_space
 from jld_explore.drivers.enumeration import Enumeration
-from paths import SCENES
-from reference_planar import reference_load_factor
-from transforms import as_elements
+from proofs import reference_load_factor
 
 
 def classes(scene: Scene) -> tuple[Assembly, Bits, Ints]:

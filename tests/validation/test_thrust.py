@@ -11,8 +11,7 @@ import pytest
 from scipy.optimize import linprog
 from studies.families import semicircular_arch
 
-from cases import ROUTE
-from cases_spatial import box
+from cases import ROUTE, as_elements, box, rotated
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
@@ -26,7 +25,6 @@ from jld_practice.reactions.thrust import (
     resultant_of_joint,
     resultant_of_section,
 )
-from transforms import as_elements, rotated
 
 
 def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], ResultantRange]:
