@@ -213,8 +213,7 @@ SPATIAL: dict[str, Callable[[], Assembly]] = {
         },
     ),
     "turned bond": lambda: assembly_in_space(
-        wall_in_space(3, 1, 1, turn=rotation(0.3, -0.2, 0.5)),
-        loads={"live": [{"body": [0.3, 1, 0.2]}]},
+        wall_in_space(3, 1, 1, turn=rotation(0.3, -0.2, 0.5)), loads={"live": [{"body": [0.3, 1, 0.2]}]}
     ),
 }
 SPATIAL |= {

@@ -64,10 +64,7 @@ DOVETAIL = {
 
 def dovetail() -> Assembly:
     return planar(
-        [
-            {"id": "base", "polygon": DOVETAIL["base"], "support": True},
-            {"id": "key", "polygon": DOVETAIL["key"]},
-        ]
+        [{"id": "base", "polygon": DOVETAIL["base"], "support": True}, {"id": "key", "polygon": DOVETAIL["key"]}]
     )
 
 
@@ -485,8 +482,7 @@ def test_an_arch_on_a_line_of_props(jld: Command, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spacing", "said"),
-    [(0.0, "a spacing of 0 is wrong"), (float("nan"), "is wrong"), (1e-4, "at most 500 places")],
+    ("spacing", "said"), [(0.0, "a spacing of 0 is wrong"), (float("nan"), "is wrong"), (1e-4, "at most 500 places")]
 )
 def test_bad_spacings_are_one_line(spacing: float, said: str) -> None:
     with pytest.raises(ParameterError, match=said):

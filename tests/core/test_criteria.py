@@ -229,10 +229,7 @@ def _sliding(weight: float, area: float) -> float:
 
 @pytest.mark.parametrize(
     ("name", "parameters"),
-    [
-        ("ribbed", {**STRENGTHS, "ratio": 3.0}),
-        ("hoek_brown", {"uniaxial_strength": 4e3, "m": 8.0}),
-    ],
+    [("ribbed", {**STRENGTHS, "ratio": 3.0}), ("hoek_brown", {"uniaxial_strength": 4e3, "m": 8.0})],
 )
 def test_a_proof_equals_the_best_of_all_labellings(name: str, parameters: dict[str, float]) -> None:
     """An asymmetric section on a symmetric arch: classes that symmetry would merge are kept apart."""

@@ -175,10 +175,7 @@ def test_locked_is_proven_by_forces_within_their_own_areas(seed: int) -> None:
 )
 def test_unstable_is_proven_for_all_areas_or_not_at_all(push: float, across: float, status: Status) -> None:
     """A cube pushed where it is pressed, off its middle: whole faces twist at |V| (1 + x/c_T) = μN, effective at μN."""
-    elements = [
-        cases.box("cube", [0, 0, 0], [1, 1, 1]),
-        cases.box("floor", [-1, -1, -1], [2, 2, 0], support=True),
-    ]
+    elements = [cases.box("cube", [0, 0, 0], [1, 1, 1]), cases.box("floor", [-1, -1, -1], [2, 2, 0], support=True)]
     pressed = {"element": "cube", "force": [0.0, 0.0, -1e6], "at": [0.5, across, 0.0]}
     pushed = {"element": "cube", "force": [push * 0.5e6, 0.0, 0.0], "at": [0.5, across, 0.0]}
     document = cases.scene_in_space(

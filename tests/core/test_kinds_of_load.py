@@ -599,11 +599,7 @@ def block_of_weight(pair: Document, push: Document, length: float = 1.0, force: 
             {"id": "g", "polygon": [[-1, -1], [3, -1], [3, 0], [-1, 0]], "support": True},
         ],
         "thickness": 1.0,
-        "materials": {
-            "density": pair.get("density", 0.0),
-            "dry": {"friction_coefficient": 0.6},
-            "inner": inner,
-        },
+        "materials": {"density": pair.get("density", 0.0), "dry": {"friction_coefficient": 0.6}, "inner": inner},
         "loads": {"dead": pair.get("dead", []), "live": [push]},
         "members": pair.get("members", []),
     }

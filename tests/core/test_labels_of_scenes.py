@@ -25,10 +25,7 @@ def stack(labels: Document, interface: str | None = None) -> Document:
             {"id": "B", "polygon": [[0.5, 0.5], [1.5, 0.5], [1.5, 1], [0.5, 1]], "weight": 1000},
             {"id": "C", "polygon": [[0.5, 1], [1.5, 1], [1.5, 1.5], [0.5, 1.5]], "weight": 1000},
         ],
-        "materials": {
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-        },
+        "materials": {"dry": {"friction_coefficient": 0.5}, "inner": {"tensile_strength": 1e5, "shear_strength": 1e5}},
         "labels": labels,
         "loads": {"live": [{"element": "B", "force": [300, 0], "at": [1, 0.6]}]},
     }

@@ -18,10 +18,7 @@ from proofs import flow_rule, work_balance
 
 def on_ground(friction: float, live: list[dict[str, Any]], **inner: float) -> LimitAnalysisResult:
     """A cube of weight 1 on a larger ground, spatial, its base dry or, with strengths, inner."""
-    elements = [
-        cases.box("cube", [0, 0, 0], [1, 1, 1]),
-        cases.box("ground", [-1, -1, -1], [2, 2, 0], support=True),
-    ]
+    elements = [cases.box("cube", [0, 0, 0], [1, 1, 1]), cases.box("ground", [-1, -1, -1], [2, 2, 0], support=True)]
     materials: dict[str, Any] = {"dry": {"friction_coefficient": friction}}
     if inner:
         materials["inner"] = inner

@@ -458,10 +458,7 @@ def tower(dimension: int) -> dict[str, Any]:
     middle = [0.5] * (dimension - 1)
     return {
         "name": f"tower {dimension}",
-        "elements": [
-            {"id": "ground", "support": True, **shape(-1)},
-            *({"id": f"s{k}", **shape(k)} for k in range(3)),
-        ],
+        "elements": [{"id": "ground", "support": True, **shape(-1)}, *({"id": f"s{k}", **shape(k)} for k in range(3))],
         "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
         "loads": {"live": [{"element": "s2", "force": [1.0] + [0.0] * (dimension - 1)}]},
         "members": [

@@ -348,12 +348,7 @@ def pressed(rows: list[str], element: str, force: list[float], dry: dict[str, fl
 
 @pytest.mark.parametrize(("rows", "element", "force", "dry", "inner", "labels"), LAYOUTS)
 def test_pressed_layouts_are_locked(
-    rows: list[str],
-    element: str,
-    force: list[float],
-    dry: dict[str, float],
-    inner: dict[str, float],
-    labels: str,
+    rows: list[str], element: str, force: list[float], dry: dict[str, float], inner: dict[str, float], labels: str
 ) -> None:
     scene = pressed(rows, element, force, dry, inner)
     joints = build_assembly(scene)

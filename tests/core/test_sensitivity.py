@@ -90,10 +90,7 @@ def test_crushing_bends_but_has_no_kink(rows: list[str], crush: float) -> None:
 
 
 def test_of_the_case_that_governs() -> None:
-    cases = [
-        {"name": "a", "live": [{"body": [1, 0]}], "required": 2.0},
-        {"name": "b", "live": [{"body": [0, 1]}]},
-    ]
+    cases = [{"name": "a", "live": [{"body": [1, 0]}], "required": 2.0}, {"name": "b", "live": [{"body": [0, 1]}]}]
     assembly = build_assembly(parse_scene({**grid_document(["a", "#"], friction=0.6), "loads": {"cases": cases}}))
     result = solve(assembly)
     assert result.governing == "a"

@@ -53,10 +53,7 @@ MATERIALS: dict[str, dict[str, dict[str, float]]] = {
             "compressive_strength": 3.0,
         },
     },
-    "no shear": {
-        "dry": {"friction_coefficient": 0.0},
-        "inner": {"tensile_strength": 0.5, "shear_strength": 0.0},
-    },
+    "no shear": {"dry": {"friction_coefficient": 0.0}, "inner": {"tensile_strength": 0.5, "shear_strength": 0.0}},
 }
 CASES = [(name, bending) for name in MATERIALS for bending in ("uncoupled", "kern")]
 

@@ -20,15 +20,7 @@ from jld_core.arrays import Floats
 from jld_dilation.certificate import Certifier
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_dilation.modes import (
-    BoundedModes,
-    Modes,
-    Statics,
-    bound_velocities,
-    face_loops,
-    has_opening,
-    modes_of,
-)
+from jld_dilation.modes import BoundedModes, Modes, Statics, bound_velocities, face_loops, has_opening, modes_of
 from jld_dilation.range import LowerBoundSearch
 from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
 from jld_dilation.sweep import BlockSweep, MultiStartSearch

@@ -375,10 +375,7 @@ def slab(extent: float, live: float = 0.1) -> dict[str, Any]:
     pier = {"id": "pier", "support": True, "polygon": [[0, -1], [1.2, -1], [1.2, 0], [0, 0]]}
     return {
         "elements": [pier, *elements],
-        "materials": {
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 1e6, "shear_strength": 1e6},
-        },
+        "materials": {"dry": {"friction_coefficient": 0.6}, "inner": {"tensile_strength": 1e6, "shear_strength": 1e6}},
         "loads": {"live": [{"element": "over", "force": [0, -live], "at": [-extent, 0.3]}]},
         "design": {"set": "EN 1990 EQU"},
     }

@@ -114,8 +114,7 @@ def test_walls_with_dilation(number: int, expected: float, tolerance: float, len
 
 
 @pytest.mark.parametrize(
-    ("number", "expected", "length"),
-    [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)],
+    ("number", "expected", "length"), [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)]
 )
 def test_walls_without_dilation(number: int, expected: float, length: float) -> None:
     """An earlier engine's end from gravity, at 20 000 periods; never above the associative λ (limit theorem)."""

@@ -502,12 +502,7 @@ KNOWN: dict[str, Any] = {
         "materials": {**VOUSSOIRS["materials"], "gravity": 0},
     },
     "sawing": grid_document(
-        ["aaa", "aaa", "###"],
-        tension=2e3,
-        shear=2e3,
-        block_cells=[1, 2],
-        sawn_length=[None, 9.0],
-        saw_cuts=[1, 40],
+        ["aaa", "aaa", "###"], tension=2e3, shear=2e3, block_cells=[1, 2], sawn_length=[None, 9.0], saw_cuts=[1, 40]
     ),
     "beam": json.loads((SCENE_FILES / "flat_beam_arch.json").read_text(encoding="utf-8")),
 }
@@ -567,8 +562,7 @@ def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")],
+    ("name", "words"), [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")]
 )
 def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
     command = [sys.executable, "-I", str(TOOL), str(written(SCENES[name], tmp_path))]

@@ -274,10 +274,7 @@ def wedge_of_settlement(alpha: float, mu: float, spatial: bool = False, scale: f
             "settlements": [
                 {
                     "name": "spread",
-                    "supports": [
-                        {"elements": "left", "move": moves[0]},
-                        {"elements": ["right"], "move": moves[1]},
-                    ],
+                    "supports": [{"elements": "left", "move": moves[0]}, {"elements": ["right"], "move": moves[1]}],
                 }
             ],
         }
