@@ -22,8 +22,7 @@ from scipy.optimize import linprog
 
 from cases import ROUTE
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, tolerances
-from jld_core.arrays import Bits, Floats, Ints
-from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchResults, BatchSolver
+from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchSolver
 from jld_core.limit import Proof
 from jld_core.limit.mechanism import face_jumps
 from jld_core.limit.proof_attempt import ProofAttempt
@@ -41,8 +40,8 @@ class FlowRule:
     gap: D(J) + F·J ≥ 0, zero where the force works as much as any admissible force could.
     """
 
-    margin: Floats
-    gap: Floats
+    margin: np.ndarray
+    gap: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def work_balance(result: LimitAnalysisResult) -> WorkBalance:
     return WorkBalance(pushed + carried, dissipated, max(abs(pushed), abs(carried), abs(dissipated)))
 
 
-def _scaled(result: LimitAnalysisResult) -> tuple[Floats, Floats]:
+def _scaled(result: LimitAnalysisResult) -> tuple[np.ndarray, np.ndarray]:
     """Scaled forces (m, q), and jumps (m, q) dual to them: their product is a power in scene units over none."""
     if result.mechanism is None or result.forces is None:
         raise ValueError("the result holds no mechanism" if result.mechanism is None else "no forces")
@@ -125,7 +124,7 @@ class Noisy(Solver):
         return RawSolution(raw.status, spoil[0], spoil[1], raw.iterations, raw.seconds)
 
 
-def noisy(analysis: LimitAnalysis, labels: Bits, level: float, seed: int) -> Proof:
+def noisy(analysis: LimitAnalysis, labels: np.ndarray, level: float, seed: int) -> Proof:
     """What is proven of a labelling by a spoilt answer and its repair."""
     attempt = ProofAttempt(analysis, labels)
     attempt.solve_by(Noisy(level, seed), analysis.margin)
@@ -148,7 +147,7 @@ def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object
 
 
 def assert_proven(
-    analysis: LimitAnalysis, asked: Bits, found: BatchResults, digits: float = LAST_DIGITS, snap: float = 0.0
+    analysis: LimitAnalysis, asked: np.ndarray, found: Any, digits: float = LAST_DIGITS, snap: float = 0.0
 ) -> None:
     """Every bound of labellings (k, m) by the core's own prover, every verdict by `LimitAnalysis.prove`.
 
@@ -195,7 +194,7 @@ def assert_proven(
             assert found.verdict[k] == OPEN
 
 
-def exact_margin(analysis: LimitAnalysis, velocity: Floats, labels: Bits) -> Fraction:
+def exact_margin(analysis: LimitAnalysis, velocity: np.ndarray, labels: np.ndarray) -> Fraction:
     """Least margin δ − μ|s| − |θ|/bending of planar faces that do not crush, without any rounding, scaled.
 
     velocity: (3·free,) as returned. Every number of the equilibrium matrix counts as it is stored.
@@ -216,7 +215,7 @@ def exact_margin(analysis: LimitAnalysis, velocity: Floats, labels: Bits) -> Fra
     return min(margins)
 
 
-def exact(analysis: LimitAnalysis, forces: Floats, load: float, labels: Bits) -> bool:
+def exact(analysis: LimitAnalysis, forces: np.ndarray, load: float, labels: np.ndarray) -> bool:
     """Whether forces meet all equations and rows to rounding, at the edge of sets that leave them no room."""
     template = analysis.template
     flat = np.where(template.yield_set.active(labels), forces, 0.0).ravel()
@@ -276,7 +275,7 @@ def block(friction: float, live: list[dict[str, Any]], dead: list[dict[str, Any]
 # Nothing of equilibrium.py, scaling.py or yield_sets.py is used: a fault there cannot hide here.
 
 
-def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.Variable]:
+def reference_problem(assembly: Assembly, labels: np.ndarray) -> tuple[cp.Problem, cp.Variable]:
     """max λ for one labelling. Returns the problem and λ; forces are divided by a common weight for the solver.
 
     Conditions of all faces are stated together: CVXPY takes far longer over many small ones than the solver does.
@@ -310,7 +309,7 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
     area, half = length * np.asarray(faces.l2) / unit, length / 2 / reach  # area: of a stress, what its force is
     dry, crushed = np.asarray(labels, dtype=bool), np.isfinite(np.where(labels, s.crush_dry, s.crush_inner))
 
-    def where(chosen: Bits) -> Ints:
+    def where(chosen: np.ndarray) -> np.ndarray:
         return np.flatnonzero(chosen)
 
     if len(k := where(dry)):
@@ -329,7 +328,7 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
     return cp.Problem(cp.Maximize(load), constraints), load
 
 
-def reference_load_factor(assembly: Assembly, labels: Bits, simplex: bool = False) -> float:
+def reference_load_factor(assembly: Assembly, labels: np.ndarray, simplex: bool = False) -> float:
     """λ by CVXPY: +inf where it is unbounded, −inf where no λ ≥ 0 is admissible.
 
     simplex: HiGHS instead of Clarabel, for data that an interior point on an unscaled program gets wrong.
@@ -582,7 +581,7 @@ _ZERO = 1e-9
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
-def loads_without_dilation(assembly: Assembly, labels: Bits) -> list[tuple[float, float]]:
+def loads_without_dilation(assembly: Assembly, labels: np.ndarray) -> list[tuple[float, float]]:
     """Intervals of λ, scene units, whose union is λ of all solutions; labels: (m,) True dry."""
     faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths(ROUTE)
     count, free, reach = len(faces), elements.free, assembly.size
@@ -643,7 +642,7 @@ def loads_without_dilation(assembly: Assembly, labels: Bits) -> list[tuple[float
     return sorted(found)
 
 
-def extreme_rays(rows: Floats) -> Floats:
+def extreme_rays(rows: np.ndarray) -> np.ndarray:
     """(k, d) extreme rays of the pointed cone rows x ≥ 0, by the double description method (Motzkin et al. 1953)."""
     rows = rows / np.linalg.norm(rows, axis=1)[:, None]
     width = rows.shape[1]

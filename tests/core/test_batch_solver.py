@@ -18,7 +18,6 @@ import cases
 from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
-from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
 from jld_core.batch import library as settings
 from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
@@ -68,7 +67,7 @@ def analysis_of(name: str) -> LimitAnalysis:
     return LimitAnalysis(grid_assembly(rows, **options))
 
 
-def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
+def labellings(assembly: Assembly, count: int, seed: int = 0) -> np.ndarray:
     dice = np.random.default_rng(seed)
     return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
 
@@ -143,7 +142,7 @@ def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, exp
     assert int((found.verdict != OPEN).sum()) >= expected
 
 
-def answers(kernel: BatchSolver, asked: Bits) -> list[np.ndarray]:
+def answers(kernel: BatchSolver, asked: np.ndarray) -> list[np.ndarray]:
     found = kernel.solve(asked, vectors=True)
     assert found.forces is not None
     assert found.velocity is not None
@@ -201,7 +200,7 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
     free, how = np.ones(asked.shape[1], dtype=bool), MinimizationOptions(tries=3, inner=True)
 
-    def shrunk(rows: Bits) -> list[np.ndarray]:
+    def shrunk(rows: np.ndarray) -> list[np.ndarray]:
         found = made.minimize_conflicts(ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
         return [found.fate, found.decided, found.velocity, found.relaxations]
 

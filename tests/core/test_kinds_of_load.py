@@ -12,11 +12,10 @@ import pytest
 
 from cases import box, dry_and_inner
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.loads import Traction, resultants
 
 
-def squares(low: Floats, high: Floats, count: int) -> tuple[Floats, float]:
+def squares(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, float]:
     """Middles (k, 2) of small squares that fill a rectangle, and their area."""
     step = (high - low) / count
     axes = [low[k] + step[k] * (np.arange(count) + 0.5) for k in (0, 1)]

@@ -25,7 +25,6 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.arrays import Floats
 from jld_core.batch import chosen
 from jld_core.geometry import spun
 from jld_core.limit import Prover
@@ -208,7 +207,7 @@ def test_schur_complements_follow_an_inaccurate_answer() -> None:
     """The bracket of 18 x 18 cells after a first solver that stops early, without a dual simplex."""
 
     class Hasty(ClarabelSolver):
-        def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
+        def solve(self, program: ConicProgram, centre: np.ndarray | None = None) -> RawSolution:
             return replace(super().solve(program, centre), status=RawStatus.ALMOST)
 
     assembly = grid_assembly(["a" * 18] * 18 + ["#" * 18], tension=2e6, shear=2e6)

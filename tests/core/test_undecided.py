@@ -25,7 +25,7 @@ from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
 from jld_explore import search_space
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.exact.proof_state import Conflict
 
 OPEN = 5
@@ -322,7 +322,7 @@ def _hull(low: list[float], high: list[float]) -> dict[str, Any]:
     return {"vertices": corners, "faces": faces}
 
 
-def segmentations(blocks: PossibleBlocks, free: set[int], allowed: np.ndarray) -> Iterator[list[int]]:
+def segmentations(blocks: Any, free: set[int], allowed: np.ndarray) -> Iterator[list[int]]:
     """Choices of allowed blocks that cover every element once."""
     if not free:
         yield []

@@ -20,7 +20,7 @@ from cases import ELL, IRREGULAR, OBLONG, TRIANGLE, box, stools
 from cases import assembly_in_space as assembly
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import InnerBending, scaling_of
-from jld_core.mechanics.standard import StandardYield, standard_yield
+from jld_core.mechanics.standard import standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, RawStatus
@@ -63,7 +63,7 @@ COPIES = 20
 
 
 @cache
-def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, StandardYield]:
+def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, Any]:
     """Prisms of every shape on a slab; rectangles only where dry faces can be crushed."""
     shapes = [OBLONG, TURNED, 0.3 * OBLONG] if name == "crushable" else SHAPES
     built = stools(shapes * copies, materials=MATERIALS[name])
@@ -74,14 +74,14 @@ def labellings(count: int) -> list[NDArray[np.bool_]]:
     return [np.ones(count, dtype=bool), np.zeros(count, dtype=bool), np.arange(count) % 2 == 0]
 
 
-def random_forces(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
+def random_forces(rng: np.random.Generator, sets: Any, labels: NDArray[np.bool_]) -> Array:
     """Forces on either side of the boundary, dropped resultants zero."""
     forces = rng.normal(size=(len(labels), 6)) * rng.uniform(0.02, 0.6, size=6)
     forces[:, 0] = rng.uniform(-0.3, 2.5, size=len(labels))
     return forces * sets.active(labels)
 
 
-def random_jumps(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
+def random_jumps(rng: np.random.Generator, sets: Any, labels: NDArray[np.bool_]) -> Array:
     """Jumps of finite dissipation, some of them just."""
     jumps = rng.normal(size=(len(labels), 6)) * rng.choice([0.0, 1.0], p=[0.2, 0.8], size=(len(labels), 6))
     short = sets.margin(jumps, labels)
@@ -90,7 +90,7 @@ def random_jumps(rng: np.random.Generator, sets: StandardYield, labels: NDArray[
     return jumps
 
 
-def row_slacks(sets: StandardYield, forces: Array, labels: NDArray[np.bool_]) -> Array:
+def row_slacks(sets: Any, forces: Array, labels: NDArray[np.bool_]) -> Array:
     """(m,) least s = h − G y of the rows of each face, cones as s0 − |s1…|, extra variables at their best."""
     p = sets.pattern
     best = [np.hypot(forces[:, 1], forces[:, 2])[~sets.point]]

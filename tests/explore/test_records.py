@@ -21,7 +21,6 @@ import pytest
 from cases import dry_and_inner, grid_document
 from command import ROOT, SCENES, Command, ended
 from jld_core import InputError, Status, build_assembly, load_scene, parse_scene
-from jld_core.arrays import Bits
 from jld_experiment import experiments
 from jld_explore import Evaluation, ExploreSettings, explore, read_folder, search_space
 from jld_explore.evaluation import Records
@@ -41,7 +40,7 @@ HEADER = {"scene": "a", "seed": 1}
 FACES = 11
 
 
-def labellings(count: int, faces: int = FACES) -> Bits:
+def labellings(count: int, faces: int = FACES) -> np.ndarray:
     return ((np.arange(count)[:, None] >> np.arange(faces)) & 1).astype(bool)
 
 

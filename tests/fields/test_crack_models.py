@@ -14,7 +14,6 @@ from studies.crack_models import HALVES, VORONOI, finer
 from cases import all_inner, box, dry_and_inner, grid_document
 from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldRefinement
 from jld_core.fields.governing import governing_bounds
@@ -296,7 +295,7 @@ def test_load_cases_in_space() -> None:
 # Velocity fields of results are in scene units: the virtual work of the live load as the scene states it.
 
 
-def works(assembly: Assembly, corners: Floats, velocity: Floats, cell: Floats) -> tuple[float, float]:
+def works(assembly: Assembly, corners: np.ndarray, velocity: np.ndarray, cell: np.ndarray) -> tuple[float, float]:
     """Work of the live and of the dead load of a scene whose loads are body forces through the centroids.
 
     corners, velocity: (t, d + 1, d) of triangles of the scene's thickness, or of tetrahedra; cell: (t,) their elements.

@@ -18,7 +18,7 @@ from jld_core import Assembly, InputError, build_assembly, load_scene, parse_sce
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldStatus
 from jld_core.fields.problem import material_of
-from jld_core.fields.space_bounds import SpatialBounds, SpatialLowerBound, spatial_bounds, stress_power
+from jld_core.fields.space_bounds import SpatialLowerBound, spatial_bounds, stress_power
 from jld_core.fields.space_joints import spatial_problem, spatial_units
 from jld_core.fields.space_loads import loaded_solids
 from jld_core.fields.space_upper import SpatialUpperBound
@@ -281,7 +281,7 @@ def scene_in_space(elements: list[dict[str, Any]], live: list[Any], label: str =
     return build_assembly(parse_scene(all_inner(document, label)))
 
 
-def holds(found: SpatialBounds, exact: float, gap: float) -> None:
+def holds(found: Any, exact: float, gap: float) -> None:
     """The bracket holds the exact value and is no wider than a gap."""
     assert found.lower <= exact * (1 + 1e-9)
     assert found.upper >= exact * (1 - 1e-9)

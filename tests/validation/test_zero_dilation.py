@@ -32,8 +32,8 @@ from jld_core import (
     parse_scene,
     solve,
 )
+from jld_dilation import ProximalOptions
 from jld_dilation.certificate import BinaryFractions
-from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
 from jld_explore import ExploreSettings, explore
 from proofs import block, certify, flow_rule, loads_without_dilation, work_balance
