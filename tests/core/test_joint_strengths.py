@@ -1,4 +1,4 @@
-"""Bond of dry joints, a tension cut-off with cohesion: closed forms, a second route to λ, arches that were tested."""
+"""Strengths of joints: bond, cohesion, friction inside, and values of single faces, by closed forms and second routes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loads as they act: resultants are integrals of tractions, and sums, shares and selections of loads keep them."""
+"""Loads of every kind: as they act, on lines and patches, of pressure, in every direction, and such as cancel."""
 
 from __future__ import annotations
 

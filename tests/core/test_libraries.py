@@ -1,4 +1,4 @@
-"""What a solver's library prints does not reach stdout, which belongs to results."""
+"""What libraries may print, and how many threads they take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Openings in walls drawn as solids: volumes, jambs, lintels, quoins, any position, and λ of walls with doors."""
+"""Walls with openings, drawn as solids, and bonded corners: volumes, lintels, quoins, any position, and λ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A slice of benchmarks/drivers.py: the genetic driver on the flagship, solved as it goes."""
+"""Drivers that learn: genetic, annealing and surrogates, their targets, and which driver is the default."""
 
 from __future__ import annotations
 
