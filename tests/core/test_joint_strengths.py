@@ -1,4 +1,4 @@
-"""Strengths of joints: bond, cohesion, friction inside, and values of single faces, by closed forms and second routes."""
+"""Strengths of joints: bond, cohesion, friction inside, values of single faces, by closed forms and second routes."""
 
 from __future__ import annotations
 
