@@ -17,7 +17,6 @@ from cases import wall_in_space as wall
 from jld_core import (
     Assembly,
     LimitAnalysis,
-    LimitAnalysisResult,
     SolverError,
     Status,
     blocks_of,
@@ -53,10 +52,6 @@ SPATIAL = {
         },
     ),
 }
-
-
-def signed(result: LimitAnalysisResult) -> float:
-    return {Status.LOCKED: np.inf, Status.UNSTABLE: -np.inf}.get(result.status, result.load_factor)
 
 
 def compare(built: Assembly, count: int, seed: int, template: Template | None = None) -> None:

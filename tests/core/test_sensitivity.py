@@ -17,8 +17,6 @@ from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.models import sensitivities
 from jld_core.models.sensitivity import Sensitivity, _parameters
 
-ARCH = ["#aabbc#", "#.....#"]
-
 
 def test_a_block_that_slides() -> None:
     """λ = μ, whatever it weighs beside its own live load: (2.4) of docs/method.md. The live load is left as it is."""

@@ -106,7 +106,6 @@ def _row(case: distinct_elements.Case) -> distinct_elements.Row:
 # `jld explore --experiment K` and `--objective experiment`: a column more, once each, and what bounds what.
 
 
-Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 DOCUMENT = {
     "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["aaaa", "aaaa", "#..#"]},
     "materials": {

@@ -133,10 +133,6 @@ def test_boxes_without_a_position_that_stands_are_closed() -> None:
     assert search_of(document).bound(np.array([-0.005]), np.array([0.005])).value == -math.inf
 
 
-def points(values: np.ndarray) -> str:
-    return ",".join(map(str, values))
-
-
 @pytest.mark.parametrize(
     ("count", "box", "said"),
     [

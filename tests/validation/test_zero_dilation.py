@@ -352,14 +352,6 @@ def beam() -> Scene:
     return parse_scene(grid_document(ROWS, live=[{"body": [0.3, -1.0]}], candidates="all", block_cells=[1, 2]))
 
 
-def column() -> Scene:
-    """Two cubes on one another, pushed askew."""
-    elements = [cases.box(f"b{k}", [0, 0, k], [1, 1, k + 1]) for k in range(2)]
-    elements.append(cases.box("ground", [-2, -2, -1], [3, 3, 0], support=True))
-    search = {"candidates": "all"}
-    return parse_scene(cases.scene_in_space(elements, live=[{"body": [0.8, 0.6, 0.0]}], search=search))
-
-
 def search_by(scene: Scene, tmp_path: Path, floor_seconds: float) -> pd.DataFrame:
     """Every segmentation, ranked by the lowest λ without dilation or by its floor."""
     model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=floor_seconds)
