@@ -123,7 +123,7 @@ def scene() -> Scene:
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, jld: Command) -> None:
+def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(DOCUMENT), "utf-8")
@@ -165,7 +165,7 @@ def test_search_by_experiment(tmp_path: Path) -> None:
     assert len(carried) > facts["runs"]
 
 
-def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """λ of untested layouts bounds them only by assumption; one tested layout above its λ ends the claim."""
     carried = {"share": 0.999}
 
