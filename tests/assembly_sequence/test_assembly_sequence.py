@@ -13,13 +13,11 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from cases import dry_and_inner, grid_assembly
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, dry_and_inner, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, samples
 from jld_core.deadline import DeadlinePassed
-from jld_core.errors import ParameterError
 from jld_core.scene.units import force_in_words
 from jld_practice.laying import Laying, assembly_order
 from jld_practice.laying.command import words_of
@@ -65,10 +63,7 @@ DOVETAIL = {
 
 def dovetail() -> Assembly:
     return planar(
-        [
-            {"id": "base", "polygon": DOVETAIL["base"], "support": True},
-            {"id": "key", "polygon": DOVETAIL["key"]},
-        ]
+        [{"id": "base", "polygon": DOVETAIL["base"], "support": True}, {"id": "key", "polygon": DOVETAIL["key"]}]
     )
 
 
@@ -486,22 +481,21 @@ def test_an_arch_on_a_line_of_props(jld: Command, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spacing", "said"),
-    [(0.0, "a spacing of 0 is wrong"), (float("nan"), "is wrong"), (1e-4, "at most 500 places")],
+    ("spacing", "said"), [(0.0, "a spacing of 0 is wrong"), (float("nan"), "is wrong"), (1e-4, "at most 500 places")]
 )
 def test_bad_spacings_are_one_line(spacing: float, said: str) -> None:
-    with pytest.raises(ParameterError, match=said):
+    with pytest.raises(InputError, match=said):
         stations_below(build_assembly(corbel()), spacing)
 
 
 def test_props_along_a_line_are_planar() -> None:
-    with pytest.raises(ParameterError, match="planar"):
+    with pytest.raises(InputError, match="planar"):
         stations_below(build_assembly(samples.vault()), 0.2)
 
 
 def test_a_wall_on_its_footing_has_no_underside() -> None:
     """No shorter spacing would help: the line says so, and what to do."""
-    with pytest.raises(ParameterError, match="stands on supports along its whole length"):
+    with pytest.raises(InputError, match="stands on supports along its whole length"):
         stations_below(build_assembly(samples.wall(opening="1.0,0.4,0.6,0.4")), 0.1)
 
 

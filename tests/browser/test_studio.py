@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from browser_visits import Open, Visit, looks_like
+from cases import HOSTILE, small_scene, spatial_scene
 from command import running
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, explore
-from scenes_of_pages import HOSTILE, small_scene, spatial_scene
 
 
 @contextmanager

@@ -737,7 +737,7 @@ SAMPLED = 6
 def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
     """Return the scenes that a door is asked, by key."""
     if every or door not in DEAR:
-        return [(key, document) for key, row in ROWS.items() for document in row]
+        return [*{json.dumps(document): (key, document) for key, row in ROWS.items() for document in row}.values()]
     return [(key, row.after) for key, row in [*ROWS.items()][DEAR[door] :: SAMPLED]]
 
 

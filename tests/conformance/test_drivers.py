@@ -14,8 +14,6 @@ import pytest
 
 from cases import every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
-from jld_core.arrays import Bits
-from jld_core.deadline import Deadline
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings
@@ -75,7 +73,7 @@ class Table:
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self.weight = np.random.default_rng(3).normal(size=len(assembly.interfaces))
 
-    def evaluate(self, labels: Bits, *_: object) -> Evaluation:
+    def evaluate(self, labels: np.ndarray, *_: object) -> Evaluation:
         """λ = 5 + w·labels; every eleventh class has no number."""
         type(self).calls += 1
         if Table.after is not None:
@@ -87,9 +85,7 @@ class Table:
             return Evaluation(status, np.nan, np.nan, np.nan)
         return Evaluation(Status.COLLAPSE, value, value, value)
 
-    def evaluate_all(
-        self, labellings: Bits, floors: object = None, deadline: Deadline | None = None
-    ) -> list[Evaluation]:
+    def evaluate_all(self, labellings: np.ndarray, floors: object = None, deadline: Any = None) -> list[Evaluation]:
         """One after the other, up to the deadline."""
         found = []
         for labels in labellings:

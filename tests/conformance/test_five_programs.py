@@ -12,7 +12,7 @@ import pytest
 import jld_core as jc
 import jld_explore as je
 from cases import grid_document
-from paths import ROOT
+from command import ROOT
 
 
 @pytest.fixture(autouse=True)

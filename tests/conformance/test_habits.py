@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from command import ROOT
 from jld_core import __version__
-from paths import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yaml"))
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import jld_core as jc
-from cases import CASES, grid_assembly, grid_document
-from cases_spatial import SPATIAL
-from paths import ROOT
+from cases import CASES, SPATIAL, grid_assembly, grid_document
+from command import ROOT
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
 

@@ -14,19 +14,17 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-import cases_spatial
-from cases import CASES, grid_assembly
-from cases_spatial import SPATIAL
+import cases
+from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
-from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
 from jld_core.batch import library as settings
 from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
 from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
 from jld_core.limit.case_relaxation import Relaxation
-from kernel_proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
+from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
 PLANAR = list(CASES)
 EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
@@ -69,7 +67,7 @@ def analysis_of(name: str) -> LimitAnalysis:
     return LimitAnalysis(grid_assembly(rows, **options))
 
 
-def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
+def labellings(assembly: Assembly, count: int, seed: int = 0) -> np.ndarray:
     dice = np.random.default_rng(seed)
     return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
 
@@ -144,7 +142,7 @@ def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, exp
     assert int((found.verdict != OPEN).sum()) >= expected
 
 
-def answers(kernel: BatchSolver, asked: Bits) -> list[np.ndarray]:
+def answers(kernel: BatchSolver, asked: np.ndarray) -> list[np.ndarray]:
     found = kernel.solve(asked, vectors=True)
     assert found.forces is not None
     assert found.velocity is not None
@@ -202,7 +200,7 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
     free, how = np.ones(asked.shape[1], dtype=bool), MinimizationOptions(tries=3, inner=True)
 
-    def shrunk(rows: Bits) -> list[np.ndarray]:
+    def shrunk(rows: np.ndarray) -> list[np.ndarray]:
         found = made.minimize_conflicts(ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
         return [found.fate, found.decided, found.velocity, found.relaxations]
 
@@ -300,11 +298,9 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
 
 def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     angles = np.arange(17) * 2.0 * np.pi / 17.0
-    round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
+    round_hull = LimitAnalysis(cases.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(
-        cases_spatial.stools(
-            [cases_spatial.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}}
-        )
+        cases.stools([cases.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}})
     )
     for other in (round_hull, crushed):
         assert not fits(other.template)

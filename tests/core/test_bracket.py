@@ -13,16 +13,16 @@ from benchmarks.claims.converged import GROUPS, drawn, run, weighed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import cases_spatial
-from cases import CASES, ROUTE, Document, all_inner, grid_assembly, grid_document
-from cases_spatial import assembly, box
+import cases
+from cases import CASES, ROUTE, Document, all_inner, box, grid_assembly, grid_document
+from cases import assembly_in_space as assembly
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.batch import chosen
 from jld_core.limit import BatchAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views import facts_of_result
 from jld_explore.report.tables import _ties, is_ahead
-from noisy import noisy
+from proofs import noisy
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
 ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
@@ -263,13 +263,13 @@ def planar(share: float, friction: float) -> Assembly:
 
 def spatial(share: float, friction: float) -> Assembly:
     elements = [
-        cases_spatial.box("pushed", [0, 0, 0], [1, 1, 1]),
-        cases_spatial.box("pressed", [2, 0, 0], [3, 1, 1]),
-        cases_spatial.box("floor", [-1, -1, -1], [4, 2, 0], support=True),
+        cases.box("pushed", [0, 0, 0], [1, 1, 1]),
+        cases.box("pressed", [2, 0, 0], [3, 1, 1]),
+        cases.box("floor", [-1, -1, -1], [4, 2, 0], support=True),
     ]
     loads = [{"element": "pushed", "force": [share, 0, -share], "at": [0.5, 0.5, 0.0]}]
     loads.append({"element": "pressed", "force": [0, 0, -1]})
-    return cases_spatial.assembly(elements, materials={"dry": {"friction_coefficient": friction}}, live=loads)
+    return cases.assembly_in_space(elements, materials={"dry": {"friction_coefficient": friction}}, live=loads)
 
 
 SHARES = [(1e-4, 1.0 - 1e-9), (1e-6, 1.0 - 1e-7), (1e-8, 1.0 - 1e-5), (1e-10, 0.999), (1e-12, 0.5), (1e-13, 0.5)]

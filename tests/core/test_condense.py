@@ -5,22 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cases import assembly_in_space as spatial_assembly
 from cases import grid_assembly
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import wall as spatial_wall
+from cases import wall_in_space as spatial_wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, solve
-from jld_core.arrays import Bits
 from jld_core.limit import result_of
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 
 
-def condensed(analysis: LimitAnalysis, labels: Bits) -> LimitAnalysisResult | None:
+def condensed(analysis: LimitAnalysis, labels: np.ndarray) -> LimitAnalysisResult | None:
     """The result by rigid blocks alone."""
     proof = prove_condensed(analysis, labels)
     return None if proof is None else result_of(analysis.template, labels, analysis.options, proof, elapsed=0.0)
 
 
-def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generator) -> Bits:
+def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generator) -> np.ndarray:
     """Blocks grown from random cells at random faces; faces to supports dry."""
     faces, free = assembly.interfaces, ~assembly.elements.support
     owner = np.full(len(assembly.elements), -1)

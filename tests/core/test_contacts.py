@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import ROUTE
-from cases_spatial import ELL, prism, rotation, scene, split, stools, wall
-from cases_spatial import assembly as assembly_in_space
-from cases_spatial import box as box_in_space
+from cases import ELL, ROUTE, mirrored, prism, rotated, rotation, stools
+from cases import assembly_in_space as assembly_in_space
+from cases import box as box_in_space
+from cases import scene_in_space as scene
+from cases import split_in_triangles as split
+from cases import wall_in_space as wall
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import find_planar_contacts
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.planar_contacts import check_polygons
-from transforms import mirrored, rotated
 
 Document = dict[str, Any]
 Points = list[list[float]]
@@ -62,21 +63,11 @@ def contacts(found: Assembly) -> set[tuple[str, str, float, float, float, float,
 
 
 FIGURES: dict[str, tuple[dict[str, Points], set[Any]]] = {
-    "two boxes, edge on edge": (
-        {"a": box(0, 0, 1, 1), "b": box(1, 0, 2, 1)},
-        {("a", "b", 1.0, 0.5, 1.0, 1.0, 0.0)},
-    ),
-    "partial overlap": (
-        {"a": box(0, 0, 4, 1), "b": box(3, 1, 6, 2)},
-        {("a", "b", 3.5, 1.0, 1.0, 0.0, 1.0)},
-    ),
+    "two boxes, edge on edge": ({"a": box(0, 0, 1, 1), "b": box(1, 0, 2, 1)}, {("a", "b", 1.0, 0.5, 1.0, 1.0, 0.0)}),
+    "partial overlap": ({"a": box(0, 0, 4, 1), "b": box(3, 1, 6, 2)}, {("a", "b", 3.5, 1.0, 1.0, 0.0, 1.0)}),
     "T-junction: one above two": (
         {"a": box(0, 0, 2, 1), "b": box(2, 0, 4, 1), "c": box(1, 1, 3, 2)},
-        {
-            ("a", "b", 2.0, 0.5, 1.0, 1.0, 0.0),
-            ("a", "c", 1.5, 1.0, 1.0, 0.0, 1.0),
-            ("b", "c", 2.5, 1.0, 1.0, 0.0, 1.0),
-        },
+        {("a", "b", 2.0, 0.5, 1.0, 1.0, 0.0), ("a", "c", 1.5, 1.0, 1.0, 0.0, 1.0), ("b", "c", 2.5, 1.0, 1.0, 0.0, 1.0)},
     ),
     "hanging corners on both sides": (
         {"a": box(0, 0, 3, 1), "b": box(1, 1, 2, 2), "c": box(-1, 2, 1.25, 3), "d": box(1.25, 2, 4, 3)},
@@ -146,11 +137,7 @@ FIGURES: dict[str, tuple[dict[str, Points], set[Any]]] = {
             "c": box(1, 2, 3, 3),
             "d": [[4, 0], [5, 0], [5, 3], [3, 3], [3, 2], [4, 2]],
         },
-        {
-            ("a", "d", 4.0, 0.5, 1.0, 1.0, 0.0),
-            ("b", "c", 2.0, 2.0, 2.0, 0.0, 1.0),
-            ("c", "d", 3.0, 2.5, 1.0, 1.0, 0.0),
-        },
+        {("a", "d", 4.0, 0.5, 1.0, 1.0, 0.0), ("b", "c", 2.0, 2.0, 2.0, 0.0, 1.0), ("c", "d", 3.0, 2.5, 1.0, 1.0, 0.0)},
     ),
 }
 
@@ -291,11 +278,7 @@ def test_given_interfaces_are_used_as_they_are() -> None:
     ]
     found = assembly(STACK, interfaces=given)
     ids, faces = found.elements.ids, found.interfaces
-    assert [(ids[a], ids[b]) for a, b in zip(faces.a, faces.b, strict=True)] == [
-        ("a", "s"),
-        ("b", "a"),
-        ("a", "b"),
-    ]
+    assert [(ids[a], ids[b]) for a, b in zip(faces.a, faces.b, strict=True)] == [("a", "s"), ("b", "a"), ("a", "b")]
     np.testing.assert_allclose(faces.normal, [[0, -1], [0, -1], [0, 1]], atol=1e-15)
     np.testing.assert_allclose(faces.l1, [0.6, 0.3, 0.2])
     np.testing.assert_allclose(faces.origin, [[0.5, 0], [0.15, 1], [0.5, 1]])
@@ -541,11 +524,7 @@ def test_running_bond(cut: bool, angles: tuple[float, float, float]) -> None:
 
 def test_contact_in_two_parts_is_two_interfaces() -> None:
     bridge = prism(
-        "u",
-        [[0, 0], [5, 0], [5, 2], [4, 2], [4, 1], [1, 1], [1, 2], [0, 2]],
-        0,
-        1,
-        rotation(-np.pi / 2, 0, 0),
+        "u", [[0, 0], [5, 0], [5, 2], [4, 2], [4, 1], [1, 1], [1, 2], [0, 2]], 0, 1, rotation(-np.pi / 2, 0, 0)
     )
     slab = box_in_space("s", [-1, -1, -3], [6, 2, -2], support=True)
     faces = assembly_in_space([bridge, slab]).interfaces

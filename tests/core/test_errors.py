@@ -10,11 +10,10 @@ import pytest
 from typer import Context
 from typer.main import get_command
 
-from command import Command
+from command import ROOT, Command
 from jld_core import InputError, SolveOptions
 from jld_core.errors import ParameterError
 from jld_explore.cli.ending import in_flags
-from paths import ROOT
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from benchmarks.claims.converged import _bonded, _left, drawn
 from numpy.typing import NDArray
 
 from cases import ROUTE
+from command import SCENES
 from jld_core import (
     Assembly,
     LimitAnalysis,
@@ -27,7 +28,6 @@ from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models.central_path import CentralPath, barrier_weights, load_axes
 from jld_core.models.moving_rows import MovingRows, area_derivatives, areas_under, frozen_areas
-from paths import SCENES
 
 Array = NDArray[np.float64]
 

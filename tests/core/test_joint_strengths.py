@@ -1,4 +1,4 @@
-"""Bond of dry joints, a tension cut-off with cohesion: closed forms, a second route to λ, arches that were tested."""
+"""Strengths of joints: bond, cohesion, friction inside, values of single faces, by closed forms and second routes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ import pytest
 from scipy.optimize import linprog
 from studies.by_scheme import solve_zero_dilation
 
-import cases_spatial
-import reference_spatial
-from balances import flow_rule
+import cases
 from cases import CASES, ROUTE, grid_assembly, grid_document
 from jld_core import (
     Assembly,
@@ -39,6 +37,7 @@ from jld_core.views.quantities import utilisation
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.verification import verify
+from proofs import flow_rule, load_factor_in_space
 
 Document = dict[str, Any]
 
@@ -293,8 +292,8 @@ def block(live: list[float], *, label: str = "dry", planar: bool = True, **mater
             {"id": "block", "polygon": [[0, 0], [2, 0], [2, 0.2], [0, 0.2]], "weight": WEIGHT},
         ]
     else:
-        ground = cases_spatial.box("ground", [-1, -1, -1], [3, 2, 0], support=True)
-        document["elements"] = [ground, cases_spatial.box("block", [0, 0, 0], [2, 1, 0.2], weight=WEIGHT)]
+        ground = cases.box("ground", [-1, -1, -1], [3, 2, 0], support=True)
+        document["elements"] = [ground, cases.box("block", [0, 0, 0], [2, 1, 0.2], weight=WEIGHT)]
     return build_assembly(parse_scene(document))
 
 
@@ -337,7 +336,7 @@ def test_twisting() -> None:
 def test_space_against_an_independent_statement(bending: str, concave: bool) -> None:
     inner = {"tensile_strength": 0.3, "shear_strength": 0.5, "friction_coefficient": 0.8}
     dry = {"friction_coefficient": 0.4} | ({} if concave else {"cohesion": 0.2})
-    document = cases_spatial.scene(cases_spatial.wall(3, 2), materials={"dry": dry, "inner": inner})
+    document = cases.scene_in_space(cases.wall_in_space(3, 2), materials={"dry": dry, "inner": inner})
     document["interfaces"] = spelt_out(build_assembly(parse_scene(document)))
     for element in document["elements"]:
         element.setdefault("support", False)
@@ -346,7 +345,7 @@ def test_space_against_an_independent_statement(bending: str, concave: bool) -> 
         document["elements"], built.elements.volume, built.elements.centroid, strict=True
     ):
         element |= {"volume": float(volume), "centroid": centroid.tolist()}
-    expected = reference_spatial.load_factor(document, concave=concave, kern=bending == "kern")
+    expected = load_factor_in_space(document, concave=concave, kern=bending == "kern")
     found = solve(built, contact="concave" if concave else "convex", inner_bending=bending)
     assert found.load_factor == pytest.approx(expected, rel=1e-7)
 
@@ -401,7 +400,7 @@ def test_nothing_is_guessed_where_a_set_does_not_answer() -> None:
     crushed = LimitAnalysis(grid_assembly(["aa", "##"], crush_dry=1e5)).template.yield_set
     assert crushed.coulomb_wedge(True) is None
     assert crushed.hull() is not None
-    spatial = LimitAnalysis(cases_spatial.assembly(cases_spatial.wall(2, 2)))
+    spatial = LimitAnalysis(cases.assembly_in_space(cases.wall_in_space(2, 2)))
     assert spatial.template.yield_set.coulomb_wedge(True) is None
 
 
@@ -466,7 +465,7 @@ def test_utilisation_is_that_of_the_model() -> None:
 def test_utilisation_is_one_on_the_boundary(bending: str) -> None:
     """Forces grown until they leave the set: used up there, less before."""
     materials = {"dry": {"friction_coefficient": 0.6, "cohesion": 0.2, "compressive_strength": 4.0}}
-    built = cases_spatial.assembly(cases_spatial.wall(2, 2), materials=materials)
+    built = cases.assembly_in_space(cases.wall_in_space(2, 2), materials=materials)
     sets = yield_set(built, scaling_of(built), bending)
     rng, m = np.random.default_rng(2), len(built.interfaces)
     for labels in (np.ones(m, dtype=bool), np.zeros(m, dtype=bool)):
@@ -489,10 +488,8 @@ def test_exact_with_cohesion_and_inner_friction_in_space(tmp_path: Path) -> None
         "dry": {"friction_coefficient": 0.4, "cohesion": 0.1},
         "inner": {"tensile_strength": 0.2, "shear_strength": 0.3, "friction_coefficient": 0.7},
     }
-    cubes = [
-        cases_spatial.box(f"{i}{k}", [i, 0, k], [i + 1, 1, k + 1], support=k == 0) for i in (0, 1) for k in (0, 1, 2)
-    ]
-    scene = parse_scene(cases_spatial.scene(cubes, materials=materials, live=[{"body": [1.0, 0.3, 0.0]}]))
+    cubes = [cases.box(f"{i}{k}", [i, 0, k], [i + 1, 1, k + 1], support=k == 0) for i in (0, 1) for k in (0, 1, 2)]
+    scene = parse_scene(cases.scene_in_space(cubes, materials=materials, live=[{"body": [1.0, 0.3, 0.0]}]))
     assert Exact(search_space(scene, build_assembly(scene)), 0).name == "exact"
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False))
     found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False))

@@ -1,4 +1,4 @@
-"""Loads as they act: resultants are integrals of tractions, and sums, shares and selections of loads keep them."""
+"""Loads of every kind: as they act, on lines and patches, of pressure, in every direction, and such as cancel."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner
-from cases_spatial import box
+from cases import box, dry_and_inner
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.loads import Traction, resultants
 
 
-def squares(low: Floats, high: Floats, count: int) -> tuple[Floats, float]:
+def squares(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, float]:
     """Middles (k, 2) of small squares that fill a rectangle, and their area."""
     step = (high - low) / count
     axes = [low[k] + step[k] * (np.arange(count) + 0.5) for k in (0, 1)]
@@ -600,11 +598,7 @@ def block_of_weight(pair: Document, push: Document, length: float = 1.0, force: 
             {"id": "g", "polygon": [[-1, -1], [3, -1], [3, 0], [-1, 0]], "support": True},
         ],
         "thickness": 1.0,
-        "materials": {
-            "density": pair.get("density", 0.0),
-            "dry": {"friction_coefficient": 0.6},
-            "inner": inner,
-        },
+        "materials": {"density": pair.get("density", 0.0), "dry": {"friction_coefficient": 0.6}, "inner": inner},
         "loads": {"dead": pair.get("dead", []), "live": [push]},
         "members": pair.get("members", []),
     }

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases_spatial import box, prism, scene
+from cases import box, prism
+from cases import scene_in_space as scene
 from jld_core import build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.geometry.polyhedra import distance_from_face
 from jld_core.refinement.cells import crack_cells
 
@@ -24,10 +24,7 @@ def stack(labels: Document, interface: str | None = None) -> Document:
             {"id": "B", "polygon": [[0.5, 0.5], [1.5, 0.5], [1.5, 1], [0.5, 1]], "weight": 1000},
             {"id": "C", "polygon": [[0.5, 1], [1.5, 1], [1.5, 1.5], [0.5, 1.5]], "weight": 1000},
         ],
-        "materials": {
-            "dry": {"friction_coefficient": 0.5},
-            "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
-        },
+        "materials": {"dry": {"friction_coefficient": 0.5}, "inner": {"tensile_strength": 1e5, "shear_strength": 1e5}},
         "labels": labels,
         "loads": {"live": [{"element": "B", "force": [300, 0], "at": [1, 0.6]}]},
     }
@@ -104,7 +101,7 @@ def test_a_box_glued_to_a_wall_on_a_dry_floor() -> None:
     assert solve(cells.fine, cells.labels(floor)).load_factor == pytest.approx(2.41131, rel=1e-5)
 
 
-def distance(name: str, point: Floats) -> float:
+def distance(name: str, point: np.ndarray) -> float:
     """Distance of a point from the face between a prism of a shape and the slab under it, 1 high."""
     outline = {"ell": [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], "box": [[0, 0], [3, 0], [3, 3], [0, 3]]}[name]
     built = build_assembly(

@@ -1,4 +1,4 @@
-"""What a solver's library prints does not reach stdout, which belongs to results."""
+"""What libraries may print, and how many threads they take."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from command import ROOT
 from jld_core import LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation.protocol import Evaluator
-from paths import ROOT
 
 LOUD = """
 import os, highspy

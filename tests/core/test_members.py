@@ -108,9 +108,7 @@ def beam(count: int, members: Callable[[float, float], list[Document]], weight: 
     return {
         "elements": [*({**one, "weight": weight} for one in blocks), *supports],
         "materials": {"dry": {"friction_coefficient": 20.0}, "faces": smooth},
-        "loads": {
-            "live": [{"element": f"b{k}", "force": [0, -0.5], "at": [span / 2, 1.0]} for k in (half - 1, half)],
-        },
+        "loads": {"live": [{"element": f"b{k}", "force": [0, -0.5], "at": [span / 2, 1.0]} for k in (half - 1, half)]},
         "members": members(span, float(count)),
     }
 
@@ -396,10 +394,7 @@ def test_other_models_have_members(contact: str, friction: str) -> None:
         (bar("tie", "b", [0, 1], "g", [0, 0], tension=1.0, shear=1.0), "shear: a tie carries no shear"),
         (bar("tendon", "b", [0, 1], "g", [0, 0], tension=1.0), "prestress: a tendon without prestress"),
         (bar("tendon", "b", [0, 1], "g", [0, 0], tension=1.0, prestress=2.0), "prestress: 2 exceeds the tension of 1"),
-        (
-            bar("tie", "b", [0, 1], "g", [0, 0], prestress=1.0, compression=2.0),
-            "2 is given together with a prestress",
-        ),
+        (bar("tie", "b", [0, 1], "g", [0, 0], prestress=1.0, compression=2.0), "2 is given together with a prestress"),
         (bar("pin", "b", [0, 0], "g", [0, 0], tension=1.0), "shear: a pin without shear capacity"),
         (bar("rope", "b", [0, 1], "g", [0, 0], tension=1.0), 'kind: "rope" is wrong'),
         (bar("tie", "b", [0, 1], "g", [0, 0], tension=1.0, force=1.0), "force: unknown key"),

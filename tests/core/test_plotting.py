@@ -24,8 +24,8 @@ from PIL import Image
 import jld_core.views
 import jld_practice.laying
 import jld_practice.reactions
-from cases import dry_and_inner, grid_document
-from command import Command
+from cases import dry_and_inner, grid_document, small_scene
+from command import SCENES, Command
 from jld_core import (
     Assembly,
     InputError,
@@ -63,8 +63,6 @@ from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import thrust_ranges
 from jld_practice.reactions.force_range import settle
-from paths import SCENES
-from scenes_of_pages import small_scene
 
 
 def axes() -> Axes:
@@ -460,10 +458,7 @@ def tower(dimension: int) -> dict[str, Any]:
     middle = [0.5] * (dimension - 1)
     return {
         "name": f"tower {dimension}",
-        "elements": [
-            {"id": "ground", "support": True, **shape(-1)},
-            *({"id": f"s{k}", **shape(k)} for k in range(3)),
-        ],
+        "elements": [{"id": "ground", "support": True, **shape(-1)}, *({"id": f"s{k}", **shape(k)} for k in range(3))],
         "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
         "loads": {"live": [{"element": "s2", "force": [1.0] + [0.0] * (dimension - 1)}]},
         "members": [

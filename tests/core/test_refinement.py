@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import dry_and_inner, grid_document
-from cases_spatial import box
+from cases import box, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.arrays import Floats
 from jld_core.fields.problem import require_fields
 from jld_core.refinement import refine
 from jld_core.refinement.arrangement import squares
@@ -349,12 +347,7 @@ def pressed(rows: list[str], element: str, force: list[float], dry: dict[str, fl
 
 @pytest.mark.parametrize(("rows", "element", "force", "dry", "inner", "labels"), LAYOUTS)
 def test_pressed_layouts_are_locked(
-    rows: list[str],
-    element: str,
-    force: list[float],
-    dry: dict[str, float],
-    inner: dict[str, float],
-    labels: str,
+    rows: list[str], element: str, force: list[float], dry: dict[str, float], inner: dict[str, float], labels: str
 ) -> None:
     scene = pressed(rows, element, force, dry, inner)
     joints = build_assembly(scene)
@@ -378,7 +371,7 @@ def test_cells_of_a_grid_have_its_coordinates(size: float) -> None:
 # Cells aligned with the thrust: directions in closed form, a second route by resultants, and what is refused.
 
 
-def mesh(columns: int, rows: int) -> tuple[Floats, Floats]:
+def mesh(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (p, 2) of the unit square and triangles (t, 3), two in each of columns × rows boxes."""
     x, y = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
     k = np.arange((columns + 1) * rows).reshape(rows, columns + 1)[:, :-1].ravel()
@@ -387,13 +380,13 @@ def mesh(columns: int, rows: int) -> tuple[Floats, Floats]:
     return np.column_stack([x.ravel(), y.ravel()]), np.concatenate([lower, upper])
 
 
-def uniaxial(direction: Floats, size: float = -1e6) -> Floats:
+def uniaxial(direction: np.ndarray, size: float = -1e6) -> np.ndarray:
     """Stresses (t, 3) of one principal stress along directions (t, 2)."""
     c, s = direction.T
     return np.asarray(size * np.column_stack([c * c, s * s, c * s]))
 
 
-def inner_edges(cells: list[shapely.Polygon], outline: shapely.Geometry) -> Floats:
+def inner_edges(cells: list[shapely.Polygon], outline: shapely.Geometry) -> np.ndarray:
     """Edges (k, 2, 2) of cells away from the outline."""
     edges = [np.stack([r[:-1], r[1:]], axis=1) for r in (shapely.get_coordinates(one.exterior) for one in cells)]
     every = np.concatenate(edges)

@@ -7,9 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from cases import grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, grid_document
 from jld_core import Assembly, build_assembly, parse_scene, solve
 
 

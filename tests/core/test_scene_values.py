@@ -1,4 +1,4 @@
-"""Numbers of a scene that are written as text with a unit."""
+"""Numbers of a scene: written with a unit, and with a distribution."""
 
 from __future__ import annotations
 

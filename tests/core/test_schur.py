@@ -11,12 +11,12 @@ import pytest
 import scipy.sparse as sp
 from studies.families import running_bond
 
-from cases import CASES, dry_and_inner, grid_assembly
-from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
+from cases import CASES, ELL, IRREGULAR, OBLONG, TRIANGLE, dry_and_inner, grid_assembly, rotation, stools
+from cases import assembly_in_space as assembly
+from cases import wall_in_space as wall
 from jld_core import (
     Assembly,
     LimitAnalysis,
-    LimitAnalysisResult,
     SolverError,
     Status,
     blocks_of,
@@ -24,7 +24,6 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.arrays import Floats
 from jld_core.batch import chosen
 from jld_core.geometry import spun
 from jld_core.limit import Prover
@@ -53,10 +52,6 @@ SPATIAL = {
         },
     ),
 }
-
-
-def signed(result: LimitAnalysisResult) -> float:
-    return {Status.LOCKED: np.inf, Status.UNSTABLE: -np.inf}.get(result.status, result.load_factor)
 
 
 def compare(built: Assembly, count: int, seed: int, template: Template | None = None) -> None:
@@ -207,7 +202,7 @@ def test_schur_complements_follow_an_inaccurate_answer() -> None:
     """The bracket of 18 x 18 cells after a first solver that stops early, without a dual simplex."""
 
     class Hasty(ClarabelSolver):
-        def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
+        def solve(self, program: ConicProgram, centre: np.ndarray | None = None) -> RawSolution:
             return replace(super().solve(program, centre), status=RawStatus.ALMOST)
 
     assembly = grid_assembly(["a" * 18] * 18 + ["#" * 18], tension=2e6, shear=2e6)

@@ -10,7 +10,6 @@ import pytest
 import shapely
 
 from jld_core import Assembly, InputError, build_assembly, parse_scene, samples, solve
-from jld_core.arrays import Floats, Ints
 from jld_core.geometry import area_vector, facets_of, merge_points, snap_solids, solids
 from jld_core.geometry.snapping import _FAR, _FLAT, _RANK, snap_paths, snap_polygons, straight
 
@@ -160,9 +159,9 @@ FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (
 TRIANGLES = tuple(part for a, b, c, d in FACES for part in ((a, b, c), (a, c, d)))
 
 
-def merged(points: Floats, tolerance: float) -> Ints:
+def merged(points: np.ndarray, tolerance: float) -> np.ndarray:
     """Node of each point: each joins the first node within the tolerance, in their order."""
-    nodes: list[Floats] = []
+    nodes: list[np.ndarray] = []
     found = []
     for point in points:
         near = [k for k, node in enumerate(nodes) if np.linalg.norm(node - point) <= tolerance]
@@ -172,7 +171,7 @@ def merged(points: Floats, tolerance: float) -> Ints:
     return np.array(found)
 
 
-def snapped(vertices: list[Floats], faces: list[tuple[tuple[int, ...], ...]], tolerance: float) -> Floats:
+def snapped(vertices: list[np.ndarray], faces: list[tuple[tuple[int, ...], ...]], tolerance: float) -> np.ndarray:
     """All vertices after snapping: planes grow from the largest face, node after node moves onto its planes."""
     points = np.concatenate(vertices)
     node = merged(points, tolerance)

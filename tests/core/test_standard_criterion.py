@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from cases import grid_assembly
 from jld_core import LimitAnalysis
-from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.mechanics.standard import StandardYield
-from jld_core.mechanics.yield_set import ParabolicBending
-from jld_core.strengths import Side
 
 STRENGTHS: dict[str, dict[str, float]] = {
     "plain": {},
@@ -33,26 +32,26 @@ def sets_of(name: str) -> StandardYield:
     return sets
 
 
-def capacity(side: Side, n: Floats) -> Floats:
+def capacity(side: Any, n: np.ndarray) -> np.ndarray:
     """c + μN, inf where V is left out of the program."""
     return np.where(side.shear + side.friction > 0.0, side.shear + side.friction * n, np.inf)
 
 
-def slack(dry: Side, inner: Side, forces: Floats, labels: Bits) -> Floats:
+def slack(dry: Any, inner: Any, forces: np.ndarray, labels: np.ndarray) -> np.ndarray:
     n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
     of_dry = np.minimum(n - n * n / dry.crush - m, capacity(dry, n) - v)
     of_inner = np.minimum(np.minimum(n + inner.tension, inner.crush - n) / 3.0 - m, capacity(inner, n) - v)
     return np.where(labels, of_dry, of_inner)
 
 
-def margin(dry: Side, inner: Side, jumps: Floats, labels: Bits) -> Floats:
+def margin(dry: Any, inner: Any, jumps: np.ndarray, labels: np.ndarray) -> np.ndarray:
     opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
     of_dry = np.where(np.isinf(dry.crush), opening - turn - dry.friction * slip, np.inf)
     of_inner = np.where(np.isinf(inner.crush), opening - inner.friction * slip - turn / 3.0, np.inf)
     return np.where(labels, of_dry, of_inner)
 
 
-def dissipation(dry: Side, inner: Side, jumps: Floats, labels: Bits) -> Floats:
+def dissipation(dry: Any, inner: Any, jumps: np.ndarray, labels: np.ndarray) -> np.ndarray:
     opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
     closing, cracked = turn + dry.friction * slip - opening, opening - inner.friction * slip
     with np.errstate(all="ignore"):
@@ -123,7 +122,7 @@ def sets_of_hull(**other: float) -> StandardYield:
     return sets
 
 
-def planes(bow: ParabolicBending, limit: float) -> Floats:
+def planes(bow: Any, limit: float) -> np.ndarray:
     """(k, 4) planes −a N + b|V| + c|m| ≤ h of one face, tangents of what is curved among them."""
     (curve, knee), rows = bow.parabola[0], bow.rows[0]
     found = [(rows[1, 0], rows[1, 1], 0.0, rows[1, 2]), (rows[2, 0], 0.0, rows[2, 1], rows[2, 2])]
@@ -137,7 +136,7 @@ def planes(bow: ParabolicBending, limit: float) -> Floats:
     return np.array(found)
 
 
-def support(sets: StandardYield, direction: Floats) -> float:
+def support(sets: StandardYield, direction: np.ndarray) -> float:
     """Largest F·direction of both sets."""
     labels = np.array([True, False])
     return float(max(sets.dissipation(-direction[None], one[None])[0] for one in labels))

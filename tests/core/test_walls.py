@@ -1,4 +1,4 @@
-"""Openings in walls drawn as solids: volumes, jambs, lintels, quoins, any position, and λ of walls with doors."""
+"""Walls with openings, drawn as solids, and bonded corners: volumes, lintels, quoins, any position, and λ."""
 
 from __future__ import annotations
 
@@ -11,16 +11,13 @@ import numpy as np
 import pytest
 import shapely
 
-from cases import dry_and_inner
+from cases import dry_and_inner, solid_of
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.arrays import Floats
-from jld_core.errors import ParameterError
 from jld_core.exchange import ImportOptions, import_file
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.samples.bonds import BONDS
 from jld_core.samples.corner_bonds import corner_course
-from solids import solid_of
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Least and largest coordinates of a box."""
@@ -56,7 +53,7 @@ def solid(full: list[_Box], empty: list[_Box], turn: float = 0.0) -> dict[str, A
     return element | {"vertices": (np.array(element["vertices"]) @ spin(turn).T).tolist()}
 
 
-def spin(turn: float) -> Floats:
+def spin(turn: float) -> np.ndarray:
     """Return the rotation (3, 3) about the upright axis."""
     return np.array([[math.cos(turn), -math.sin(turn), 0.0], [math.sin(turn), math.cos(turn), 0.0], [0.0, 0.0, 1.0]])
 
@@ -73,7 +70,7 @@ def scene_of(walls: dict[str, Any], turn: float = 0.0, friction: float = 0.6) ->
     return parse_scene(given, "walls")
 
 
-def cut(walls: dict[str, Any], **options: Any) -> list[Floats]:
+def cut(walls: dict[str, Any], **options: Any) -> list[np.ndarray]:
     """Return the corners (8, 3) of all stones of walls in a bond of stretchers of 0.4 and courses of 0.2."""
     made = refine(scene_of(walls), (0.4, 0.2), kind="bond", **options).scene
     return [np.array(one.vertices) for one in made.elements or [] if not one.support]
@@ -87,12 +84,12 @@ def dry(scene: Scene) -> float:
     return found
 
 
-def boxes_of(stones: list[Floats]) -> Floats:
+def boxes_of(stones: list[np.ndarray]) -> np.ndarray:
     """Return the least and largest coordinates (k, 2, 3) of upright stones."""
     return np.array([[one.min(axis=0), one.max(axis=0)] for one in stones])
 
 
-def head_joints(stones: Floats, axis: int, middle: float) -> Floats:
+def head_joints(stones: np.ndarray, axis: int, middle: float) -> np.ndarray:
     """Return place, foot and top (e, 3) of both ends of all stones of a wall.
 
     stones: (k, 2, 3). axis: along the wall. middle: coordinate of its middle plane.
@@ -354,5 +351,5 @@ def test_solids_that_are_no_wall_are_refused_in_one_line() -> None:
     tapered["vertices"][6:] = [[0.9 * x, 0.9 * y, z] for x, y, z in tapered["vertices"][6:]]
     with pytest.raises(InputError, match="element 'w': it is no upright prism"):
         refine(parse_scene(document([tapered]), "c"), (0.4, 0.2), kind="bond")
-    with pytest.raises(ParameterError, match="cells"):
+    with pytest.raises(InputError, match="cells"):
         refine(parse_scene(document([solid_of_corner(CORNER, 0.8)]), "c"), (1e-3, 1e-3), kind="bond")

@@ -8,6 +8,7 @@ bound meets it from below by another route.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,26 +17,17 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
+from jld_dilation import ProximalOptions
 from jld_dilation.certificate import Certifier
-from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_dilation.modes import (
-    BoundedModes,
-    Modes,
-    Statics,
-    bound_velocities,
-    face_loops,
-    has_opening,
-    modes_of,
-)
+from jld_dilation.modes import BoundedModes, Statics, bound_velocities, face_loops, has_opening, modes_of
 from jld_dilation.range import LowerBoundSearch
-from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
+from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, solve_rlt
 from jld_dilation.sweep import BlockSweep, MultiStartSearch
-from nondilatant import block
+from proofs import block
 
 
-def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound, float]:
+def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Any, float]:
     """Lowest found, the floor (scaled), and the scale of λ."""
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
@@ -117,7 +109,7 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
 # --- the certificate ------------------------------------------------------------------------------------------------
 
 
-def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Modes, Region, BoundedModes, Certifier]:
+def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Any, Any, BoundedModes, Certifier]:
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
     none = np.zeros(len(modes.rows), dtype=bool)
     bounded = BoundedModes.up_to(modes, high)
@@ -191,7 +183,7 @@ def test_walls_with_openings_have_a_floor() -> None:
     assert "branch 1" not in floor.solve_log
 
 
-def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
+def solutions(assembly: Assembly) -> tuple[Any, list[np.ndarray]]:
     """Every certified mechanism that a search from every side keeps, as (u, t) with t = max(0, −s)."""
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import ROUTE, dry_and_inner
+from cases import ROUTE, dry_and_inner, solid_of
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.deadline import Deadline
@@ -30,7 +30,6 @@ from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write
 from jld_practice.design.tessellations import Tessellation
 from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_practice.laying.command import start_of_design
-from solids import solid_of
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
 ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}

@@ -8,6 +8,7 @@ import re
 import zipfile
 from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,8 +18,7 @@ from matplotlib.figure import Figure
 
 from cases import grid_document
 from command import Command
-from jld_core import build_assembly, parse_scene, samples, solve
-from jld_core.errors import ParameterError
+from jld_core import InputError, build_assembly, parse_scene, samples, solve
 from jld_core.exchange import Layout
 from jld_core.views.figures import draw_assembly
 from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
@@ -33,7 +33,7 @@ from jld_practice.printed import (
     stones_of,
     stones_table,
 )
-from jld_practice.printing import Placed, least_number, stock_of
+from jld_practice.printing import least_number, stock_of
 
 
 def layout(rows: list[str]) -> Layout:
@@ -333,7 +333,7 @@ def stone(number: int, *sides: float) -> Stone:
     return Stone(number, f"s{number}", 1, 1.0, math.prod(sides), size, 6, 3, 1.0, None)
 
 
-def apart(one: Placed, other: Placed, kerf: float) -> bool:
+def apart(one: Any, other: Any, kerf: float) -> bool:
     """Return True if two stones of one cuboid leave room for a cut."""
     sides = zip(one.corner, one.sides, other.corner, other.sides, strict=True)
     return any(p + a + kerf <= q + 1e-9 or q + b + kerf <= p + 1e-9 for p, a, q, b in sides)
@@ -417,7 +417,7 @@ def test_bad_stock_is_one_line(jld: Command, tmp_path: Path, flags: list[str], w
 
 def test_a_stone_that_does_not_fit_is_named() -> None:
     """The message has the stone and its sides."""
-    with pytest.raises(ParameterError, match="stone 3 of 2 × 1 × 1 does not fit into"):
+    with pytest.raises(InputError, match="stone 3 of 2 × 1 × 1 does not fit into"):
         stock_of([stone(3, 1.0, 2.0, 1.0)], (1.5, 1.5, 1.5))
-    with pytest.raises(ParameterError, match="of 200 × 100 × 100 cm does not fit into 150 × 150 × 150 cm"):
+    with pytest.raises(InputError, match="of 200 × 100 × 100 cm does not fit into 150 × 150 × 150 cm"):
         stock_of([stone(3, 1.0, 2.0, 1.0)], (1.5, 1.5, 1.5), said=(100.0, " cm"))

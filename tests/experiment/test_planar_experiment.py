@@ -11,16 +11,14 @@ from benchmarks.experiment import beam_arch, far_plateau
 from scipy.spatial.transform import Rotation
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from cases import ROUTE, grid_document
+from cases import ROUTE, as_elements, grid_document, in_units, renumbered, rotated
+from command import SCENES
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
-from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.driving import scout
 from jld_experiment.report import summary
 from jld_experiment.subcontacts import sub_contacts
-from paths import SCENES
-from transforms import as_elements, in_units, renumbered, rotated
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")
@@ -115,8 +113,7 @@ def test_walls_with_dilation(number: int, expected: float, tolerance: float, len
 
 
 @pytest.mark.parametrize(
-    ("number", "expected", "length"),
-    [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)],
+    ("number", "expected", "length"), [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)]
 )
 def test_walls_without_dilation(number: int, expected: float, length: float) -> None:
     """An earlier engine's end from gravity, at 20 000 periods; never above the associative λ (limit theorem)."""
@@ -167,7 +164,7 @@ def test_static_proof_of_a_state_at_rest() -> None:
     assert 0.99 * exact.load_factor <= found.rests <= exact.load_factor * (1.0 + 1e-6)
 
 
-def outside(assembly: Assembly, labels: Bits, forces: Floats) -> float:
+def outside(assembly: Assembly, labels: np.ndarray, forces: np.ndarray) -> float:
     """Largest violation of METHOD's planar yield sets, written down anew: a force, or a moment over l/2."""
     n, v, m = forces.T
     arm = assembly.interfaces.l1 / 2.0
@@ -206,7 +203,7 @@ def test_weaker_when_cracks_are_brittle() -> None:
     assert 0.0 < curve.cracked.max() <= 1.0
 
 
-def strongest() -> Bits:
+def strongest() -> np.ndarray:
     """The proven best layout of the beam-arch, as in docs/images/best.png."""
     return np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])
 

@@ -14,12 +14,12 @@ from studies.report import SCENES
 from studies.scenes import stacked_cubes
 
 from cases import dry_and_inner
+from command import SCENES as SCENES_of_command
 from command import Command
 from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
 from jld_experiment import experiments as module
 from jld_experiment.experiments import FILE, Experiments, with_experiments
 from jld_explore import ExploreSettings, explore
-from paths import SCENES as SCENES_of_command
 
 STRONGEST = "iiidididddddiididdidiiid"
 """The proven best layout of the beam-arch by λ."""
@@ -106,7 +106,6 @@ def _row(case: distinct_elements.Case) -> distinct_elements.Row:
 # `jld explore --experiment K` and `--objective experiment`: a column more, once each, and what bounds what.
 
 
-Patch, Capture = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 DOCUMENT = {
     "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["aaaa", "aaaa", "#..#"]},
     "materials": {
@@ -124,7 +123,7 @@ def scene() -> Scene:
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, jld: Command) -> None:
+def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(DOCUMENT), "utf-8")
@@ -166,7 +165,7 @@ def test_search_by_experiment(tmp_path: Path) -> None:
     assert len(carried) > facts["runs"]
 
 
-def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """λ of untested layouts bounds them only by assumption; one tested layout above its λ ends the claim."""
     carried = {"share": 0.999}
 

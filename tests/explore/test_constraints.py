@@ -16,7 +16,6 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from cases import every_layout, grid_assembly, grid_document
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core import blocks_of as assembly_blocks
-from jld_core.arrays import Bits
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.report import words
 from jld_explore.space import from_string, labelling
@@ -281,7 +280,7 @@ def test_a_front_is_refused_where_a_load_factor_is_required(tmp_path: Path) -> N
 # Packed bits, blocks, slits and canonical forms, against definitions spelt out element by element.
 
 
-def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int]]) -> list[int]:
+def plain_blocks(assembly: Assembly, labels: np.ndarray, touching: list[tuple[int, int]]) -> list[int]:
     """Smallest index in each element's block, by repeated relabelling."""
     name = list(range(len(assembly.elements)))
     faces = assembly.interfaces
@@ -297,7 +296,7 @@ def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=80)))
-def test_packing_and_text_come_back(rows: Bits) -> None:
+def test_packing_and_text_come_back(rows: np.ndarray) -> None:
     assert np.array_equal(labelling.unpack(labelling.pack(rows), rows.shape[1]), rows)
     for row in rows:
         text = labelling.to_string(row)

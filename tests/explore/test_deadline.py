@@ -26,7 +26,6 @@ from benchmarks.claims import time_limits
 from cases import every_layout, grid_document
 from command import Command, running
 from jld_core import InputError, Scene, SolveOptions, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.arrays import Bits
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_explore import Driver, ExploreSettings, explore, read_folder, search_space
@@ -53,7 +52,7 @@ from jld_explore.space.search_space import feasible
 from jld_explore.steps import field_check
 from jld_explore.steps.time_limit import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 from jld_geometry.field_search import move_by_fields
-from jld_geometry.optimise import Point, move_joints
+from jld_geometry.optimise import move_joints
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -137,13 +136,13 @@ class Stubborn(Driver):
 
     name = "stubborn"
 
-    def ask(self, limit: int | None = None) -> Bits:
+    def ask(self, limit: int | None = None) -> np.ndarray:
         """Go on for ever."""
         while True:
             checkpoint()
             time.sleep(0.01)
 
-    def tell(self, labellings: Bits, evaluations: object) -> None:
+    def tell(self, labellings: np.ndarray, evaluations: object) -> None:
         """Nothing to learn."""
 
 
@@ -535,9 +534,9 @@ def arch() -> Scene:
 
 def stop_after(count: int) -> object:
     """Return a progress function that interrupts at one of the accepted points."""
-    seen: list[Point] = []
+    seen: list[Any] = []
 
-    def progress(point: Point) -> None:
+    def progress(point: Any) -> None:
         seen.append(point)
         if len(seen) == count:
             raise KeyboardInterrupt

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, every_layout, grid_document
-from cases_spatial import box, scene
+from cases import DOWN, box, every_layout, grid_document
+from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
@@ -454,9 +453,9 @@ def space_of(count: str) -> SearchSpace:
     return search_space(scene, build_assembly(scene))
 
 
-def left(formula: Formula) -> list[Bits]:
+def left(formula: Formula) -> list[np.ndarray]:
     """All labellings that are left, up to symmetry, each set aside once found."""
-    rows: list[Bits] = []
+    rows: list[np.ndarray] = []
     while (labels := formula.next()) is not None:
         rows.append(labels)
         formula.set_aside(np.arange(len(labels)), labels)

@@ -1,4 +1,4 @@
-"""A slice of benchmarks/drivers.py: the genetic driver on the flagship, solved as it goes."""
+"""Drivers that learn: genetic, annealing and surrogates, their targets, and which driver is the default."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 from benchmarks.claims import Tally, trials
 
 from cases import grid_document
+from command import SCENES
 from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
 from jld_core.deadline import Deadline
 from jld_core.limit.movements import Movements
@@ -32,7 +33,6 @@ from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.search import driver_choice
 from jld_explore.space import keys
 from jld_explore.space.search_space import feasible
-from paths import SCENES
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration
 

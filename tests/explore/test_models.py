@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from benchmarks.claims import Tally, symmetry
 
-from cases import ROUTE, dry_and_inner, grid_document
-from cases_spatial import box
-from command import Command
+from cases import ROUTE, box, dry_and_inner, grid_document
+from command import SCENES, Command
 from jld_core import (
     InputError,
     LimitAnalysisResult,
@@ -36,7 +35,6 @@ from jld_explore.evaluation.protocol import BOUND, Evaluator
 from jld_explore.evaluation.ranking import comparison_value, sort_key, status_ranks
 from jld_explore.report import write_pictures
 from jld_explore.space import from_string
-from paths import SCENES
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -9,11 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import every_layout, grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_scene
+from cases import box, every_layout, grid_document
+from cases import scene_in_space as spatial_scene
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import SearchSpace, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
 from jld_explore.drivers.operators.segmentations import Segmentations
@@ -127,7 +125,7 @@ def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> No
     assert np.array_equal(tools.read(same), tools.read(list(same)))
 
 
-def names(space: SearchSpace, labels: Bits) -> list[int]:
+def names(space: SearchSpace, labels: np.ndarray) -> list[int]:
     return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
 
 

@@ -1,4 +1,4 @@
-"""The journal of the optuna driver: a copy that survives a kill, and is written again where it is damaged."""
+"""The optuna driver: its journal survives a kill, and processes share a server."""
 
 from __future__ import annotations
 

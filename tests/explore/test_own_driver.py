@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from pydantic import Field
@@ -13,7 +14,6 @@ from pydantic import Field
 from cases import every_layout, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
 
@@ -37,12 +37,12 @@ class Backwards(Driver):
     def settings(self) -> dict[str, Any]:
         return {"step": self.step}
 
-    def ask(self, limit: int | None = None) -> Bits:
+    def ask(self, limit: int | None = None) -> np.ndarray:
         count = self.step if limit is None else min(limit, self.step)
         rows, self.left = self.left[:count], self.left[count:]
         return rows
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+    def tell(self, labellings: np.ndarray, evaluations: Sequence[Evaluation]) -> None:
         self.told += len(evaluations)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:

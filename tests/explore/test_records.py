@@ -19,9 +19,8 @@ import pandas as pd
 import pytest
 
 from cases import dry_and_inner, grid_document
-from command import Command, ended
+from command import ROOT, SCENES, Command, ended
 from jld_core import InputError, Status, build_assembly, load_scene, parse_scene
-from jld_core.arrays import Bits
 from jld_experiment import experiments
 from jld_explore import Evaluation, ExploreSettings, explore, read_folder, search_space
 from jld_explore.evaluation import Records
@@ -36,13 +35,12 @@ from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity, to_strings
 from jld_explore.space.limits import block_sizes
 from jld_practice import reliability_study
-from paths import ROOT, SCENES
 
 HEADER = {"scene": "a", "seed": 1}
 FACES = 11
 
 
-def labellings(count: int, faces: int = FACES) -> Bits:
+def labellings(count: int, faces: int = FACES) -> np.ndarray:
     return ((np.arange(count)[:, None] >> np.arange(faces)) & 1).astype(bool)
 
 

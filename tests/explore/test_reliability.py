@@ -16,14 +16,12 @@ from scipy.stats import norm
 from cases import ROUTE, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.scene.uncertain import uncertain_values
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
 from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
 from jld_practice.reliability.structure import (
     GoverningBounds,
-    RandomStructure,
     SampleBounds,
     Variables,
     random_structure,
@@ -56,7 +54,7 @@ def block(friction: Any, force: Any, scale: float = 1.0, **loads: Any) -> dict[s
     }
 
 
-def structure(document: dict[str, Any]) -> RandomStructure:
+def structure(document: dict[str, Any]) -> Any:
     return random_structure(parse_scene(document))
 
 
@@ -313,8 +311,8 @@ def test_samples_left_open_by_the_batch_solver_are_solved_again(monkeypatch: pyt
 class Planes:
     """Limit function of linear mechanisms: the least (a series system) or the largest (a parallel one) of them."""
 
-    slopes: Floats
-    sides: Floats
+    slopes: np.ndarray
+    sides: np.ndarray
     series: bool
     required: float = 0.0
 
@@ -327,14 +325,14 @@ class Planes:
     def bounds(self) -> Any:
         """Bounds of samples, whose values are 1 + u."""
 
-        def of(values: Floats, required: float = 0.0) -> GoverningBounds:
+        def of(values: np.ndarray, required: float = 0.0) -> GoverningBounds:
             sides = self.sides - (values - 1.0) @ self.slopes.T
             found = sides.min(axis=1) if self.series else sides.max(axis=1)
             return GoverningBounds(found, found)
 
         return SimpleNamespace(of=of, batched=False, structure=SimpleNamespace(variables=self.variables))
 
-    def at(self, point: Floats) -> Limit:
+    def at(self, point: np.ndarray) -> Limit:
         values = self.sides - self.slopes @ point
         chosen = int(np.argmin(values) if self.series else np.argmax(values))
         return Limit(float(values[chosen]), -self.slopes[chosen])
@@ -487,11 +485,7 @@ def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp
 
 
 def test_a_search_ranks_its_best_layouts_by_reliability(
-    jld: Command,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    without_pictures: None,
-    without_field_check: None,
+    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_pictures: None, without_field_check: None
 ) -> None:
     monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 150)
     path, out = tmp_path / "wall.json", tmp_path / "out"

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from cases import grid_document
-from command import Command
+from cases import grid_document, scene_of_cases, small_scene
+from command import ROOT, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.cli import explore as progress
@@ -26,8 +26,6 @@ from jld_explore.report import words
 from jld_explore.report.languages import stronger_cut
 from jld_explore.space import from_string
 from jld_practice.printing import content_of
-from paths import ROOT
-from scenes_of_pages import scene_of_cases, small_scene
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
 

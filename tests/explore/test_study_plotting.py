@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from command import Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene
-from jld_core.arrays import Bits
 from jld_core.views.figures import save_figure
 from jld_explore.report.pictures import (
     labels_of,
@@ -30,7 +29,7 @@ def assembly() -> Assembly:
     return build_assembly(load_scene(SCENE))
 
 
-def random_blocks(assembly: Assembly, rng: np.random.Generator) -> Bits:
+def random_blocks(assembly: Assembly, rng: np.random.Generator) -> np.ndarray:
     """Labels of a segmentation: faces between free elements are glued at random, then slits are closed."""
     free = assembly.free_faces
     labels = np.where(free, rng.random(len(free)) < rng.uniform(0.2, 0.9), True)

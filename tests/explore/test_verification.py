@@ -23,9 +23,9 @@ import pytest
 from benchmarks.claims import certificates
 from pysat.solvers import Solver
 
-from cases import dry_and_inner, grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_document
+from cases import box, dry_and_inner, grid_document
+from cases import scene_in_space as spatial_document
+from command import SCENES as SCENE_FILES
 from command import Command, Outcome
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
@@ -36,7 +36,6 @@ from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim
 from jld_explore.verification.labellings import Labellings
 from jld_explore.verification.verify import Checker, follows
-from paths import SCENES as SCENE_FILES
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 
@@ -503,12 +502,7 @@ KNOWN: dict[str, Any] = {
         "materials": {**VOUSSOIRS["materials"], "gravity": 0},
     },
     "sawing": grid_document(
-        ["aaa", "aaa", "###"],
-        tension=2e3,
-        shear=2e3,
-        block_cells=[1, 2],
-        sawn_length=[None, 9.0],
-        saw_cuts=[1, 40],
+        ["aaa", "aaa", "###"], tension=2e3, shear=2e3, block_cells=[1, 2], sawn_length=[None, 9.0], saw_cuts=[1, 40]
     ),
     "beam": json.loads((SCENE_FILES / "flat_beam_arch.json").read_text(encoding="utf-8")),
 }
@@ -568,8 +562,7 @@ def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")],
+    ("name", "words"), [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")]
 )
 def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
     command = [sys.executable, "-I", str(TOOL), str(written(SCENES[name], tmp_path))]

@@ -17,7 +17,6 @@ import pytest
 from cases import grid_document
 from fatal_labelling import FatalLabelling
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
@@ -28,14 +27,14 @@ CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
 
 
-def wall() -> tuple[Assembly, Any, Bits]:
+def wall() -> tuple[Assembly, Any, np.ndarray]:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"]))
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     return assembly, space, Enumeration(space).ask(90)
 
 
-def everything(workers: Workers, rows: Bits) -> list[Evaluation]:
+def everything(workers: Workers, rows: np.ndarray) -> list[Evaluation]:
     found: dict[int, Evaluation] = {}
     for part, evaluations in workers.run(rows):
         assert part.stop - part.start == len(evaluations)

@@ -12,9 +12,9 @@ import pytest
 
 import jld_core as jc
 import jld_explore as je
+from command import SCENES
 from jld_explore.drivers import make_driver
 from jld_explore.report.words import facts_of_exploration
-from paths import SCENES
 
 ARCH = SCENES / "flat_beam_arch.json"
 SCENE = jc.load_scene(ARCH)

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 from studies.crack_models import HALVES, VORONOI, finer
 
-from cases import all_inner, dry_and_inner, grid_document
-from cases_spatial import box
+from cases import all_inner, box, dry_and_inner, grid_document
 from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldRefinement
 from jld_core.fields.governing import governing_bounds
@@ -90,10 +88,7 @@ def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
     assert "by faces" in jld("solve", path, "--cracks", "faces").out
 
 
-@pytest.mark.parametrize(
-    "option",
-    ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"],
-)
+@pytest.mark.parametrize("option", ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"])
 def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -> None:
     found = jld("solve", written(tmp_path, BAR), "--cracks", option)
     assert (found.code, found.out) == (2, "")
@@ -300,7 +295,7 @@ def test_load_cases_in_space() -> None:
 # Velocity fields of results are in scene units: the virtual work of the live load as the scene states it.
 
 
-def works(assembly: Assembly, corners: Floats, velocity: Floats, cell: Floats) -> tuple[float, float]:
+def works(assembly: Assembly, corners: np.ndarray, velocity: np.ndarray, cell: np.ndarray) -> tuple[float, float]:
     """Work of the live and of the dead load of a scene whose loads are body forces through the centroids.
 
     corners, velocity: (t, d + 1, d) of triangles of the scene's thickness, or of tetrahedra; cell: (t,) their elements.

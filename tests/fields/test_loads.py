@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner
-from cases_spatial import box
+from cases import box, dry_and_inner
 from command import Command
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
-from jld_core.fields.mesh import Mesh
+from jld_core.fields.loads import loaded_mesh, thickness_of
 from jld_core.fields.problem import material_of
 from jld_core.fields.space_bounds import spatial_bounds
 
@@ -41,13 +38,13 @@ def column(live: list[Any], *, dead: list[Any] | None = None, **inner: Any) -> A
     return build_assembly(parse_scene(document))
 
 
-def resultants(assembly: Assembly, mesh: Mesh, loads: FieldLoads, live: bool) -> Floats:
+def resultants(assembly: Assembly, mesh: Any, loads: Any, live: bool) -> np.ndarray:
     """Forces and moments (n, 3) about the centroids, by quadrature of body forces and tractions."""
     total = np.zeros((len(assembly.elements), 3))
     thickness = thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)
 
-    def add(cell: int, place: Floats, force: Floats) -> None:
+    def add(cell: int, place: np.ndarray, force: np.ndarray) -> None:
         arm = place - assembly.elements.centroid[cell]
         total[cell] += (*force, arm[0] * force[1] - arm[1] * force[0])
 

@@ -12,19 +12,17 @@ from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move
 from studies.crack_models import bridge
 
-from cases import all_inner, dry_and_inner
-from cases_spatial import box, prism, rotation
+from cases import all_inner, box, dry_and_inner, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
-from jld_core.arrays import Bits, Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.loads import loaded_mesh
-from jld_core.fields.mesh import Mesh, fanned, refine, subdivide
+from jld_core.fields.mesh import fanned, refine, subdivide
 from jld_core.fields.space_bounds import SpatialSetting, spatial_bounds
 from jld_core.fields.space_joints import RigidBlocks, fitted_joints, rigid_balance
 from jld_core.fields.space_layers import layers_of, surface_of
 from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.upper import UpperBound, VelocityField
+from jld_core.fields.upper import UpperBound
 from jld_core.fields.velocity_program import VelocityProgram
 
 
@@ -34,7 +32,7 @@ def random_assembly(seed: int) -> Assembly | None:
     return None if scenes is None else build_assembly(parse_scene(scenes[0]))
 
 
-def check(mesh: Mesh, assembly: Assembly) -> None:
+def check(mesh: Any, assembly: Assembly) -> None:
     """Areas, interfaces, and that every edge joins the same places on both sides."""
     assert (mesh.area > 0.0).all()
     for cell in assembly.elements.free.tolist():
@@ -285,7 +283,7 @@ def test_a_field_whose_repair_costs_much_is_solved_with_slack(
     upper = UpperBound(FieldSetting.of(assembly).problem(FieldSetting.of(assembly).coarse))
     plain, original, asked = upper.bound(assembly.labels), UpperBound.certify, []
 
-    def dear(self: UpperBound, velocity: Floats, labels: Bits, expected: float) -> VelocityField | None:
+    def dear(self: UpperBound, velocity: np.ndarray, labels: np.ndarray, expected: float) -> Any:
         found = original(self, velocity, labels, expected)
         asked.append(found)
         return found if found is None or len(asked) > 1 else replace(found, factor=1.1 * found.factor)

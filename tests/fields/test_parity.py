@@ -13,16 +13,14 @@ from benchmarks.claims.geometry import Move
 
 from cases import ROUTE
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.arrays import Bits, Floats
 from jld_core.fields.bounds import disagreement
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh
-from jld_core.fields.problem import Material, material_of, problem_of, units_of
+from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
 
 
-def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
+def tractions(assembly: Assembly, mesh: Any, loads: Any, edge: int, end: int) -> np.ndarray:
     """Live traction at one end of an outline edge."""
     index = int(mesh.edges.tag[edge]) - len(assembly.interfaces)
     if index < 0:
@@ -34,7 +32,7 @@ def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -
     return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
 
 
-def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def lower_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
     """Largest λ with stresses (σx, σy, τxy) at corners, in units of a stress; yield as three cones at each corner."""
     s = [[cp.Variable(3) for _ in range(3)] for _ in range(len(mesh))]
     factor = cp.Variable()
@@ -75,7 +73,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
     return float(program.value)
 
 
-def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
     """Least power less dead work at live work one; support functions by multipliers y ≥ 0 of each yield condition."""
     v = [[cp.Variable(2) for _ in range(3)] for _ in range(len(mesh))]
     rules: list[Any] = []

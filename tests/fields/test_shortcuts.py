@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from jld_core.fields.bounds import FieldSetting
 from jld_core.fields.cone_pattern import Answer, ConeProgram
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.opening import Settling
-from jld_core.fields.problem import Problem
 from jld_core.fields.upper import UpperBound
 
 SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
@@ -20,12 +20,12 @@ LABELS = np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
+def problem() -> Any:
     setting = FieldSetting.of(build_assembly(load_scene(SCENE)))
     return setting.problem(setting.coarse)
 
 
-def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bounds_do_not_depend_on_refined_linear_systems(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both bounds with and without iterative refinement, to a tenth of what scenes may differ by (1e-6)."""
 
     def careful(self: ConeProgram, off: object = None, objective: object = None) -> Answer:
@@ -38,7 +38,7 @@ def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkey
         assert one.factor == pytest.approx(other.factor, rel=1e-7)
 
 
-def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """What fails without refinement is solved with it, and that answer counts."""
     original, asked = ConeProgram._solve, []
 
@@ -53,7 +53,7 @@ def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monke
     assert found.factor > 0.0
 
 
-def test_a_field_is_settled_where_opening_costs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_field_is_settled_where_opening_costs(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Velocities with slips of 1e-6 where nothing moves are settled, those of the solver are not; λ is the same."""
     upper, settled = UpperBound(problem), []
     original = Settling.settled

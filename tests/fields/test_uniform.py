@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases_spatial import box
+from cases import box
 from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Floats
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, subdivide
 from jld_core.fields.problem import Joints, Material, Problem, Units, material_of
 from jld_core.fields.space_bounds import SpatialLowerBound
 from jld_core.fields.space_cones import normal_map, tensors
-from jld_core.fields.space_joints import SpatialProblem, spatial_problem, spatial_units
-from jld_core.fields.space_layers import SolidMesh, bisect, split_at_centroids
+from jld_core.fields.space_joints import spatial_problem, spatial_units
+from jld_core.fields.space_layers import bisect, split_at_centroids
 from jld_core.fields.space_loads import loaded_solids
 from jld_core.fields.space_upper import SpatialUpperBound
 from jld_core.fields.upper import UpperBound
@@ -38,7 +38,7 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
     tensor = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
     free = mesh.edges.b < 0
     pull = np.where(free[:, None, None], (mesh.edges.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
-    zero: Floats = np.zeros((len(mesh), 2))
+    zero: np.ndarray = np.zeros((len(mesh), 2))
     found = Problem(
         Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
         material,
@@ -121,7 +121,7 @@ INNER = {"tensile_strength": TENSION, "shear_strength": COHESION}
 
 
 @cache
-def cube(times: int) -> SpatialProblem:
+def cube(times: int) -> Any:
     """A cube of side 1 without any interface: bisected as often as stated."""
     parts = [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
     document = {
@@ -139,7 +139,7 @@ def cube(times: int) -> SpatialProblem:
     return replace(found, live=np.zeros_like(found.live))
 
 
-def tensor(xx: float, yy: float, zz: float, xy: float = 0.0, yz: float = 0.0) -> Floats:
+def tensor(xx: float, yy: float, zz: float, xy: float = 0.0, yz: float = 0.0) -> np.ndarray:
     return np.array([[xx, xy, 0.0], [xy, yy, yz], [0.0, yz, zz]])
 
 
@@ -162,7 +162,7 @@ CASES_IN_SPACE = [
 
 
 @pytest.mark.parametrize(("friction", "crushing", "stress", "factor"), CASES_IN_SPACE)
-def test_uniform_stress_in_space(friction: float, crushing: float, stress: Floats, factor: float) -> None:
+def test_uniform_stress_in_space(friction: float, crushing: float, stress: np.ndarray, factor: float) -> None:
     """Both bounds are the factor at which the uniform stress reaches yield."""
     given = replace(cube(0), material=Material(TENSION, COHESION, friction, crushing))
     outside = given.sides.b < 0
@@ -211,7 +211,7 @@ def test_tensors_and_tractions() -> None:
 @pytest.mark.parametrize("times", [0, 1, 4])
 def test_meshes_fill_the_cube(times: int) -> None:
     """Volumes add up, every triangle inside has two sides, gradients are exact, and no tetrahedron degenerates."""
-    mesh: SolidMesh = cube(times).mesh
+    mesh: Any = cube(times).mesh
     for one in (mesh, split_at_centroids(mesh)):
         sides = one.sides
         assert one.volume.min() > 0.02 * one.volume.max()

@@ -19,14 +19,14 @@ from jld_core import InputError, Status, build_assembly, geometry_sensitivities,
 from jld_geometry.convex_cells import EqualShapes, equal_corners
 from jld_geometry.limits import spatial_residual_rates
 from jld_geometry.moved_scene import spatial_mesh
-from jld_geometry.optimise import MovedJoints, move_joints
+from jld_geometry.optimise import move_joints
 from jld_geometry.search import GeometrySearch, TrustRegion
 
 TOPS = [{"at": [1.2, HEIGHT], "direction": [1, 0]}, {"at": [-1.2, HEIGHT], "direction": [-1, 0]}]
 """Paths of the tops of both springings of the flat arch."""
 
 
-def moved(document: Document, **options: float | None) -> MovedJoints:
+def moved(document: Document, **options: float | None) -> Any:
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     return move_joints(scene, assembly, assembly.labels, **options)
@@ -320,14 +320,14 @@ ROWS = ["aab", "aab", "###"]
 """A block of four cells beside one of two, on a ground that stays."""
 
 
-def moved_to_follow(inner: str, **move: object) -> MovedJoints:
+def moved_to_follow(inner: str, **move: object) -> Any:
     document = {**grid_document(ROWS, friction=0.9, tension=3e5, shear=5e5), "move": {"inner": inner, **move}}
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     return move_joints(scene, assembly, assembly.labels)
 
 
-def at(done: MovedJoints, x: float, y: float) -> np.ndarray:
+def at(done: Any, x: float, y: float) -> np.ndarray:
     """Movement of the vertex that was at a point."""
     start = done.places - done.moved
     return np.asarray(done.moved[np.argmin(np.linalg.norm(start - [x, y], axis=1))])

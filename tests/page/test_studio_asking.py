@@ -13,12 +13,11 @@ from typing import Any
 
 import pytest
 
-from command import Command
+from cases import small_scene
+from command import ROOT, Command
 from files.make import File, shelf
 from jld_core import InputError
 from jld_core.exchange import ImportOptions, import_file
-from paths import ROOT
-from scenes_of_pages import small_scene
 
 ezdxf = pytest.importorskip("ezdxf")
 for library in ("uvicorn", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):

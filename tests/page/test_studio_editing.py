@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from cases import scene_of_cases, small_scene, spatial_scene
+from command import ROOT
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.exchange import import_file
-from paths import ROOT
-from scenes_of_pages import scene_of_cases, small_scene, spatial_scene
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 

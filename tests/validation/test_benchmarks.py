@@ -5,12 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from benchmarks import (
-    hard_cases,
-    large,
-    speed_error,
-    throughput,
-)
+from benchmarks import hard_cases, large, speed_error, throughput
 from benchmarks.hard_cases import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from studies.families import semicircular_arch
 
-from cases import all_inner, dry_and_inner, grid_assembly
-from cases_spatial import box
+from cases import all_inner, box, dry_and_inner, grid_assembly
 from jld_core import LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.limit.mechanism import Movement, face_motions
 
@@ -20,23 +19,14 @@ def column(width: float, height: float, count: int, friction: float, live: list[
     elements: list[dict[str, Any]] = [
         {
             "id": f"b{k}",
-            "polygon": [
-                [0, k * height],
-                [width, k * height],
-                [width, (k + 1) * height],
-                [0, (k + 1) * height],
-            ],
+            "polygon": [[0, k * height], [width, k * height], [width, (k + 1) * height], [0, (k + 1) * height]],
             "weight": 1.0,
         }
         for k in range(count)
     ]
     ground = [[-width, -height], [2 * width, -height], [2 * width, 0], [-width, 0]]
     elements.append({"id": "ground", "polygon": ground, "support": True})
-    document = {
-        "elements": elements,
-        "materials": {"dry": {"friction_coefficient": friction}},
-        "loads": {"live": live},
-    }
+    document = {"elements": elements, "materials": {"dry": {"friction_coefficient": friction}}, "loads": {"live": live}}
     return solve(build_assembly(parse_scene(document)))
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cases import grid_scene
+from cases import as_elements, grid_scene
+from command import SCENES
 from jld_core import (
     Assembly,
     LimitAnalysis,
@@ -21,16 +22,13 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.arrays import Bits, Ints
 from jld_core.solvers import SOLVERS
 from jld_explore import search_space
 from jld_explore.drivers.enumeration import Enumeration
-from paths import SCENES
-from reference_planar import reference_load_factor
-from transforms import as_elements
+from proofs import reference_load_factor
 
 
-def classes(scene: Scene) -> tuple[Assembly, Bits, Ints]:
+def classes(scene: Scene) -> tuple[Assembly, np.ndarray, np.ndarray]:
     """The assembly, one labelling of every class, and how many labellings each stands for."""
     assembly = build_assembly(scene)
     batches = list(Enumeration(search_space(scene, assembly)).batches())
@@ -39,7 +37,7 @@ def classes(scene: Scene) -> tuple[Assembly, Bits, Ints]:
 
 
 @pytest.fixture(scope="module")
-def flagship() -> tuple[Assembly, Bits, Ints]:
+def flagship() -> tuple[Assembly, np.ndarray, np.ndarray]:
     return classes(load_scene(SCENES / "flat_beam_arch.json"))
 
 
@@ -49,7 +47,7 @@ def signed(status: Status, load_factor: float) -> float:
     return {Status.LOCKED: np.inf, Status.UNSTABLE: -np.inf}.get(status, load_factor)
 
 
-def compare(assembly: Assembly, labellings: Bits, solver: str | None = None) -> dict[Status, int]:
+def compare(assembly: Assembly, labellings: np.ndarray, solver: str | None = None) -> dict[Status, int]:
     """Every labelling by the default route and by another (None: the independent statement), equal to 1e-6.
 
     Returns how often each status occurred.
@@ -77,7 +75,7 @@ def compare(assembly: Assembly, labellings: Bits, solver: str | None = None) -> 
     return tally
 
 
-def test_flagship_counts(flagship: tuple[Assembly, Bits, Ints]) -> None:
+def test_flagship_counts(flagship: tuple[Assembly, np.ndarray, np.ndarray]) -> None:
     assembly, labellings, multiplicity = flagship
     assert len(assembly.elements.free) == 15
     assert len(assembly.interfaces) == 24
@@ -85,7 +83,7 @@ def test_flagship_counts(flagship: tuple[Assembly, Bits, Ints]) -> None:
     assert multiplicity.sum() == 12694
 
 
-def test_flagship_weight_and_load(flagship: tuple[Assembly, Bits, Ints]) -> None:
+def test_flagship_weight_and_load(flagship: tuple[Assembly, np.ndarray, np.ndarray]) -> None:
     """15 cells of 0.1³ m³ at 1400 kg/m³; 1000 N on the middle of the top, about its centroid no moment."""
     assembly = flagship[0]
     assert assembly.total_dead == pytest.approx(15 * 1400 * 9.81 * 1e-3, rel=1e-12)
@@ -94,7 +92,7 @@ def test_flagship_weight_and_load(flagship: tuple[Assembly, Bits, Ints]) -> None
 
 
 @pytest.mark.filterwarnings("ignore")  # CVXPY says where its own solver was inexact; the comparison is ours
-def test_flagship_sample(flagship: tuple[Assembly, Bits, Ints]) -> None:
+def test_flagship_sample(flagship: tuple[Assembly, np.ndarray, np.ndarray]) -> None:
     """40 classes, seeded; all of them were compared with HiGHS once (docs/notes/tried.md)."""
     assembly, labellings, _ = flagship
     sample = np.random.default_rng(20240501).choice(len(labellings), 40, replace=False)

@@ -11,31 +11,27 @@ import pytest
 from scipy.optimize import linprog
 from studies.families import semicircular_arch
 
-from cases import ROUTE
-from cases_spatial import box
+from cases import ROUTE, as_elements, box, rotated
 from command import Command
-from jld_core import Scene, build_assembly, parse_scene
+from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.build.settlements import settlements_of
-from jld_core.errors import ParameterError
 from jld_core.samples import arch
 from jld_practice.reactions import Settled, thrust_ranges
 from jld_practice.reactions.force_range import reactions, settle
 from jld_practice.reactions.thrust import (
-    ResultantRange,
     reactions_of_supports,
     resultant_of_joint,
     resultant_of_section,
 )
-from transforms import as_elements, rotated
 
 
-def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], ResultantRange]:
+def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], Any]:
     found = thrust_ranges(build_assembly(scene), **options)
     assert found.stands
     return {(one.resultant.place, one.resultant.component): one for one in found.ranges}
 
 
-def ends(one: ResultantRange) -> tuple[float, float]:
+def ends(one: Any) -> tuple[float, float]:
     assert one.least.status == one.most.status == "certified"
     return one.least.value, one.most.value
 
@@ -234,7 +230,7 @@ def test_a_section_of_a_spatial_scene_is_refused() -> None:
             }
         )
     )
-    with pytest.raises(ParameterError, match="planar structures only"):
+    with pytest.raises(InputError, match="planar structures only"):
         resultant_of_section(assembly, (0, 1), (1, 1))
 
 
@@ -276,10 +272,7 @@ def wedge_of_settlement(alpha: float, mu: float, spatial: bool = False, scale: f
             "settlements": [
                 {
                     "name": "spread",
-                    "supports": [
-                        {"elements": "left", "move": moves[0]},
-                        {"elements": ["right"], "move": moves[1]},
-                    ],
+                    "supports": [{"elements": "left", "move": moves[0]}, {"elements": ["right"], "move": moves[1]}],
                 }
             ],
         }

@@ -17,10 +17,9 @@ from studies.by_scheme import solve_zero_dilation, zero_dilation
 from studies.families import halved_bond, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-import cases_spatial
-from balances import flow_rule, work_balance
-from cases import CASES, grid_assembly, grid_document
-from command import call
+import cases
+from cases import CASES, as_elements, grid_assembly, grid_document
+from command import SCENES, call
 from jld_core import (
     Assembly,
     InputError,
@@ -33,14 +32,11 @@ from jld_core import (
     parse_scene,
     solve,
 )
+from jld_dilation import ProximalOptions
 from jld_dilation.certificate import BinaryFractions
-from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.sweep import MultiStartSearch, initial_forces, repair_and_evaluate
 from jld_explore import ExploreSettings, explore
-from nondilatant import block, certify
-from paths import SCENES
-from reference_zero_dilation import loads_without_dilation
-from transforms import as_elements
+from proofs import block, certify, flow_rule, loads_without_dilation, work_balance
 
 WALLS = {"ferris_tinloi_1": 0.638981, "ferris_tinloi_2": 0.562005, "ferris_tinloi_4": 0.263736}
 
@@ -157,7 +153,7 @@ def test_block_lifted_along_one_wall() -> None:
 @pytest.mark.parametrize("live", [[1, 0, 0], [0, 1, 0], [0.6, 0.5, 0]])
 @pytest.mark.parametrize("wythes", [1, 2])
 def test_spatial_walls(wythes: int, live: list[float]) -> None:
-    assembly = cases_spatial.assembly(cases_spatial.wall(3, 3, wythes), live=[{"body": live}])
+    assembly = cases.assembly_in_space(cases.wall_in_space(3, 3, wythes), live=[{"body": live}])
     dry = np.ones(len(assembly.interfaces), dtype=bool)
     result = solve_zero_dilation(assembly, dry)
     assert result.status is Status.COLLAPSE
@@ -309,7 +305,7 @@ def test_two_cubes_rock_at_one_half() -> None:
 
 
 def test_spatial_range_is_found() -> None:
-    assembly = cases_spatial.assembly(cases_spatial.wall(2, 2, 1), live=[{"body": [1, 0, 0]}])
+    assembly = cases.assembly_in_space(cases.wall_in_space(2, 2, 1), live=[{"body": [1, 0, 0]}])
     dry = np.ones(len(assembly.interfaces), dtype=bool)
     result = solve(assembly, dry, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
@@ -354,14 +350,6 @@ ROWS = ["aab", "#.#"]
 
 def beam() -> Scene:
     return parse_scene(grid_document(ROWS, live=[{"body": [0.3, -1.0]}], candidates="all", block_cells=[1, 2]))
-
-
-def column() -> Scene:
-    """Two cubes on one another, pushed askew."""
-    elements = [cases_spatial.box(f"b{k}", [0, 0, k], [1, 1, k + 1]) for k in range(2)]
-    elements.append(cases_spatial.box("ground", [-2, -2, -1], [3, 3, 0], support=True))
-    search = {"candidates": "all"}
-    return parse_scene(cases_spatial.scene(elements, live=[{"body": [0.8, 0.6, 0.0]}], search=search))
 
 
 def search_by(scene: Scene, tmp_path: Path, floor_seconds: float) -> pd.DataFrame:
