@@ -18,7 +18,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.problem import require_fields
+from jld_core.fields.problem import require_planar_fields
 from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
@@ -52,7 +52,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     """Decide how many layouts of a search by faces can be checked by fields.
 
     Result: plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by
-    experiment or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
+    experiment or at low values. Also None for `check_fields` = 0, and if `require_planar_fields` refuses the assembly.
     """
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
@@ -68,7 +68,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     if (each := cases * mesh_seconds(COARSE_RATE, least)) > 0.5 * MOST:
         return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
-        require_fields(assembly)
+        require_planar_fields(assembly)
     except InputError as error:
         # A criterion is news to those who know that faces of this kind are checked.
         return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None

@@ -11,7 +11,7 @@ import pytest
 from cases import grid_document
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.deadline import Deadline
-from jld_core.fields.governing import governing_bounds
+from jld_core.fields.bounds import governing_bounds
 from jld_core.scene import Scene
 from jld_core.strengths import Route
 from jld_practice.design.crushing import uniaxial_strength, with_crushing, with_materials_of

@@ -26,13 +26,13 @@ def assembly() -> Assembly:
 def test_a_patch_inside_a_face_has_a_stress_field_on_the_coarsest_mesh(assembly: Assembly) -> None:
     """Ends of the patch get three triangles; before, λ = 0 was the best of every mesh whose ends had two."""
     coarse, loads = loaded_mesh(assembly)
-    ends = [end for segment in loads.segments for end in segment.ends]
+    ends = [end for segment in loads.tractions for end in segment.ends]
     mesh = FieldSetting.of(assembly).coarse
     for end in ends:
         (node,) = np.flatnonzero(np.hypot(*(mesh.points - end).T) < 1e-9)
-        assert (mesh.triangles == node).sum() >= 3
-    assert mesh.area.sum() == pytest.approx(coarse.area.sum(), rel=1e-12)
-    assert (fanned(mesh, ends).triangles == mesh.triangles).all()  # nothing more to do
+        assert (mesh.simplices == node).sum() >= 3
+    assert mesh.volume.sum() == pytest.approx(coarse.volume.sum(), rel=1e-12)
+    assert (fanned(mesh, ends).simplices == mesh.simplices).all()  # nothing more to do
     low = CoarseBounds(FieldSetting.of(assembly)).lower(~assembly.free_faces)[0]
     high = CoarseBounds(FieldSetting.of(assembly)).upper(~assembly.free_faces)[0]
     assert 0.4 * high < low < high

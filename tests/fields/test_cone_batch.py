@@ -13,7 +13,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
 from jld_core.batch import library
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.cone_pattern import ConeBatch, ConeProgram, independent_rows, is_installed
+from jld_core.fields.cones import ConeBatch, ConeProgram, independent_rows, is_installed
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.upper import UpperBound
 

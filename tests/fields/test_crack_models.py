@@ -208,14 +208,14 @@ def test_widths_of_point_loads() -> None:
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": live}}))
     _, loads = loaded_mesh(assembly)
     total, moment = np.zeros(2), 0.0
-    for segment in loads.segments:
+    for segment in loads.tractions:
         step = segment.ends[1] - segment.ends[0]
         force = np.hypot(*step) * thickness_of(assembly) * segment.live.mean(axis=0)
         total += force
         moment += segment.ends.mean(axis=0)[0] * force[1]
     assert total == pytest.approx([0.5, -1.0], abs=1e-12)
     assert moment == pytest.approx(0.2 * 1.0 - 0.25 * 2.0, abs=1e-12)
-    patches = {tuple(np.round(np.sort(segment.ends[:, 0]), 9)) for segment in loads.segments}
+    patches = {tuple(np.round(np.sort(segment.ends[:, 0]), 9)) for segment in loads.tractions}
     assert patches == {(0.0, 0.1), (0.1, 0.15), (0.15, 0.3), (0.3, 0.35), (0.35, 0.5)}
     inside = {"element": "bar", "force": [0, 1], "at": [0.2, 1.0], "width": 0.1}
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": [inside]}}))

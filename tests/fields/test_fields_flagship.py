@@ -29,8 +29,8 @@ def test_values_of_the_trial(name: str) -> None:
     assembly = build_assembly(load_scene(SCENE))
     labels = np.array([letter == "d" for letter in word])
     labels |= (~assembly.free_faces) & (name == "uncut")
-    found = bounds_by_fields(assembly, labels, gap=1e-9, adaptive=False, most_triangles=960)
-    assert [step.triangles for step in found.history] == [60, 240, 960]
+    found = bounds_by_fields(assembly, labels, gap=1e-9, adaptive=False, most=960)
+    assert [step.simplices for step in found.history] == [60, 240, 960]
     for step, low, high in zip(found.history, lower, upper, strict=True):
         if low is not None:
             assert step.lower == pytest.approx(low, rel=2e-3)

@@ -184,7 +184,7 @@ def test_thick_ring_under_inner_pressure() -> None:
     middle, along = outer * np.cos(turn / 2.0) * normal, 0.03 * np.array([-normal[1], normal[0]])
     corners = (middle - along, middle - along + 0.1 * normal, middle + along + 0.1 * normal, middle + along)
     parts.append({"id": "hold", "polygon": [corner.tolist() for corner in corners], "support": True})
-    found = bounds_by_fields(scene(parts, live, inner={"tensile_strength": 5.0}), gap=0.1, most_triangles=700)
+    found = bounds_by_fields(scene(parts, live, inner={"tensile_strength": 5.0}), gap=0.1, most=700)
     exact = 2.0 * np.log(outer / inner)
     assert found.lower <= 1.026 * exact
     assert found.upper >= exact / 1.026
@@ -197,7 +197,7 @@ def test_a_large_cell_on_a_short_joint() -> None:
     random_move(rng, 2)
     scenes = random_scenes(rng, [Move(np.eye(2), 1.0, np.zeros(2))])
     assert scenes is not None
-    found = bounds_by_fields(build_assembly(parse_scene(scenes[0])), gap=0.01, most_triangles=300)
+    found = bounds_by_fields(build_assembly(parse_scene(scenes[0])), gap=0.01, most=300)
     assert found.history[0].lower == found.history[1].lower == -math.inf
     assert math.isfinite(found.lower)
     assert found.lower < found.upper
@@ -232,7 +232,7 @@ def test_velocities_that_stand_still_cost_nothing(turned: bool) -> None:
         scenes = random_scenes(rng, [move])
         assert scenes is not None
         assembly = build_assembly(parse_scene(scenes[0]))
-        found = bounds_by_fields(assembly, gap=1e-3, adaptive=False, most_triangles=100 if lower is None else 400)
+        found = bounds_by_fields(assembly, gap=1e-3, adaptive=False, most=100 if lower is None else 400)
         assert found.upper == pytest.approx(upper, rel=1e-7)
         if lower is not None:
             assert found.lower == pytest.approx(lower, rel=1e-6)

@@ -49,8 +49,8 @@ def resultants(assembly: Assembly, mesh: Mesh, loads: FieldLoads, live: bool) ->
 
     for t in range(len(mesh)):
         body = (loads.live if live else loads.dead)[mesh.root[t]]
-        add(int(mesh.cell[t]), middle[t], thickness * mesh.area[t] * body)
-    for segment in loads.segments:
+        add(int(mesh.cell[t]), middle[t], thickness * mesh.volume[t] * body)
+    for segment in loads.tractions:
         length = np.hypot(*(segment.ends[1] - segment.ends[0]))
         # Gauss points of two, exact for linear tractions times linear arms
         for share in (0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)):
@@ -91,7 +91,7 @@ def test_patches() -> None:
 
     def spans(at: float, patch: float | None) -> list[float]:
         _, loads = loaded_mesh(column([{"element": "a", "force": [0.0, -1.0], "at": [at, 2.0]}]), patch)
-        return sorted(x for segment in loads.segments for x in segment.ends[:, 0].tolist())
+        return sorted(x for segment in loads.tractions for x in segment.ends[:, 0].tolist())
 
     assert spans(0.6, None) == pytest.approx([0.0, 1.0])
     assert spans(0.8, None) == pytest.approx([0.6, 1.0])
@@ -164,8 +164,8 @@ def test_flagship_load_is_uniform_over_the_top_of_its_cell() -> None:
     """Three forces of 1000 N in all on 0.1 × 0.1 m: 100 kPa."""
     assembly = build_assembly(load_scene(Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"))
     _, loads = loaded_mesh(assembly)
-    assert len(loads.segments) == 1
-    assert loads.segments[0].live == pytest.approx(np.array([[0.0, -1e5], [0.0, -1e5]]), abs=1e-6)
+    assert len(loads.tractions) == 1
+    assert loads.tractions[0].live == pytest.approx(np.array([[0.0, -1e5], [0.0, -1e5]]), abs=1e-6)
 
 
 @pytest.mark.parametrize("first", range(4))

@@ -12,7 +12,6 @@ from cases_spatial import box
 from command import Command
 from jld_core import build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.space_bounds import spatial_bounds
 
 TENSION, CRUSHING = 1.0, 4.0
 INNER = {"tensile_strength": TENSION, "shear_strength": 2.0, "compressive_strength": CRUSHING}
@@ -152,7 +151,7 @@ IN_SPACE: list[tuple[str, dict[str, Any], list[dict[str, Any]], float]] = [
 )
 def test_a_column_of_uniform_stress_in_space(live: dict[str, Any], dead: list[Any], expected: float) -> None:
     document = scene(CUBE, [live], dead, d=3, labels={"inner": [["ground", "b"]]})
-    found = spatial_bounds(build_assembly(parse_scene(document)), gap=0.2, seconds=10.0)
+    found = bounds_by_fields(build_assembly(parse_scene(document)), gap=0.2, seconds=10.0)
     assert found.lower == pytest.approx(expected, rel=1e-4)
     assert found.upper >= expected * (1.0 - 1e-5)
 
@@ -166,5 +165,5 @@ def test_a_patch_at_midspan_in_space_bends_the_lintel_there() -> None:
     ]
     patch = [[1.75, 0, 0.5], [2.25, 0, 0.5], [2.25, 0.5, 0.5], [1.75, 0.5, 0.5]]
     document = scene(elements, [{"face": {"patch": patch}, "pressure": 8.0}], d=3)
-    found = spatial_bounds(build_assembly(parse_scene(document)), gap=0.5, seconds=4.0)
+    found = bounds_by_fields(build_assembly(parse_scene(document)), gap=0.5, seconds=4.0)
     assert 0.0 < found.lower <= 0.05 / (8.0 * 0.25 * (0.75 - 0.5 / 8.0)) * 1.05

@@ -22,12 +22,12 @@ def random_assembly(seed: int) -> Assembly | None:
 
 def check(mesh: Mesh, assembly: Assembly) -> None:
     """Areas, interfaces, and that every edge joins the same places on both sides."""
-    assert (mesh.area > 0.0).all()
+    assert (mesh.volume > 0.0).all()
     for cell in assembly.elements.free.tolist():
         whole = shapely.Polygon(assembly.elements.shape[cell]).area
-        assert mesh.area[mesh.cell == cell].sum() == pytest.approx(whole, rel=1e-6)
-    e = mesh.edges
-    lengths = [e.length[e.tag == face].sum() for face in range(len(assembly.interfaces))]
+        assert mesh.volume[mesh.cell == cell].sum() == pytest.approx(whole, rel=1e-6)
+    e = mesh.sides
+    lengths = [e.area[e.tag == face].sum() for face in range(len(assembly.interfaces))]
     assert lengths == pytest.approx(assembly.interfaces.l1, rel=1e-6)
     both = e.b >= 0
     one = mesh.corners[e.a[both][:, None], e.corner_a[both]]
@@ -63,7 +63,7 @@ def test_gradients_and_normals() -> None:
     slope = np.array([0.3, -1.7])
     values = mesh.corners @ slope + 0.2
     assert np.einsum("tk,tki->ti", values, mesh.gradient) == pytest.approx(np.tile(slope, (len(mesh), 1)))
-    e = mesh.edges
+    e = mesh.sides
     away = mesh.corners[e.a, e.corner_a[:, 0]] - mesh.corners.mean(axis=1)[e.a]
     assert (np.einsum("ei,ei->e", away, e.normal) > 0.0).all()
     assert np.hypot(*e.normal.T) == pytest.approx(np.ones(len(e)))

@@ -13,10 +13,10 @@ from benchmarks.claims.geometry import Move
 
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats
-from jld_core.fields.bounds import disagreement
+from jld_core.fields.adaptive import disagreement
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh
+from jld_core.fields.mesh import Mesh, patch_tag
 from jld_core.fields.problem import Material, material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
 from jld_core.strengths import Route
@@ -26,11 +26,12 @@ ROUTE = Route("a test")
 
 def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
     """Live traction at one end of an outline edge."""
-    index = int(mesh.edges.tag[edge]) - len(assembly.interfaces)
-    if index < 0:
+    tags = [patch_tag(index) for index in range(len(loads.tractions))]
+    tag = int(mesh.sides.tag[edge])
+    if tag not in tags:
         return np.zeros(2)
-    segment = loads.segments[index]
-    place = mesh.corners[mesh.edges.a[edge], mesh.edges.corner_a[edge, end]]
+    segment = loads.tractions[tags.index(tag)]
+    place = mesh.corners[mesh.sides.a[edge], mesh.sides.corner_a[edge, end]]
     along = segment.ends[1] - segment.ends[0]
     share = float((place - segment.ends[0]) @ along / (along @ along))
     return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
@@ -53,7 +54,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
             rules += [m + radius <= material.tension / unit]
             if math.isfinite(material.crushing):
                 rules += [radius - m <= material.crushing / unit]
-    e, count = mesh.edges, len(assembly.interfaces)
+    e, count = mesh.sides, len(assembly.interfaces)
     for edge in range(len(e)):
         nx, ny = e.normal[edge]
         for end in range(2):
@@ -98,11 +99,11 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
         g = mesh.gradient[t]
         x, y = (sum(g[k, i] * v[t][k][i] for k in range(3)) for i in (0, 1))
         gamma = sum(g[k, 1] * v[t][k][0] + g[k, 0] * v[t][k][1] for k in range(3))
-        power += mesh.area[t] * dissipation(x + y, cp.hstack([x - y, gamma]))
+        power += mesh.volume[t] * dissipation(x + y, cp.hstack([x - y, gamma]))
         middle = (v[t][0] + v[t][1] + v[t][2]) / 3
-        dead += mesh.area[t] * (loads.dead[t] / unit) @ middle
-        live += mesh.area[t] * (loads.live[t] / unit) @ middle
-    e, count = mesh.edges, len(assembly.interfaces)
+        dead += mesh.volume[t] * (loads.dead[t] / unit) @ middle
+        live += mesh.volume[t] * (loads.live[t] / unit) @ middle
+    e, count = mesh.sides, len(assembly.interfaces)
     for edge in range(len(e)):
         normal = e.normal[edge]
         along = np.array([-normal[1], normal[0]])
@@ -110,12 +111,12 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
         one, two = (v[e.a[edge]][e.corner_a[edge, end]] for end in (0, 1))
         if e.b[edge] < 0 and not 0 <= face < count:
             p, q = (tractions(assembly, mesh, loads, edge, end) / unit for end in (0, 1))
-            live += e.length[edge] / 6 * ((2 * p + q) @ one + (p + 2 * q) @ two)
+            live += e.area[edge] / 6 * ((2 * p + q) @ one + (p + 2 * q) @ two)
             continue
         for end, own in enumerate((one, two)):
             jump = (v[e.b[edge]][e.corner_b[edge, end]] if e.b[edge] >= 0 else np.zeros(2)) - own
             opening, slip = normal @ jump, along @ jump
-            half = 0.5 * e.length[edge]
+            half = 0.5 * e.area[edge]
             if 0 <= face < count and labels[face]:
                 strengths = assembly.strengths(ROUTE)
                 lack = strengths.friction[face] * cp.abs(slip) - opening

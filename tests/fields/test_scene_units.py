@@ -11,7 +11,6 @@ from cases import all_inner, grid_document
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.space_bounds import spatial_bounds
 
 
 def works(assembly: Assembly, corners: Floats, velocity: Floats, cell: Floats) -> tuple[float, float]:
@@ -60,7 +59,7 @@ def test_spatial_velocities_have_scene_units() -> None:
         "loads": {"live": [{"body": [1, 0, -0.5]}]},
     }
     assembly = build_assembly(parse_scene(all_inner(scene)))
-    found = spatial_bounds(assembly, gap=0.9, most_tetrahedra=30)
+    found = bounds_by_fields(assembly, gap=0.9, most=30)
     field = found.velocities
     assert field is not None
     work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)

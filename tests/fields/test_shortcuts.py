@@ -9,7 +9,7 @@ import pytest
 
 from jld_core import build_assembly, load_scene
 from jld_core.fields.bounds import FieldSetting
-from jld_core.fields.cone_pattern import Answer, ConeProgram
+from jld_core.fields.cones import Answer, ConeProgram
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.opening import Settling
 from jld_core.fields.problem import Problem

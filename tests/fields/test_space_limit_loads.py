@@ -11,12 +11,12 @@ from cases import all_inner
 from cases_spatial import box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import FieldStatus
-from jld_core.fields.problem import material_of
-from jld_core.fields.space_bounds import SpatialBounds, SpatialLowerBound, spatial_bounds, stress_power
-from jld_core.fields.space_joints import spatial_problem, spatial_units
-from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.space_upper import SpatialUpperBound
+from jld_core.fields.adaptive import stress_power
+from jld_core.fields.bounds import FieldBounds, FieldStatus
+from jld_core.fields.lower import LowerBound
+from jld_core.fields.problem import material_of, problem_of, units_of
+from jld_core.fields.solids import loaded_solids
+from jld_core.fields.upper import UpperBound
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
 
@@ -37,7 +37,7 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str = "inner",
     return build_assembly(parse_scene(all_inner(document, label)))
 
 
-def holds(found: SpatialBounds, exact: float, gap: float) -> None:
+def holds(found: FieldBounds, exact: float, gap: float) -> None:
     """The bracket holds the exact value and is no wider than a gap."""
     assert found.lower <= exact * (1 + 1e-9)
     assert found.upper >= exact * (1 - 1e-9)
@@ -53,7 +53,7 @@ def test_pulled_cube(tension: float, factor: float) -> None:
     live = [{"element": "cube", "force": [0, 0, 1], "at": [0.5, 0.5, 1.0]}]
     parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
     holds(
-        spatial_bounds(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most_tetrahedra=30),
+        bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most=30),
         factor,
         1e-4,
     )
@@ -62,7 +62,7 @@ def test_pulled_cube(tension: float, factor: float) -> None:
 def test_sheared_slab() -> None:
     """A flat slab glued to its support slides by τ A under a body load; its height limits the lower bound."""
     parts = [GROUND, box("slab", [0, 0, 0], [1, 1, 0.1])]
-    found = spatial_bounds(
+    found = bounds_by_fields(
         scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}),
         gap=0.7,
     )
@@ -75,7 +75,7 @@ def test_block_that_slides(friction: float) -> None:
     parts = [GROUND, box("block", [0, 0, 0], [1, 1, 0.5], weight=3.0)]
     dry = {"friction_coefficient": friction, "cohesion": 0.6 if friction else 0.0}
     assembly = scene(parts, [{"body": [0.6, 0.8, 0]}], "dry", inner=STRONG, dry=dry)
-    found = spatial_bounds(assembly, gap=1e-3, most_tetrahedra=50)
+    found = bounds_by_fields(assembly, gap=1e-3, most=50)
     if friction:
         holds(found, 0.3 + 0.6 / 3.0, 1e-3)
     else:
@@ -89,7 +89,7 @@ def test_block_that_tips_over_a_crushed_edge() -> None:
     parts = [GROUND, box("block", [0, 0, 0], [1, 0.5, 2], weight=3.0)]
     dry = {"friction_coefficient": 0.9, "compressive_strength": 30.0}
     assembly = scene(parts, [{"body": [1, 0, 0]}], "dry", inner=STRONG, dry=dry)
-    holds(spatial_bounds(assembly, gap=0.3, most_tetrahedra=60), (1.0 - 3.0 / (30.0 * 0.5)) / 2.0, 0.3)
+    holds(bounds_by_fields(assembly, gap=0.3, most=60), (1.0 - 3.0 / (30.0 * 0.5)) / 2.0, 0.3)
 
 
 @pytest.mark.parametrize("tension", [2.0, 0.5])
@@ -98,7 +98,7 @@ def test_cantilever_in_plastic_bending(tension: float) -> None:
     length, depth = 4.0, 1.0
     parts = [box("wall", [-1, 0, 0], [0, 0.5, depth], support=True), box("beam", [0, 0, 0], [length, 0.5, depth])]
     live = [{"element": "beam", "force": [0, 0, -1], "at": [length, 0.25, 0.5 * depth]}]
-    found = spatial_bounds(scene(parts, live, inner={"tensile_strength": tension}), gap=0.6, most_tetrahedra=30)
+    found = bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=0.6, most=30)
     plastic = tension * 2.0 * 0.5 * depth**2 / (2.0 * (tension + 2.0))
     # at the clamp the beam cannot thin, which strengthens it; a section h/2 away does not feel the clamp
     assert found.lower <= plastic / (length - 0.5 * depth)
@@ -110,13 +110,13 @@ def test_blocks_too_weak_for_their_own_weight() -> None:
     """A bar hung from its support tears under its weight where γ h > σt: proven by a mechanism on the first mesh."""
     parts = [box("ceiling", [0, 0, 2], [1, 1, 3], support=True), box("bar", [0, 0, 0], [1, 1, 2], density=1.0)]
     live = [{"element": "bar", "force": [0, 0, -1], "at": [0.5, 0.5, 0]}]
-    weak = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
+    weak = bounds_by_fields(
+        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most=50
     )
     assert weak.status is FieldStatus.UNSTABLE
     assert weak.upper == pytest.approx(1.9 - 2.0, rel=1e-4)
-    strong = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
+    strong = bounds_by_fields(
+        scene(parts, live, inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01, most=50
     )
     holds(strong, 0.1, 0.01)
 
@@ -126,8 +126,8 @@ def test_more_weight_than_any_live_load_can_hold() -> None:
     parts = [box("ceiling", [0, 0, 2], [3, 1, 3], support=True), box("bar", [0, 0, 0], [1, 1, 2], density=1.0)]
     parts.append(box("stub", [2, 0, 1], [3, 1, 2]))
     live = [{"element": "stub", "force": [0, 0, -1], "at": [2.5, 0.5, 1]}]
-    found = spatial_bounds(
-        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most_tetrahedra=50
+    found = bounds_by_fields(
+        scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most=50
     )
     assert found.status is FieldStatus.UNSTABLE
     assert found.upper < 0.0
@@ -161,7 +161,7 @@ def test_planar_fields_bound_extruded_blocks_from_both_sides() -> None:
     solid = scene(spatial, [{"body": [1, 0, -0.5]}], inner=inner)
     dry = np.array([solid.pair(face) == "a–b" for face in range(len(solid.interfaces))])
     assert dry.sum() == 1
-    found = spatial_bounds(solid, dry, gap=0.5, most_tetrahedra=30)
+    found = bounds_by_fields(solid, dry, gap=0.5, most=30)
     above, below = bounds_by_fields(flat(), gap=0.3), bounds_by_fields(flat(compressive_strength=1.2), gap=0.3)
     assert found.lower <= above.upper
     assert found.upper >= below.lower
@@ -188,7 +188,7 @@ def test_position_rotation_and_units_leave_the_bounds() -> None:
             "loads": {"live": [{"body": (turn @ [1.0, 0.2, 0.0]).tolist()}]},
             "labels": {"default": "dry"},
         }
-        found.append(spatial_bounds(build_assembly(parse_scene(document)), gap=10.0))
+        found.append(bounds_by_fields(build_assembly(parse_scene(document)), gap=10.0))
     assert found[1].lower == pytest.approx(found[0].lower, rel=1e-4)
     assert found[1].upper == pytest.approx(found[0].upper, rel=1e-4)
 
@@ -196,7 +196,7 @@ def test_position_rotation_and_units_leave_the_bounds() -> None:
 def test_bounds_stay_in_order_under_refinement() -> None:
     """Every lower bound lies below every upper bound, and bounds of nested meshes do not get worse."""
     parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
-    found = spatial_bounds(scene(parts, [{"body": [1, 0, 0]}]), gap=1e-3, adaptive=False, most_tetrahedra=70)
+    found = bounds_by_fields(scene(parts, [{"body": [1, 0, 0]}]), gap=1e-3, adaptive=False, most=70)
     steps = found.history
     assert len(steps) == 2
     assert max(step.lower for step in steps) <= min(step.upper for step in steps)
@@ -209,9 +209,9 @@ def test_virtual_power_of_both_fields() -> None:
     assembly = scene(parts, [{"element": "a", "force": [1, 0, -0.2], "at": [0.5, 0.5, 1.0]}], "dry")
     material = material_of(assembly)
     mesh, loads = loaded_solids(assembly, None, assembly.labels)
-    units = spatial_units(assembly, material)
-    given = spatial_problem(assembly, assembly.labels, material, units, mesh, loads)
-    stress, velocity = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
+    units = units_of(assembly, material)
+    given = problem_of(assembly, material, units, mesh, loads)
+    stress, velocity = LowerBound(given).bound(assembly.labels), UpperBound(given).bound(assembly.labels)
     assert stress is not None
     assert velocity is not None
     power = stress_power(given, stress, velocity.velocity)
@@ -272,6 +272,6 @@ def test_refused_assemblies_and_options() -> None:
     ]
     for parts, live, words in refused:
         with pytest.raises(InputError, match=words):
-            spatial_bounds(scene(parts, live), most_tetrahedra=30)
+            bounds_by_fields(scene(parts, live), most=30)
     with pytest.raises(InputError, match="gap"):
-        spatial_bounds(scene([GROUND, cube], LOADS[0]), gap=0.0)
+        bounds_by_fields(scene([GROUND, cube], LOADS[0]), gap=0.0)

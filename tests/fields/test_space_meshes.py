@@ -10,10 +10,10 @@ import pytest
 from cases import all_inner
 from cases_spatial import box, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
-from jld_core.fields.space_bounds import SpatialSetting, spatial_bounds
-from jld_core.fields.space_joints import RigidBlocks, fitted_joints, rigid_balance
-from jld_core.fields.space_layers import layers_of, surface_of
-from jld_core.fields.space_loads import loaded_solids
+from jld_core.fields.bounds import FieldSetting, bounds_by_fields
+from jld_core.fields.layers import layers_of, surface_of
+from jld_core.fields.rigid_joints import RigidBlocks, fitted_joints, rigid_balance
+from jld_core.fields.solids import loaded_solids
 
 
 def scene(elements: list[dict[str, Any]], live: list[Any], label: str, **materials: Any) -> Assembly:
@@ -37,10 +37,10 @@ def test_cantilever_within_fifteen_percent() -> None:
     length, width, depth = 2.0, 0.25, 0.5
     parts = [box("wall", [-0.5, 0, 0], [0, width, depth], support=True), box("beam", [0, 0, 0], [length, width, depth])]
     live = [{"element": "beam", "force": [0, 0, -1], "at": [length, width / 2, depth / 2]}]
-    found = spatial_bounds(scene(parts, live, "inner"), gap=0.15, most_tetrahedra=150)
+    found = bounds_by_fields(scene(parts, live, "inner"), gap=0.15, most=150)
     plastic = 200.0 * width * depth**2 / 4.0
     assert found.gap <= 0.15
-    assert [step.tetrahedra for step in found.history] == [24, 144]
+    assert [step.simplices for step in found.history] == [24, 144]
     assert found.lower <= plastic / (length - 0.5 * depth)
     assert found.upper >= plastic / length
 
@@ -111,10 +111,10 @@ def tower(friction: float, cohesion: float = 0.0) -> Assembly:
 def test_rigid_blocks_at_nodes_are_those_by_faces(friction: float, cohesion: float) -> None:
     """Without cohesion forces at the nodes carry λ by faces; with it a cohesive block slides at μ + c A/W."""
     assembly = tower(friction, cohesion)
-    mesh, loads = loaded_solids(assembly, None, assembly.labels)
-    setting = SpatialSetting.of(assembly, assembly.labels, loads)
+    setting = FieldSetting.of(assembly, None, assembly.labels)
+    mesh = setting.coarse
     problem = setting.problem(mesh)
-    found = rigid_balance(problem, RigidBlocks.of(problem), at_nodes=True)
+    found = rigid_balance(problem, RigidBlocks.of(problem, assembly.labels), at_nodes=True)
     assert found is not None
     factor = setting.units.load * found.factor
     if cohesion:
@@ -127,11 +127,11 @@ def test_rigid_blocks_at_nodes_are_those_by_faces(friction: float, cohesion: flo
 def test_fitted_joints_lose_less_than_their_share() -> None:
     """Halving edges where tractions lose brings linear tractions to within 0.4 of the gap of forces at nodes."""
     assembly = tower(0.9)
-    mesh, loads = loaded_solids(assembly, None, assembly.labels)
-    setting = SpatialSetting.of(assembly, assembly.labels, loads)
-    fitted = fitted_joints(mesh, setting.problem, 0.2)
+    setting = FieldSetting.of(assembly, None, assembly.labels)
+    mesh = setting.coarse
+    fitted = fitted_joints(mesh, setting.problem, assembly.labels, 0.2)
     before, after = (setting.problem(one) for one in (mesh, fitted))
-    blocks = RigidBlocks.of(before)
+    blocks = RigidBlocks.of(before, assembly.labels)
     points, coarse, fine = (
         rigid_balance(problem, blocks, at_nodes=at_nodes)
         for problem, at_nodes in ((before, True), (before, False), (after, False))
@@ -147,16 +147,16 @@ def test_fitted_joints_lose_less_than_their_share() -> None:
 def test_a_mesh_without_dry_joints_is_not_changed() -> None:
     parts = [box("ground", [-1, -1, -1], [2, 2, 0], support=True), box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"body": [1, 0, 0]}], "inner")
-    mesh, loads = loaded_solids(assembly)
-    assert fitted_joints(mesh, SpatialSetting.of(assembly, assembly.labels, loads).problem, 0.15) is mesh
+    setting = FieldSetting.of(assembly, None, assembly.labels)
+    assert fitted_joints(setting.coarse, setting.problem, assembly.labels, 0.15) is setting.coarse
 
 
 def test_a_mesh_grows_as_far_as_its_limit_allows() -> None:
     """Where half as many again do not fit, the worst tetrahedra are bisected; nested meshes narrow both bounds."""
     parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("stone", [0, 0, 0], [1, 1, 0.6])]
     stone = scene(parts, [{"element": "stone", "force": [1, 0, -0.2], "at": [0.5, 0.5, 0.6]}], "inner")
-    found = spatial_bounds(stone, gap=1e-6, most_tetrahedra=34)
-    sizes = [step.tetrahedra for step in found.history]
+    found = bounds_by_fields(stone, gap=1e-6, most=34)
+    sizes = [step.simplices for step in found.history]
     assert 1.05 * sizes[0] <= sizes[1] <= 34 < 1.5 * sizes[0]
     first, second = found.history[:2]
     assert second.lower >= first.lower - 1e-6 * first.upper

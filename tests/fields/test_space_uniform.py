@@ -12,13 +12,12 @@ from scipy.optimize import linprog
 from cases_spatial import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
-from jld_core.fields.problem import Material, material_of
-from jld_core.fields.space_bounds import SpatialLowerBound
-from jld_core.fields.space_cones import normal_map, tensors
-from jld_core.fields.space_joints import SpatialProblem, spatial_problem, spatial_units
-from jld_core.fields.space_layers import SolidMesh, bisect, split_at_centroids
-from jld_core.fields.space_loads import loaded_solids
-from jld_core.fields.space_upper import SpatialUpperBound
+from jld_core.fields.forms import normal_map, tensors
+from jld_core.fields.lower import LowerBound
+from jld_core.fields.mesh import Mesh, bisect, split_at_centroids
+from jld_core.fields.problem import Material, Problem, material_of, problem_of, units_of
+from jld_core.fields.solids import loaded_solids
+from jld_core.fields.upper import UpperBound
 
 TENSION = 0.7
 COHESION = 1.0
@@ -27,7 +26,7 @@ INNER = {"tensile_strength": TENSION, "shear_strength": COHESION}
 
 
 @cache
-def cube(times: int) -> SpatialProblem:
+def cube(times: int) -> Problem:
     """A cube of side 1 without any interface: bisected as often as stated."""
     parts = [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
     document = {
@@ -41,7 +40,7 @@ def cube(times: int) -> SpatialProblem:
     for _ in range(times):
         mesh = bisect(mesh, np.ones(len(mesh), dtype=bool))
     material = material_of(assembly)
-    found = spatial_problem(assembly, assembly.labels, material, spatial_units(assembly, material), mesh, loads)
+    found = problem_of(assembly, material, units_of(assembly, material), mesh, loads)
     return replace(found, live=np.zeros_like(found.live))
 
 
@@ -71,10 +70,10 @@ CASES = [
 def test_uniform_stress(friction: float, crushing: float, stress: Floats, factor: float) -> None:
     """Both bounds are the factor at which the uniform stress reaches yield."""
     given = replace(cube(0), material=Material(TENSION, COHESION, friction, crushing))
-    outside = given.sides.b < 0
+    outside, labels = given.sides.b < 0, np.zeros(1, dtype=bool)
     pull = np.where(outside[:, None, None], (given.sides.normal @ stress)[:, None], 0.0).repeat(3, axis=1)
     given = replace(given, pull=pull)
-    lower, upper = SpatialLowerBound(given).bound(), SpatialUpperBound(given).bound()
+    lower, upper = LowerBound(given).bound(labels), UpperBound(given).bound(labels)
     assert lower is not None
     assert upper is not None
     assert lower.room >= 0.0
@@ -120,7 +119,7 @@ def test_tensors_and_tractions() -> None:
 @pytest.mark.parametrize("times", [0, 1, 4])
 def test_meshes_fill_the_cube(times: int) -> None:
     """Volumes add up, every triangle inside has two sides, gradients are exact, and no tetrahedron degenerates."""
-    mesh: SolidMesh = cube(times).mesh
+    mesh: Mesh = cube(times).mesh
     for one in (mesh, split_at_centroids(mesh)):
         sides = one.sides
         assert one.volume.min() > 0.02 * one.volume.max()

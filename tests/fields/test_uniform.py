@@ -26,8 +26,8 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
     mesh = Mesh(SQUARE, fan, np.zeros(4, dtype=np.int64), np.arange(4), ends, np.zeros(0, dtype=np.int64))
     mesh = subdivide(mesh, parts)
     tensor = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
-    free = mesh.edges.b < 0
-    pull = np.where(free[:, None, None], (mesh.edges.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
+    free = mesh.sides.b < 0
+    pull = np.where(free[:, None, None], (mesh.sides.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
     zero: Floats = np.zeros((len(mesh), 2))
     found = Problem(
         Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
@@ -38,7 +38,6 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
         zero,
         np.zeros_like(pull),
         pull,
-        np.zeros(0, dtype=bool),
     )
     return replace(found)
 
