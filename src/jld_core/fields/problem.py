@@ -238,18 +238,17 @@ def units_of(assembly: Assembly, material: Material) -> Units:
     elements, free = assembly.elements, assembly.elements.free
     volume = elements.volume[free].sum()
     if assembly.dimension == 2:
-        length = float(np.sqrt(volume / thickness_of(assembly)))
-        area = length * thickness_of(assembly)
+        width = thickness_of(assembly)
+        length = float(np.sqrt(volume / width))
     else:
-        length = float(np.cbrt(volume))
-        area = length**2
+        length = width = float(np.cbrt(volume))
     strength = min(material.shear, material.tension)
-    dead = assembly.total_dead / area
+    dead = assembly.total_dead / (length * width)
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
     origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
-    live = assembly.total_live
-    return Units(length, stress, stress * area / live, 1.0 / live, origin)
+    live, force = assembly.total_live, stress * length * width if assembly.dimension == 2 else stress * length**2
+    return Units(length, stress, force / live, 1.0 / live, origin)
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:

@@ -97,7 +97,8 @@ class UpperBound:
         forces = np.zeros((len(p.mesh), d + 1, d))
         rows = np.flatnonzero(pull.any(axis=(1, 2)))
         for corner in range(d):
-            share = (pull[rows, corner] + pull[rows].sum(axis=1)) * (s.area[rows] / (d * (d + 1)))[:, None]
+            others = np.delete(pull[rows], corner, axis=1).sum(axis=1)
+            share = (2.0 * pull[rows, corner] + others) * (s.area[rows] / (d * (d + 1)))[:, None]
             np.add.at(forces, (s.a[rows], s.corner_a[rows, corner]), share)
         return forces
 
