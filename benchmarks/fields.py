@@ -24,8 +24,7 @@ from benchmarks.scenes import ENUMERATED, bonded, box, grid, strength
 from jld_core import Assembly, InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.space_bounds import SpatialBounds, spatial_bounds
+from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
 from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread
 from jld_explore import Exploration, ExploreSettings, explore
@@ -67,7 +66,7 @@ def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float)
     found = bounds_by_fields(assembly, labels, gap=gap, seconds=40.0 * goal)
     seconds = time.process_time() - start
     bracket = f"{found.lower:.4g} {found.upper:.4g}"
-    meshes = f"{found.triangles} in {len(found.history)} meshes"
+    meshes = f"{found.simplices} in {len(found.history)} meshes"
     return [name, f"{100 * found.gap:.2f} %", bracket, meshes, f"**{seconds:.2f} s**", f"{goal:g} s"]
 
 
@@ -245,10 +244,10 @@ CASES: Final = (
 
 
 @one_thread()
-def bounds_of(assembly: Assembly, most: int) -> tuple[SpatialBounds, float]:
+def bounds_of(assembly: Assembly, most: int) -> tuple[FieldBounds, float]:
     """Bounds of the labelling of a scene, and the processor time that they took."""
     start = time.process_time()
-    found = spatial_bounds(assembly, gap=SPACE_GAP, most_tetrahedra=most)
+    found = bounds_by_fields(assembly, gap=SPACE_GAP, most=most)
     return found, time.process_time() - start
 
 
@@ -263,10 +262,10 @@ def space() -> None:
         assembly = case.build()
         faces = solve(assembly).load_factor
         found, seconds = bounds_of(assembly, case.most)
-        numbers = [f"{found.lower:.5g}", f"{found.upper:.5g}", f"{100.0 * found.gap:.1f} %", str(found.tetrahedra)]
+        numbers = [f"{found.lower:.5g}", f"{found.upper:.5g}", f"{100.0 * found.gap:.1f} %", str(found.simplices)]
         rows.append([case.name, case.what, f"{faces:.5g}", case.exact, *numbers, f"{seconds:.0f}"])
         print(rows[-1], flush=True)
-        steps += [[case.name, str(s.tetrahedra), f"{s.lower:.5g}", f"{s.upper:.5g}"] for s in found.history]
+        steps += [[case.name, str(s.simplices), f"{s.lower:.5g}", f"{s.upper:.5g}"] for s in found.history]
     head = "structure | what | λ by faces | closed form | lower | upper | gap | tetrahedra | processor s"
     text = [
         "# Bounds by fields in space",

@@ -62,7 +62,7 @@ def value(result: LimitAnalysisResult) -> float:
 
 def by_fields(assembly: Assembly, labels: Bits, gap: float, seconds: float) -> tuple[FieldBounds, FieldBounds]:
     """Bounds of a layout on uniform meshes up to 1000 triangles, and on adaptive ones to a gap."""
-    uniform = bounds_by_fields(assembly, labels, gap=1e-9, adaptive=False, most_triangles=1000, seconds=0.2 * seconds)
+    uniform = bounds_by_fields(assembly, labels, gap=1e-9, adaptive=False, most=1000, seconds=0.2 * seconds)
     return uniform, bounds_by_fields(assembly, labels, gap=gap, seconds=0.8 * seconds)
 
 
@@ -89,7 +89,7 @@ def rows_of(
     uniform, adaptive = by_fields(assembly, labels, gap, seconds - (time.perf_counter() - start))
     for name, bounds in (("fields, uniform", uniform), ("fields, adaptive", adaptive)):
         rows += [
-            {**common, "cracks": name, "cells": step.triangles, "lower": step.lower, "upper": step.upper}
+            {**common, "cracks": name, "cells": step.simplices, "lower": step.lower, "upper": step.upper}
             for step in bounds.history
         ]
     return rows, adaptive

@@ -43,9 +43,9 @@ def case(seed: int, tally: Tally) -> str:
     except InputError as error:
         tally.count("refused by the builder")
         return "" if "no path" in str(error) else f"refused: {error}"
-    found = bounds_by_fields(one, gap=1e-3, adaptive=False, most_triangles=_TRIANGLES)
-    again = bounds_by_fields(other, gap=1e-3, adaptive=False, most_triangles=_TRIANGLES)
-    finer = bounds_by_fields(one, gap=1e-3, most_triangles=2 * _TRIANGLES, seconds=2.0)
+    found = bounds_by_fields(one, gap=1e-3, adaptive=False, most=_TRIANGLES)
+    again = bounds_by_fields(other, gap=1e-3, adaptive=False, most=_TRIANGLES)
+    finer = bounds_by_fields(one, gap=1e-3, most=2 * _TRIANGLES, seconds=2.0)
     tally.count(found.status.value)
     scale = max(abs(found.upper) if math.isfinite(found.upper) else 0.0, 1e-3)
     lows = [step.lower for step in (*found.history, *finer.history)]

@@ -12,7 +12,6 @@ from benchmarks.claims.independent_fields import Array, Lattice, Pull, lower_bou
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.space_bounds import spatial_bounds
 
 CLAIM: Final = (
     "Bounds by fields under dead and live pressures, line loads, patches, forces with widths and self-weight agree "
@@ -44,10 +43,10 @@ def case(seed: int, tally: Tally) -> str:
         tally.count("the live load is in balance on every block")
         return "" if "the live load is zero" in str(error) else f"refused: {error}"
     if d == 2:
-        found = bounds_by_fields(assembly, gap=0.05, most_triangles=_MOST[2])
+        found = bounds_by_fields(assembly, gap=0.05, most=_MOST[2])
         low, high = found.lower, found.upper
     else:
-        solid = spatial_bounds(assembly, gap=0.3, most_tetrahedra=_MOST[3])
+        solid = bounds_by_fields(assembly, gap=0.3, most=_MOST[3])
         low, high = solid.lower, solid.upper
     own_low, own_high = lower_bound(lattice), upper_bound(lattice)
     where = "in the plane" if d == 2 else "in space"

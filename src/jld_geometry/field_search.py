@@ -18,10 +18,10 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.bounds import Fields, FieldSetting
-from jld_core.fields.cone_pattern import ConeProgram
+from jld_core.fields.cones import ConeProgram
 from jld_core.fields.loads import Segment, loaded_mesh, loaded_segments, loads_on
 from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.fields.problem import require_fields, units_of
+from jld_core.fields.problem import require_planar_fields, units_of
 from jld_core.fields.weak_equilibrium import WeakEquilibrium
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
@@ -56,7 +56,7 @@ class FieldMesh:
         distance, nearest = cKDTree(vertices.places).query(base.points)
         nearest = np.asarray(nearest, dtype=np.int64)
         own = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
-        ends = _ends(setting.loads.segments)
+        ends = _ends(setting.loads.tractions)
         loaded = np.empty(0, dtype=np.int64)
         if len(ends):
             loaded = np.unique(np.asarray(cKDTree(base.points).query(ends)[1], dtype=np.int64))
@@ -79,7 +79,7 @@ class FieldMesh:
         points = self.base.points + self.follow @ moved
         try:
             segments, rest = loaded_segments(assembly)
-            before, ends = _ends(old.loads.segments), _ends(segments)
+            before, ends = _ends(old.loads.tractions), _ends(segments)
             if len(ends) != len(before):
                 return None
             for node in self.loaded.tolist():
@@ -101,7 +101,7 @@ def _ends(segments: Sequence[Segment]) -> Floats:
 
 def _covers(assembly: Assembly, mesh: Mesh) -> bool:
     """Return whether the triangles of each cell have the area of their element."""
-    area = np.bincount(mesh.cell, mesh.area, minlength=len(assembly.elements))
+    area = np.bincount(mesh.cell, mesh.volume, minlength=len(assembly.elements))
     free = assembly.elements.free
     real = assembly.elements.volume[free] / float(assembly.interfaces.l2[0])
     return bool((abs(area[free] - real) <= SAME * real).all())
@@ -111,11 +111,11 @@ def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> s
     """Return weights (c, v) by which nodes of a coarse mesh follow vertices; own: (k,) nodes at `vertex` (k,)."""
     # ends of loads stay; others on outlines follow the neighbours whose edge they halve, inner ones the mean of theirs
     size = len(mesh.points)
-    unique, _ = mesh.sides
+    unique, _ = mesh.side_nodes
     # a node in the middle of an outline edge has two neighbours on the outline, and follows these alone
-    edges = mesh.edges
+    edges = mesh.sides
     outer = (edges.b < 0) | (edges.tag >= 0)
-    ends = mesh.triangles[edges.a[outer][:, None], edges.corner_a[outer]]
+    ends = mesh.simplices[edges.a[outer][:, None], edges.corner_a[outer]]
     on_outline = np.zeros(size, dtype=bool)
     on_outline[ends.ravel()] = True
     fixed = np.zeros(size, dtype=bool)
@@ -143,12 +143,12 @@ def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> s
 
 def _interpolation(coarse: Mesh, mesh: Mesh) -> sp.csr_array:
     """Return the weights (p, c) of nodes of a mesh in the triangles of its coarser mesh."""
-    nodes, first = np.unique(mesh.triangles.ravel(), return_index=True)
+    nodes, first = np.unique(mesh.simplices.ravel(), return_index=True)
     root = mesh.root[first // 3]
     away = mesh.points[nodes][:, None] - coarse.corners[root]
     share = 1.0 + np.einsum("nki,nki->nk", away, coarse.gradient[root])
     share[abs(share) < _ROUNDING] = 0.0
-    entries = (share.ravel(), (np.repeat(nodes, 3), coarse.triangles[root].ravel()))
+    entries = (share.ravel(), (np.repeat(nodes, 3), coarse.simplices[root].ravel()))
     found = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
     found.eliminate_zeros()
     return found
@@ -341,7 +341,7 @@ def move_by_fields(
         raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
     if assembly.has_low_values:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
-    require_fields(assembly)
+    require_planar_fields(assembly)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     fields = FieldSearch(search)
     best: tuple[FieldPoint, str] | None = None

@@ -19,8 +19,8 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.fields.governing import governing_bounds
-from jld_core.fields.problem import require_fields
+from jld_core.fields.bounds import governing_bounds
+from jld_core.fields.problem import require_planar_fields
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
@@ -301,7 +301,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     assembly.members.refuse("a move of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; in space `jld move` moves one layout")
-    require_fields(assembly)
+    require_planar_fields(assembly)
     # paths, ties and limits are checked with every candidate dry, where most vertices move
     space = search_space(scene, assembly)
     GeometrySearch(scene, assembly, space.fixed | space.candidates)

@@ -18,7 +18,7 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.problem import require_fields
+from jld_core.fields.problem import require_planar_fields
 from jld_core.files import require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
@@ -342,10 +342,10 @@ def _printed(
 
 def _by_fields(layout: Layout) -> tuple[float, float]:
     """Return bounds by fields on the governing factor; InputError where fields do not apply."""
-    require_fields(layout.assembly)
+    require_planar_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
-    found = [bounds_by_fields(one, layout.labels, most_triangles=most) for one in cases]
+    found = [bounds_by_fields(one, layout.labels, most=most) for one in cases]
     ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
     return min(low for low, _ in ends), min(high for _, high in ends)
 

@@ -40,7 +40,7 @@ class FieldBracket:
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
         self._assembly = assembly
         self._cases = [FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
-        largest = max(case.triangles for case in self._cases)
+        largest = max(case.simplices for case in self._cases)
         if largest > LARGEST:
             raise InputError("cracks", f"{largest} triangles are too many to follow by hand", "the command `jld solve`")
         self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
@@ -63,7 +63,7 @@ class FieldBracket:
             "bracket": [number(found.low) if ready else None, number(found.high)],
             "cases": [[None, None] if one is None else [number(one.lower), number(one.upper)] for one in self._bounds],
             "status": str(found.status),
-            "triangles": sum(bounds.triangles for bounds in known),
+            "triangles": sum(bounds.simplices for bounds in known),
             "seconds": self._spent,
             "more": self._next() is not None,
         }

@@ -358,7 +358,7 @@ def test_a_search_that_is_stopped_while_it_writes_has_its_page(tmp_path: Path, m
 
 def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
     """The number of corners alone says that fields would take too long."""
-    monkeypatch.setattr(field_check, "require_fields", lambda _: pytest.fail("it is meshed"))
+    monkeypatch.setattr(field_check, "require_planar_fields", lambda _: pytest.fail("it is meshed"))
     scene = parse_scene(grid_document(["a" * 40] * 40 + ["#" * 40]))
     assembly = build_assembly(scene)
     plan = field_check.plan_check(scene, assembly, search_space(scene, assembly), ExploreSettings())

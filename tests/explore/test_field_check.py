@@ -36,11 +36,11 @@ def test_the_best_are_bounded_by_fields(tmp_path: Path) -> None:
     assert known.tolist() == [True] * 3 + [False] * (len(table) - 3)
     for row in range(3):
         labels = from_string(str(table["labelling"][row]))
-        alone = bounds_by_fields(done.assembly, labels, gap=1e-9, most_triangles=1)
+        alone = bounds_by_fields(done.assembly, labels, gap=1e-9, most=1)
         assert table["fields_lo"][row] == pytest.approx(alone.lower, rel=1e-9)
         assert table["fields_hi"][row] == pytest.approx(alone.upper, rel=1e-9)
     space = search_space(done.scene, done.assembly)
-    whole = bounds_by_fields(done.assembly, space.fixed & ~space.candidates, gap=1e-9, most_triangles=1)
+    whole = bounds_by_fields(done.assembly, space.fixed & ~space.candidates, gap=1e-9, most=1)
     assert done.summary.facts["fields"]["uncut"] == pytest.approx([whole.lower, whole.upper], rel=1e-9)
     facts = words.facts_of_exploration(read_folder(tmp_path / "a"))
     assert done.summary.facts["fields"]["findings"]

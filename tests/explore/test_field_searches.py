@@ -443,7 +443,7 @@ def test_the_race_is_right(raced: Exploration) -> None:
     assert ((ranked["rank"] == 1) == (ranked["bracket_hi"] >= best)).all()
     some = table.iloc[[0, 1, *range(2, len(table), 6)]]
     for text, low, high in zip(some["labelling"], some["bracket_lo"], some["bracket_hi"], strict=True):
-        alone = bounds_by_fields(raced.assembly, from_string(str(text)), gap=1e-9, most_triangles=1)
+        alone = bounds_by_fields(raced.assembly, from_string(str(text)), gap=1e-9, most=1)
         assert np.isnan(low) or low <= alone.upper * (1 + 1e-9)
         if np.isfinite(alone.lower):
             assert alone.lower <= high * (1 + 1e-9)
@@ -511,7 +511,7 @@ def test_load_cases_race_by_the_governing_factor() -> None:
     low, high = pool.low(), pool.high()
     assert (low <= high * (1 + 1e-9)).all()
     for row, labels in enumerate(labellings):
-        alone = [bounds_by_fields(one, labels, gap=1e-9, most_triangles=1) for one in assembly.by_case]
+        alone = [bounds_by_fields(one, labels, gap=1e-9, most=1) for one in assembly.by_case]
         least = min(one.lower / factor for one, factor in zip(alone, assembly.required, strict=True))
         most = min(one.upper / factor for one, factor in zip(alone, assembly.required, strict=True))
         assert least <= high[row] * (1 + 1e-9)
@@ -527,7 +527,7 @@ def test_other_drivers_race_the_best_of_what_they_found(tmp_path: Path) -> None:
     ranked = done.results[done.results["rank"].notna()]
     assert len(ranked)
     for row in ranked.itertuples():
-        alone = bounds_by_fields(done.assembly, from_string(str(row.labelling)), gap=1e-9, most_triangles=1)
+        alone = bounds_by_fields(done.assembly, from_string(str(row.labelling)), gap=1e-9, most=1)
         assert row.bracket_lo >= alone.lower * (1 - 1e-9)
         assert row.bracket_hi <= alone.upper * (1 + 1e-9)
         assert row.load_factor == row.bracket_lo

@@ -11,28 +11,33 @@ import pytest
 from benchmarks.claims import fields
 from benchmarks.claims.geometry import Move
 
-from cases import ROUTE
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.fields.bounds import disagreement
+from jld_core.arrays import Bits, Floats
+from jld_core.fields.adaptive import disagreement
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.problem import material_of, problem_of, units_of
+from jld_core.fields.mesh import Mesh, patch_tag
+from jld_core.fields.problem import Material, material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
+from jld_core.strengths import Route
+
+ROUTE = Route("a test")
 
 
-def tractions(assembly: Assembly, mesh: Any, loads: Any, edge: int, end: int) -> np.ndarray:
+def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
     """Live traction at one end of an outline edge."""
-    index = int(mesh.edges.tag[edge]) - len(assembly.interfaces)
-    if index < 0:
+    tags = [patch_tag(index) for index in range(len(loads.tractions))]
+    tag = int(mesh.sides.tag[edge])
+    if tag not in tags:
         return np.zeros(2)
-    segment = loads.segments[index]
-    place = mesh.corners[mesh.edges.a[edge], mesh.edges.corner_a[edge, end]]
+    segment = loads.tractions[tags.index(tag)]
+    place = mesh.corners[mesh.sides.a[edge], mesh.sides.corner_a[edge, end]]
     along = segment.ends[1] - segment.ends[0]
     share = float((place - segment.ends[0]) @ along / (along @ along))
     return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
 
 
-def lower_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
+def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
     """Largest λ with stresses (σx, σy, τxy) at corners, in units of a stress; yield as three cones at each corner."""
     s = [[cp.Variable(3) for _ in range(3)] for _ in range(len(mesh))]
     factor = cp.Variable()
@@ -49,7 +54,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray
             rules += [m + radius <= material.tension / unit]
             if math.isfinite(material.crushing):
                 rules += [radius - m <= material.crushing / unit]
-    e, count = mesh.edges, len(assembly.interfaces)
+    e, count = mesh.sides, len(assembly.interfaces)
     for edge in range(len(e)):
         nx, ny = e.normal[edge]
         for end in range(2):
@@ -73,7 +78,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray
     return float(program.value)
 
 
-def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
+def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
     """Least power less dead work at live work one; support functions by multipliers y ≥ 0 of each yield condition."""
     v = [[cp.Variable(2) for _ in range(3)] for _ in range(len(mesh))]
     rules: list[Any] = []
@@ -94,11 +99,11 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray
         g = mesh.gradient[t]
         x, y = (sum(g[k, i] * v[t][k][i] for k in range(3)) for i in (0, 1))
         gamma = sum(g[k, 1] * v[t][k][0] + g[k, 0] * v[t][k][1] for k in range(3))
-        power += mesh.area[t] * dissipation(x + y, cp.hstack([x - y, gamma]))
+        power += mesh.volume[t] * dissipation(x + y, cp.hstack([x - y, gamma]))
         middle = (v[t][0] + v[t][1] + v[t][2]) / 3
-        dead += mesh.area[t] * (loads.dead[t] / unit) @ middle
-        live += mesh.area[t] * (loads.live[t] / unit) @ middle
-    e, count = mesh.edges, len(assembly.interfaces)
+        dead += mesh.volume[t] * (loads.dead[t] / unit) @ middle
+        live += mesh.volume[t] * (loads.live[t] / unit) @ middle
+    e, count = mesh.sides, len(assembly.interfaces)
     for edge in range(len(e)):
         normal = e.normal[edge]
         along = np.array([-normal[1], normal[0]])
@@ -106,12 +111,12 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray
         one, two = (v[e.a[edge]][e.corner_a[edge, end]] for end in (0, 1))
         if e.b[edge] < 0 and not 0 <= face < count:
             p, q = (tractions(assembly, mesh, loads, edge, end) / unit for end in (0, 1))
-            live += e.length[edge] / 6 * ((2 * p + q) @ one + (p + 2 * q) @ two)
+            live += e.area[edge] / 6 * ((2 * p + q) @ one + (p + 2 * q) @ two)
             continue
         for end, own in enumerate((one, two)):
             jump = (v[e.b[edge]][e.corner_b[edge, end]] if e.b[edge] >= 0 else np.zeros(2)) - own
             opening, slip = normal @ jump, along @ jump
-            half = 0.5 * e.length[edge]
+            half = 0.5 * e.area[edge]
             if 0 <= face < count and labels[face]:
                 strengths = assembly.strengths(ROUTE)
                 lack = strengths.friction[face] * cp.abs(slip) - opening
@@ -132,6 +137,7 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
+    assert scenes is not None
     assembly = build_assembly(parse_scene(scenes[0]))
     mesh, loads = loaded_mesh(assembly)
     material = material_of(assembly)
@@ -143,6 +149,7 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
         # no stress field of this mesh carries the dead load
         assert lower_by_cvxpy(*given) == -math.inf
         return
+    assert high is not None
     assert low.factor * units.load == pytest.approx(lower_by_cvxpy(*given), rel=1e-5)
     assert high.factor * units.load == pytest.approx(upper_by_cvxpy(*given), rel=1e-5)
     # the local differences between power and stress power add up to the gap

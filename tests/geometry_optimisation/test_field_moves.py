@@ -81,7 +81,7 @@ def test_meshes_follow_vertices() -> None:
     assembly = search.evaluator.assembly(values)
     moved = search.variables.places(values) - search.variables.start
     mesh = point.meshes[0].at(assembly, moved)
-    area = np.bincount(mesh.mesh.cell, mesh.mesh.area, minlength=len(assembly.elements))
+    area = np.bincount(mesh.mesh.cell, mesh.mesh.volume, minlength=len(assembly.elements))
     free = assembly.elements.free
     assert area[free] * assembly.interfaces.l2[0] == pytest.approx(assembly.elements.volume[free], rel=1e-12)
     linear = mesh.mesh.points - point.meshes[0].mesh.points
@@ -112,7 +112,7 @@ def test_moved_joints_carry_more_by_fields() -> None:
     assembly = build_assembly(scene)
     done = move_by_fields(scene, assembly, assembly.labels, seconds=120.0)
     after = build_assembly(done.scene)
-    before, moved = (bounds_by_fields(one, gap=0.05, most_triangles=70) for one in (assembly, after))
+    before, moved = (bounds_by_fields(one, gap=0.05, most=70) for one in (assembly, after))
     assert before.upper == pytest.approx(0.78125, rel=1e-3)  # both upper bricks turn, as by faces
     assert moved.upper == pytest.approx(FRICTION, rel=1e-3)
     assert before.lower < 0.9 * moved.lower

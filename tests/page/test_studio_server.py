@@ -116,8 +116,8 @@ def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pyt
     answers = [local.api("fields", asked)[1] for _ in range(3)]
     assert [one["more"] for one in answers] == [True] * 3
     assembly = build_assembly(parse_scene(small_scene() | soft()))
-    alone = bounds_by_fields(assembly, gap=0.05, most_triangles=answers[-1]["triangles"])
-    assert [one["triangles"] for one in answers] == [step.triangles for step in alone.history]
+    alone = bounds_by_fields(assembly, gap=0.05, most=answers[-1]["triangles"])
+    assert [one["triangles"] for one in answers] == [step.simplices for step in alone.history]
     assert answers[-1]["bracket"] == pytest.approx([alone.lower, alone.upper], rel=1e-9)
     for one, after in pairwise(answers):
         assert one["bracket"][0] < after["bracket"][0] < after["bracket"][1] < one["bracket"][1]
@@ -161,7 +161,7 @@ def test_load_cases_are_bracketed_together() -> None:
     own = "".join("d" if dry else "i" for dry in assembly.labels)
     assert desk.fields(own, {})["bracket"][0] is None
     found = desk.fields(own, {})
-    each = [bounds_by_fields(case, assembly.labels, gap=1e-9, most_triangles=1) for case in assembly.by_case]
+    each = [bounds_by_fields(case, assembly.labels, gap=1e-9, most=1) for case in assembly.by_case]
     sides = [one.lower for one in each], [one.upper for one in each]
     ends = [min(end / need for end, need in zip(side, assembly.required, strict=True)) for side in sides]
     assert found["bracket"] == pytest.approx(ends, rel=1e-9)

@@ -1,8 +1,6 @@
 """Stress and velocity fields in the blocks: two-sided bounds on λ, with cracks anywhere.
 
-`space_bounds` has the same for one layout in space.
-
-- `bounds_by_fields`: bounds on λ of one labelling of planar blocks
+- `bounds_by_fields`: bounds on λ of one labelling, in the plane or in space
 """
 
 from __future__ import annotations

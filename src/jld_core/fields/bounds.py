@@ -1,75 +1,78 @@
-"""Bounds on λ of blocks that crack anywhere, refined where the two fields disagree."""
+"""Bounds on λ of blocks that crack anywhere, refined where the two fields disagree; in the plane and in space."""
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.fields.loads import FieldLoads, loaded_mesh
+from jld_core.fields.adaptive import finer_in_plane, finer_in_space
+from jld_core.fields.forms import tensors
+from jld_core.fields.loads import FieldLoads, Segment, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField
-from jld_core.fields.mesh import Mesh, fanned, refine, subdivide
-from jld_core.fields.problem import (
-    Material,
-    Problem,
-    Units,
-    material_of,
-    problem_of,
-    require_planar,
-    require_refinement,
-    units_of,
-)
+from jld_core.fields.mesh import Mesh, bisect, fanned, refine, split_at_centroids, subdivide
+from jld_core.fields.problem import Material, Problem, Units, material_of, problem_of, require_refinement, units_of
 from jld_core.fields.transfer import FieldMechanism, FieldStresses, mechanism_of, stresses_of
 from jld_core.fields.upper import UpperBound, VelocityField
 
-# Share of the indicator that marked triangles hold together (Dörfler marking). With 0.5 the flagship needs 3500
-# triangles for a bracket of 3.4 %, with 0.25 it has 3.1 % on 2400.
-_SHARE = 0.25
+# Gap at which refinement ends by the dimension, and simplices at which it ends: programs of more take minutes and
+# gigabytes
+_GAP = {2: 0.05, 3: 0.15}
+_MOST = {2: 20_000, 3: 12_000}
 
-# Share as `_SHARE` while a bound is missing: larger, since any field will do and each mesh takes time
-_SHARE_WITHOUT = 0.5
+_GROWTH = {2: 1.3, 3: 1.7}  # exponent of the number of simplices in the time of a mesh, to predict that of the next one
 
-_MOST_MARKED = 0.4  # largest share of triangles that one refinement marks
+_LEAST_GROWTH = {2: 1.0, 3: 1.05}  # growth of a mesh up to which it is not worth its time
 
-# Weight of the area in the indicator, the disagreement having 1, so that no triangle stays coarse for ever
-_EVERYWHERE = 0.1
+# Number of meshes after which refinement ends if a bound is still missing. The dead load needs fine meshes at few
+# places.
+_PATIENCE = 8
 
-_STRESSED = 0.5  # Weight of the multipliers of stresses in the indicator. By disagreement alone the lower bound stalls.
+# Meshes from one upper bound to the next where the lower bound comes first. An upper bound takes three to five times as
+# long as a lower one on the same mesh.
+_UPPER_EACH = 3
 
-_SINGULAR = 0.7  # share of the multipliers of a triangle at one corner above which that corner is taken as singular
-
-_FAN = np.radians(20.0)  # angle below which a triangle at a singular corner is not split further about it
-
-_LEAST_AREA = 1e-9  # smallest area of a triangle over that of all: smaller ones are not split again
+_DEFORMS = 0.1  # share of the dissipation from which a cell that is long or flat is cut in layers
 
 
 @dataclass(frozen=True)
 class FieldSetting:
-    """Data that all meshes and labellings of one assembly share."""
+    """Data that all meshes of one assembly share; in the plane all labellings share it as well."""
 
-    assembly: Assembly  # planar assembly with one load case
+    assembly: Assembly  # with one load case
     material: Material  # material of the blocks, scene units
     units: Units
     coarse: Mesh  # coarsest mesh
     loads: FieldLoads  # loads over it
 
     @classmethod
-    def of(cls, assembly: Assembly, patch: float | None = None) -> FieldSetting:
-        """Compute material, units, coarsest mesh and loads of a planar assembly.
+    def of(
+        cls, assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
+    ) -> FieldSetting:
+        """Compute material, units, coarsest mesh and loads of an assembly.
 
-        Raises InputError as `material_of` and `loaded_mesh` do.
+        labels, cut: in space, the labels (m,) whose dry interfaces have rings of triangles, and the cells to cut in
+        layers. Raises InputError as `material_of` and `loaded_mesh` or `loaded_solids` do.
         """
         material = material_of(assembly)
-        coarse, loads = loaded_mesh(assembly, patch)
-        ends = [end for segment in loads.segments for end in segment.ends]
-        return cls(assembly, material, units_of(assembly, material), fanned(coarse, ends), loads)
+        if assembly.dimension == 2:
+            coarse, loads = loaded_mesh(assembly, patch)
+            ends = [end for segment in loads.tractions if isinstance(segment, Segment) for end in segment.ends]
+            coarse = fanned(coarse, ends)
+        else:
+            from jld_core.fields.solids import loaded_solids  # planar scenes do not load it
+
+            coarse, loads = loaded_solids(assembly, patch, labels, cut)
+        return cls(assembly, material, units_of(assembly, material), coarse, loads)
 
     def problem(self, mesh: Mesh) -> Problem:
         """Return the scaled problem on a mesh that was refined from `coarse`; see `problem_of`."""
@@ -80,7 +83,8 @@ class FieldSetting:
 class Fields:
     """Certified fields of one labelling on one mesh."""
 
-    mesh: Mesh  # triangles, scene coordinates
+    mesh: Mesh  # simplices of the velocities, scene coordinates
+    split: Mesh  # simplices of the stresses: the same in the plane; in space each is split in four at its centroid
     labels: Bits  # (m,) True = dry
     lower: LowerBound  # program of the stresses, scaled
     upper: UpperBound  # program of the velocities, scaled
@@ -96,16 +100,20 @@ class Fields:
         labels: (m,) True = dry. velocities: False leaves the velocity field out, so that `velocity` is None. Nothing is
         raised where a solver fails: the field is then None.
         """
-        problem = setting.problem(mesh)
-        lower, upper = LowerBound(problem), UpperBound(problem)
+        problem = fine = setting.problem(mesh)
+        split = mesh
+        if mesh.dimension == 3:
+            split = split_at_centroids(mesh)
+            fine = setting.problem(split)
+        lower, upper = LowerBound(fine), UpperBound(problem)
         velocity = upper.bound(labels) if velocities else None
         weak = velocity is not None and velocity.factor * problem.units.load < enough
-        return cls(mesh, labels, lower, upper, None if weak else lower.bound(labels), velocity)
+        return cls(mesh, split, labels, lower, upper, None if weak else lower.bound(labels), velocity)
 
     @property
     def problem(self) -> Problem:
-        """Scaled problem on the mesh, which both fields belong to."""
-        return self.lower.problem
+        """Scaled problem on the mesh of the velocities."""
+        return self.upper.problem
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -127,28 +135,26 @@ class Fields:
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
-    def finer(self, adaptive: bool = True, *, steps: bool = True) -> Mesh:
+    def finer(self, adaptive: bool = True, *, steps: bool = True, most: int = _MOST[3]) -> Mesh:
         """Return the next mesh: refined where the fields disagree, or everywhere.
 
-        adaptive: False splits every triangle in four. True splits the triangles with the largest criterion of
-        docs/method.md (9.12). Without a stress field the criterion uses that for the dead load alone. Without either
-        field all but the smallest triangles are split. steps: False marks more triangles at once, for fewer meshes.
+        adaptive: False splits every triangle in four, and bisects every tetrahedron. True splits the simplices with the
+        largest criterion of docs/method.md (9.12). Without a stress field the criterion uses that for the dead load
+        alone in the plane. steps: False marks more triangles at once, for fewer meshes. most: tetrahedra that the mesh
+        does not exceed.
         """
+        p, every = self.problem, np.ones(len(self.mesh), dtype=bool)
+        if self.mesh.dimension == 3:
+            if not adaptive or self.stress is None:
+                return bisect(self.mesh, every)
+            return finer_in_space(self.mesh, p, self.lower.problem, self.labels, self.stress, self.velocity, most)
         if not adaptive:
-            return refine(self.mesh, np.ones(len(self.mesh), dtype=bool))
-        stress = self.stress if self.stress is not None else self._under_dead_load()
-        both = self.stress is not None and self.velocity is not None
-        share = _SHARE if steps and both else _SHARE_WITHOUT
-        marks = _marks(self.problem, stress, self.velocity, share)
-        return refine(self.mesh, marks, _singular_corners(self.problem, stress))
-
-    def _under_dead_load(self) -> StressField | None:
-        """Return the stress field under the largest multiple of the dead load alone.
-
-        None without dead load, or where no field was certified. Its `rate` shows where the mesh is too coarse.
-        """
-        p = self.problem
-        return LowerBound(p.under_dead_load()).bound(self.labels) if p.loaded else None
+            return refine(self.mesh, every)
+        stress = self.stress
+        if stress is None and p.loaded:
+            # the stress field under the largest multiple of the dead load alone shows where the mesh is too coarse
+            stress = LowerBound(p.under_dead_load()).bound(self.labels)
+        return finer_in_plane(self.mesh, p, stress, self.velocity, steps and self.stress is not None)
 
 
 class CoarseBounds:
@@ -157,8 +163,8 @@ class CoarseBounds:
     The two cone programs are set up once. Another labelling only switches rows and costs. Several labellings take a
     third of the time for each when they are bounded together, and their bounds are the same.
 
-    setting: assembly with its coarsest mesh. many: False for a few labellings alone, which are solved as by `Fields`;
-    see `ConeProgram`.
+    setting: planar assembly with its coarsest mesh. many: False for a few labellings alone, which are solved as by
+    `Fields`; see `ConeProgram`.
     """
 
     def __init__(self, setting: FieldSetting, many: bool = True) -> None:
@@ -200,108 +206,6 @@ class CoarseBounds:
         return np.array(low), np.array(high)
 
 
-def _marks(problem: Problem, stress: StressField | None, velocity: VelocityField | None, wanted: float) -> Bools:
-    """Mark the triangles to split, (t,) True, by the criterion of docs/method.md (9.12).
-
-    stress: None marks all but the smallest triangles. velocity: None leaves the disagreement of the fields out.
-    """
-    count = len(problem.mesh)
-    small = problem.mesh.area < _LEAST_AREA * problem.mesh.area.sum()
-    if stress is None:
-        return np.asarray(~small)
-    parts = [(_EVERYWHERE, problem.mesh.area), (_STRESSED, np.maximum(stress.rate, 0.0).sum(axis=1))]
-    if velocity is not None:
-        parts.append((1.0, np.maximum(disagreement(problem, stress, velocity), 0.0)))
-    error = np.zeros(count)
-    for weight, part in parts:
-        error += weight * part / max(float(part.sum()), 1e-300)
-    error[small] = 0.0
-    return _leading(error, wanted)
-
-
-def _leading(error: Floats, wanted: float) -> Bools:
-    """Mark the triangles (t,) of largest error that together hold a share of its sum.
-
-    error: (t,), at least 0.
-    """
-    order = np.argsort(-error, kind="stable")
-    share = np.cumsum(error[order])
-    enough = int(np.searchsorted(share, wanted * share[-1])) + 1
-    marks = np.zeros(len(error), dtype=bool)
-    marks[order[: min(enough, max(1, int(_MOST_MARKED * len(error))))]] = True
-    return marks
-
-
-def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
-    """Refine a mesh for velocity fields alone.
-
-    power: (t,) dissipation in each triangle with half of its edges, any unit. Result: mesh with those triangles split
-    that dissipate most.
-    """
-    area = mesh.area
-    error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE * area / float(area.sum())
-    return refine(mesh, _leading(np.where(area < _LEAST_AREA * area.sum(), 0.0, error), _SHARE))
-
-
-def _singular_corners(problem: Problem, stress: StressField | None) -> Ints:
-    """Return the corner (t,) at which to bisect each triangle, −1 for no preference."""
-    # A corner counts if it holds most of `stress.rate` of its triangle and its angle is wide. Stresses jump at ends of
-    # loads and at corners of blocks; only a fan of triangles about such a node can follow. Without `stress` all are −1.
-    none = np.full(len(problem.mesh), -1, dtype=np.int64)
-    if stress is None:
-        return none
-    corners = problem.mesh.corners
-    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
-    cross = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
-    angle = np.arctan2(cross, (one * two).sum(axis=2))
-    rate = np.maximum(stress.rate, 0.0)
-    top = rate.argmax(axis=1)
-    every = np.arange(len(top))
-    singular = (rate[every, top] > _SINGULAR * rate.sum(axis=1)) & (angle[every, top] > _FAN)
-    return np.where(singular, top, none)
-
-
-def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
-    """Compute each triangle's share (t,) of the gap between the bounds, scaled λ."""
-    # The share is the dissipation of the velocity field minus the power of the stress field on its strain rates. Half
-    # of the dissipation of an edge belongs to each of its triangles. Up to the opening that `UpperBound.certify` added,
-    # the sum is upper less lower bound. Both fields belong to `problem` and one labelling; the result steers
-    # refinement.
-    p, e = problem, problem.edges
-    v = velocity.velocity
-    slope = np.einsum("tki,tkj->tij", v, p.mesh.gradient)
-    mean = stress.stress.mean(axis=1)
-    power = mean[:, 0] * (slope[:, 0, 0] + slope[:, 1, 1]) + mean[:, 1] * (slope[:, 0, 0] - slope[:, 1, 1])
-    power = p.mesh.area * (power + mean[:, 2] * (slope[:, 0, 1] + slope[:, 1, 0]))
-    rows = np.flatnonzero((e.b >= 0) | (p.face >= 0))
-    jump = -v[e.a[rows][:, None], e.corner_a[rows]]
-    both = e.b[rows] >= 0
-    jump[both] += v[e.b[rows[both]][:, None], e.corner_b[rows[both]]]
-    own = stress.stress[e.a[rows][:, None], e.corner_a[rows]]
-    nx, ny = e.normal[rows, 0][:, None], e.normal[rows, 1][:, None]
-    m, d, s = own[..., 0], own[..., 1], own[..., 2]
-    pull = np.stack([(m + d) * nx + s * ny, s * nx + (m - d) * ny], axis=-1)
-    ends = (2.0 * (pull * jump).sum(axis=2) + (pull * jump[:, ::-1]).sum(axis=2)) / 6.0
-    total = e.length[rows] * ends.sum(axis=1)
-    np.add.at(power, e.a[rows], np.where(both, 0.5, 1.0) * total)
-    np.add.at(power, e.b[rows[both]], 0.5 * total[both])
-    return np.asarray(velocity.dissipation - power)
-
-
-_MOST_TRIANGLES = 20_000  # triangles at which refinement ends: programs of more take minutes
-
-_GROWTH = 1.3  # exponent of the number of triangles in the time of a mesh, to predict the time of the next one
-
-# Number of meshes after which refinement ends if a bound is still missing. The dead load needs fine meshes at few
-# places.
-_PATIENCE = 8
-
-
-# Meshes from one upper bound to the next where the lower bound comes first. An upper bound takes three to five times as
-# long as a lower one on the same mesh.
-_UPPER_EACH = 3
-
-
 class FieldStatus(StrEnum):
     """How the computation of a two-sided bound by fields ended.
 
@@ -338,7 +242,7 @@ def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
 class FieldStep:
     """Bounds on one mesh."""
 
-    triangles: int  # number of triangles
+    simplices: int  # number of triangles or tetrahedra
     # lower, upper: bounds on λ from this mesh alone, infinite where none was found
     lower: float
     upper: float
@@ -347,22 +251,22 @@ class FieldStep:
 
 @dataclass(frozen=True)
 class Stresses:
-    """Certified stress field, linear in each triangle."""
+    """Certified stress field, linear in each simplex."""
 
-    mesh: Mesh  # triangles
-    stress: Floats  # (t, 3, 3) stresses (σx, σy, τxy) at the three corners of each triangle, scene units
+    mesh: Mesh  # simplices, scene units
+    # stresses at the corners of each simplex, tension positive, scene units: (t, 3, 3) values (σx, σy, τxy) in the
+    # plane, (t, 4, 3, 3) tensors in space
+    stress: Floats
 
 
 @dataclass(frozen=True)
 class Velocities:
-    """Certified velocity field, linear in each triangle; the live load does unit work on it."""
+    """Certified velocity field, linear in each simplex; the live load does unit work on it."""
 
-    mesh: Mesh  # triangles, scene units
-    # (t, 3, 2) velocities u at the three corners of each triangle, scene units: b_λ·u = 1 for the live load b_λ of λ =
-    # 1
+    mesh: Mesh  # simplices, scene units
+    # (t, d + 1, d) velocities u at the corners of each simplex, scene units: b_λ·u = 1 for the live load b_λ of λ = 1
     velocity: Floats
-    # (t,) power in each triangle with half of its edges, a work as b_λ·u. Their sum less the work of the dead load is
-    # λ.
+    # (t,) power in each simplex with half of its sides, a work as b_λ·u. Their sum less the work of the dead load is λ.
     dissipation: Floats
 
 
@@ -370,53 +274,81 @@ class Velocities:
 class FieldBounds:
     """Two-sided bound on λ of blocks that may fail in any way."""
 
-    lower: float  # λ that a certified stress field carries, −inf where none was found
-    upper: float  # λ that a certified velocity field allows, inf where none was found
-    status: FieldStatus  # why the refinement ended
-    triangles: int  # number of triangles of the last mesh
-    seconds: float  # time, s
-    history: tuple[FieldStep, ...]  # one entry for each mesh
-    stresses: Stresses | None  # field of the best lower bound
-    velocities: Velocities | None  # field of the best upper bound
+    dimension: int  # 2 for triangles, 3 for tetrahedra
+    lower: float = -math.inf  # λ that a certified stress field carries, −inf where none was found
+    upper: float = math.inf  # λ that a certified velocity field allows, inf where none was found
+    status: FieldStatus = FieldStatus.OPEN  # why the refinement ended
+    history: tuple[FieldStep, ...] = ()  # one entry for each mesh
+    stresses: Stresses | None = None  # field of the best lower bound
+    velocities: Velocities | None = None  # field of the best upper bound
 
     @property
     def gap(self) -> float:
         """Width of the bracket over its larger end, inf where a bound is missing."""
         return relative_gap(self.lower, self.upper)
 
+    @property
+    def shape(self) -> str:
+        """Name of the simplices, in the plural."""
+        return "triangles" if self.dimension == 2 else "tetrahedra"
+
+    @property
+    def simplices(self) -> int:
+        """Number of simplices of the last mesh."""
+        return self.history[-1].simplices if self.history else 0
+
+    @property
+    def seconds(self) -> float:
+        """Time of all meshes, s."""
+        return self.history[-1].seconds if self.history else 0.0
+
+    def improved(self, fields: Fields, seconds: float, gap: float) -> FieldBounds:
+        """Return these bounds with each one that the fields of a further mesh improve."""
+        units, (lower, upper), best = fields.problem.units, fields.bounds, self
+        if fields.stress is not None and lower > best.lower:
+            stress = units.stress * tensors(fields.stress.stress)
+            if self.dimension == 2:
+                stress = np.stack([stress[..., 0, 0], stress[..., 1, 1], stress[..., 0, 1]], axis=-1)
+            best = replace(best, lower=lower, stresses=Stresses(fields.split, stress))
+        if fields.velocity is not None and upper < best.upper:
+            velocity, power = units.velocity * fields.velocity.velocity, units.load * fields.velocity.dissipation
+            best = replace(best, upper=upper, velocities=Velocities(fields.mesh, velocity, power))
+        steps = (*best.history, FieldStep(len(fields.mesh), lower, upper, seconds))
+        return replace(best, history=steps, status=status_of_bounds(best.lower, best.upper, gap))
+
 
 def bounds_by_fields(
     assembly: Assembly,
     labels: Bits | None = None,
     *,
-    gap: float = 0.05,
+    gap: float | None = None,
     seconds: float | None = None,
     patch: float | None = None,
     parts: int = 1,
     adaptive: bool = True,
-    most_triangles: int = _MOST_TRIANGLES,
+    most: int | None = None,
 ) -> FieldBounds:
     """Bound the load factor of blocks that may fail in any way, from both sides.
 
     Parameters
     ----------
     assembly : Assembly
-        Planar assembly with one load case; blocks are made of its inner strengths.
+        Assembly with one load case, in space of convex cells; blocks are made of its inner strengths.
     labels : (m,) bool array, optional
         True = dry joint; False = inside a block. By default the labels of the scene.
-    gap : float
-        Width of the bracket, relative, at which refinement ends; above 0.
+    gap : float, optional
+        Width of the bracket, relative, at which refinement ends; above 0. By default 0.05, in space 0.15.
     seconds : float, optional
         No mesh is begun that is not expected to be done by then; the first one always is. By default no limit, s.
     patch : float, optional
         Length of the patch that each live force on a free face is spread on; by default the whole face (docs/method.md
         (9.5)).
     parts : int
-        Parts of each edge of the first mesh.
+        Parts of each edge of the first mesh, in the plane.
     adaptive : bool
         Refine where the fields disagree; otherwise everywhere.
-    most_triangles : int
-        Triangles that no mesh exceeds, save the first.
+    most : int, optional
+        Triangles or tetrahedra that no mesh exceeds, save the first. By default 20 000, in space 12 000.
 
     Returns
     -------
@@ -426,11 +358,11 @@ def bounds_by_fields(
     Raises
     ------
     InputError
-        Scenes in space, several load cases, a gap that is not above 0, and scenes that `material_of` or `loaded_mesh`
+        Several load cases, a gap that is not above 0, and scenes that `material_of`, `loaded_mesh` or `loaded_solids`
         refuses.
     """
     refinement = FieldRefinement(
-        assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most_triangles=most_triangles
+        assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most=most, seconds=seconds
     )
     found = refinement.step()
     while not refinement.ended and (seconds is None or refinement.expected <= seconds):
@@ -444,8 +376,9 @@ class FieldRefinement:
     Call `step` until `ended`. Each step solves one mesh and returns the best of both bounds so far. Use it instead of
     `bounds_by_fields` where the caller decides after each mesh whether to go on.
 
-    lower_first: True raises the lower bound two to three times as fast: each mesh marks more triangles, and only every
-    third mesh has an upper bound. Raises InputError as `bounds_by_fields`.
+    lower_first: True raises the lower bound two to three times as fast in the plane: each mesh marks more triangles,
+    and only every third mesh has an upper bound. seconds: time that meshes in space are fitted to. Raises InputError as
+    `bounds_by_fields`.
     """
 
     def __init__(
@@ -453,28 +386,43 @@ class FieldRefinement:
         assembly: Assembly,
         labels: Bits | None = None,
         *,
-        gap: float = 0.05,
+        gap: float | None = None,
         patch: float | None = None,
         parts: int = 1,
         adaptive: bool = True,
-        most_triangles: int = _MOST_TRIANGLES,
+        most: int | None = None,
         lower_first: bool = False,
+        seconds: float | None = None,
     ) -> None:
         self._spent, start = 0.0, time.perf_counter()
-        self._labels = _require(assembly, labels, gap, parts, patch)
-        self._gap, self._adaptive, self._most = gap, adaptive, most_triangles
-        self._setting = FieldSetting.of(assembly, patch)
-        self._mesh: Mesh | None = subdivide(self._setting.coarse, parts)
-        self._best, self._steps, self._lower_first = _Best(), list[FieldStep](), lower_first
+        self._dimension = assembly.dimension
+        self._gap = _GAP[self._dimension] if gap is None else gap
+        self._labels = require_refinement(assembly, labels, self._gap, patch)
+        if parts < 1:
+            raise InputError("parts", f"{parts} is wrong", "a whole number of at least 1")
+        self._adaptive, self._patch, self._seconds = adaptive, patch, seconds
+        self._most = _MOST[self._dimension] if most is None else most
+        self._setting = FieldSetting.of(assembly, patch, self._labels)
+        self._mesh: Mesh | None = self._first(parts)
+        self._best, self._lower_first = FieldBounds(self._dimension), lower_first
+        self._before: tuple[Fields, FieldSetting] | None = None
         self._times: dict[bool, tuple[int, float]] = {}
         self._spent += time.perf_counter() - start
+
+    def _first(self, parts: int) -> Mesh:
+        """Return the first mesh."""
+        if self._dimension == 2:
+            return subdivide(self._setting.coarse, parts)
+        from jld_core.fields.rigid_joints import fitted_joints  # planar scenes do not load it
+
+        return fitted_joints(self._setting.coarse, self._setting.problem, self._labels, self._gap)
 
     @property
     def ended(self) -> bool:
         """True if `step` has nothing left to solve.
 
         Any of these ends refinement: the gap is reached, the upper bound is below 0, a bound is missing after eight
-        meshes, the next mesh would exceed `most_triangles`.
+        meshes, the next mesh would exceed `most`, or hardly be finer.
         """
         return self._mesh is None
 
@@ -486,7 +434,7 @@ class FieldRefinement:
     @property
     def upper_due(self) -> bool:
         """True if the next step computes an upper bound unless told otherwise."""
-        return not self._lower_first or len(self._steps) % _UPPER_EACH == 0
+        return not self._lower_first or len(self._best.history) % _UPPER_EACH == 0
 
     @property
     def expected(self) -> float:
@@ -498,12 +446,12 @@ class FieldRefinement:
         known = self._times.get(upper) or self._times.get(True)
         if known is None:
             return self._spent
-        triangles, seconds = known
-        return float(self._spent + seconds * (self.triangles / triangles) ** _GROWTH)
+        count, seconds = known
+        return float(self._spent + seconds * (self.simplices / count) ** _GROWTH[self._dimension])
 
     @property
-    def triangles(self) -> int:
-        """Number of triangles of the next mesh, 0 if refinement has ended."""
+    def simplices(self) -> int:
+        """Number of triangles or tetrahedra of the next mesh, 0 if refinement has ended."""
         return 0 if self._mesh is None else len(self._mesh)
 
     def step(self, upper: bool | None = None) -> FieldBounds:
@@ -516,63 +464,82 @@ class FieldRefinement:
         began, mesh = time.perf_counter(), self._mesh
         both = self.upper_due if upper is None else upper
         fields = Fields.on(self._setting, mesh, self._labels, velocities=both)
-        self._best.take(fields)
         last = time.perf_counter() - began
         self._times[both] = len(mesh), last
-        self._steps.append(FieldStep(len(mesh), *fields.bounds, self._spent + last))
-        found = self._best.result(tuple(self._steps), self._gap)
+        self._best = self._best.improved(fields, self._spent + last, self._gap)
+        status = self._best.status
         # without one of the bounds refinement helps only so far
-        lone = found.status is not FieldStatus.OPEN and len(self._steps) >= _PATIENCE
-        if found.status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone:
-            self._mesh = None
-        else:
-            finer = fields.finer(self._adaptive, steps=not self._lower_first)
-            self._mesh = None if len(finer) > self._most or len(finer) == len(mesh) else finer
+        lone = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
+        ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
+        self._mesh = None if ended else self._next(fields, self._spent + last)
         self._spent += time.perf_counter() - began
-        return found
+        return self._best
+
+    def _next(self, fields: Fields, spent: float) -> Mesh | None:
+        """Return the mesh after the one of fields, None where it would be too large or hardly finer."""
+        most = self._most
+        if self._dimension == 3:
+            if self._seconds is not None:
+                count, took = self._times[True]
+                left = max(self._seconds - spent, 0.0)
+                most = min(most, int(count * (left / took) ** (1.0 / _GROWTH[3])))
+            layered = self._layered(fields) if self._adaptive and len(self._best.history) == 1 else None
+            if layered is not None and len(layered.coarse) <= most:
+                self._before, self._setting = (fields, self._setting), layered
+                return layered.coarse
+            if self._before is not None:
+                cases = self._before, (fields, self._setting)
+                fields, self._setting = min(cases, key=lambda case: relative_gap(*case[0].bounds))
+                self._before = None
+        finer = fields.finer(self._adaptive, steps=not self._lower_first, most=most)
+        grown = len(finer) > _LEAST_GROWTH[self._dimension] * len(fields.mesh)
+        return finer if grown and len(finer) <= most else None
+
+    def _layered(self, fields: Fields) -> FieldSetting | None:
+        """Return the setting in space with long or flat cells that deform cut in layers, None where none is."""
+        if fields.velocity is None:
+            return None
+        shares = np.bincount(fields.mesh.cell, np.maximum(fields.velocity.dissipation, 0.0))
+        mesh = fields.mesh
+        both = np.hstack([self._setting.loads.dead, self._setting.loads.live])
+        cut = []
+        for cell in np.flatnonzero(shares > _DEFORMS * shares.sum()).tolist():
+            # only a cell of uniform body forces may be filled with other tetrahedra without a change of its loads
+            own = both[np.unique(mesh.root[mesh.cell == cell])]
+            if (np.ptp(own, axis=0) <= tolerances.ROUNDING * abs(own).max(initial=0.0)).all():
+                cut.append(cell)
+        try:
+            found = FieldSetting.of(self._setting.assembly, self._patch, self._labels, tuple(cut)) if cut else None
+        except InputError:
+            # the scene itself was accepted before: only its layers do not fit, and the bounds hold without them
+            return None
+        return found if found is not None and len(found.coarse) > len(mesh) else None
 
 
-def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:
-    """Check the arguments of `bounds_by_fields`, and return the labels (m,).
+def governing_bounds(
+    assembly: Assembly, labels: Bits, seconds: float, *, gap: float = 0.05, lower_first: bool = True
+) -> tuple[float, float]:
+    """Bound the governing load factor of a planar layout whose blocks crack anywhere.
 
-    Raises InputError for a spatial assembly, `parts` below 1, and all that `require_refinement` refuses.
+    labels: (m,) True = dry. Result: proven bounds on the least λ / required of all cases, infinite where none was
+    found. Raises InputError as `bounds_by_fields`.
     """
-    require_planar(assembly)
-    known = require_refinement(assembly, labels, gap, patch)
-    if parts < 1:
-        raise InputError("parts", f"{parts} is wrong", "a whole number of at least 1")
-    return known
-
-
-class _Best:
-    """The best bounds so far, in scene units."""
-
-    def __init__(self) -> None:
-        self.lower, self.upper = -math.inf, math.inf
-        self.stresses: Stresses | None = None
-        self.velocities: Velocities | None = None
-
-    def take(self, fields: Fields) -> None:
-        """Replace each stored bound, with its field, by that of a mesh if it is better."""
-        units, mesh, (lower, upper) = fields.problem.units, fields.mesh, fields.bounds
-        if fields.stress is not None and lower > self.lower:
-            m, d, s = np.moveaxis(fields.stress.stress, -1, 0)
-            self.lower = lower
-            self.stresses = Stresses(mesh, units.stress * np.stack([m + d, m - d, s], axis=-1))
-        if fields.velocity is not None and upper < self.upper:
-            self.upper = upper
-            power = units.load * fields.velocity.dissipation
-            self.velocities = Velocities(mesh, units.velocity * fields.velocity.velocity, power)
-
-    def result(self, steps: tuple[FieldStep, ...], gap: float) -> FieldBounds:
-        """Return the result after some meshes."""
-        return FieldBounds(
-            self.lower,
-            self.upper,
-            status_of_bounds(self.lower, self.upper, gap),
-            steps[-1].triangles,
-            steps[-1].seconds,
-            steps,
-            self.stresses,
-            self.velocities,
-        )
+    # Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
+    # factor is that one. Cases that do not govern keep their coarse mesh.
+    deadline = Deadline(seconds)
+    required = assembly.required.tolist()
+    cases = [FieldRefinement(case, labels, gap=gap, lower_first=lower_first) for case in assembly.by_case]
+    found = [case.step() for case in cases]
+    while True:
+        low = np.array([one.lower / factor for one, factor in zip(found, required, strict=True)])
+        high = np.array([one.upper / factor for one, factor in zip(found, required, strict=True)])
+        # the upper bound of any case bounds the governing factor
+        worst = int(np.lexsort((high, low))[0])
+        case, left = cases[worst], deadline.remaining()
+        if case.ended or high.min() < 0.0 or relative_gap(float(low.min()), float(high.min())) <= gap:
+            break
+        upper = case.upper_due and case.expected - case.spent <= left
+        if case.expected_with(upper) - case.spent > left:
+            break
+        found[worst] = case.step(upper)
+    return float(low.min()), float(high.min())

@@ -20,7 +20,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.mesh import Mesh, coarse_mesh
+from jld_core.fields.mesh import Mesh, coarse_mesh, patch_tag
 from jld_core.fields.outlines import FREE, Outlines, outlines_of
 from jld_core.loads import Loads, Traction, resultants
 
@@ -42,16 +42,36 @@ class Segment:
     dead: Floats
     live: Floats
 
+    def at(self, places: Floats) -> Floats:
+        """Return the dead and live stress vectors (2, ..., 2) at places (..., 2)."""
+        along = self.ends[1] - self.ends[0]
+        share = ((places - self.ends[0]) @ along / (along @ along))[..., None]
+        return np.stack([ends[0] * (1.0 - share) + ends[1] * share for ends in (self.dead, self.live)])
+
+
+@dataclass(frozen=True)
+class PatchLoad:
+    """Linear tractions on a patch of a free face in space, scene units."""
+
+    cell: int  # element
+    origin: Floats  # (3,) reference point
+    mean: Floats  # (2, 3) dead stress vector there, and live one for λ = 1
+    slope: Floats  # (2, 3, 3) their derivatives; column k by coordinate k
+
+    def at(self, places: Floats) -> Floats:
+        """Return the dead and live stress vectors (2, ..., 3) at places (..., 3)."""
+        away = places - self.origin
+        return np.stack([mean + away @ slope.T for mean, slope in zip(self.mean, self.slope, strict=True)])
+
 
 @dataclass(frozen=True)
 class FieldLoads:
     """Loads of an assembly over its coarsest mesh, scene units."""
 
-    # dead, live: (r, 2) force per volume in each of the r triangles of the coarsest mesh, live for λ = 1
+    # dead, live: (r, d) force per volume in each of the r simplices of the coarsest mesh, live for λ = 1
     dead: Floats
     live: Floats
-    # parts of free edges with tractions; number i has the tag m + i in the mesh, m interfaces
-    segments: tuple[Segment, ...]
+    tractions: tuple[Segment | PatchLoad, ...]  # number i acts on the sides with tag `patch_tag(i)`
 
 
 @dataclass(frozen=True)
@@ -95,7 +115,7 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
     coarse = coarse_mesh(outlines_of(assembly, ends))
-    mesh = _tagged(coarse, segments, len(assembly.interfaces))
+    mesh = _tagged(coarse, segments)
     return mesh, loads_on(assembly, mesh, segments, rest)
 
 
@@ -187,14 +207,14 @@ def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tupl
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
     """Raise InputError for an interface off the outlines of its cells, or a flat triangle."""
-    flat = np.flatnonzero(mesh.area <= 0.0)
+    flat = np.flatnonzero(mesh.volume <= 0.0)
     if flat.size:
         name = assembly.elements.ids[int(mesh.cell[flat[0]])]
         raise InputError(f"element {name!r}", "its outline cannot be filled with triangles", "a plainer outline")
-    faces, e, support = assembly.interfaces, mesh.edges, assembly.elements.support
-    joined = (e.tag >= 0) & (e.tag < len(faces))
+    faces, e, support = assembly.interfaces, mesh.sides, assembly.elements.support
+    joined = e.tag >= 0
     paired = (e.b >= 0) | (support[faces.a] | support[faces.b])[np.where(joined, e.tag, 0)]
-    length = np.bincount(e.tag[joined & paired], e.length[joined & paired], minlength=len(faces))
+    length = np.bincount(e.tag[joined & paired], e.area[joined & paired], minlength=len(faces))
     off = np.flatnonzero(abs(length - faces.l1) > _COVER * faces.l1)
     if off.size or not paired[joined].all():
         face = int(off[0]) if off.size else int(e.tag[joined & ~paired][0])
@@ -341,9 +361,9 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
     )
 
 
-def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
+def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
     """Tag the free outline edges of a mesh that lie on loaded segments."""
-    unique, number = mesh.sides
+    unique, number = mesh.side_nodes
     pairs, tags = [mesh.tagged], [mesh.tag]
     for index, segment in enumerate(segments):
         along = segment.ends[1] - segment.ends[0]
@@ -354,10 +374,8 @@ def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
             off = abs(middle[0] * along[1] - middle[1] * along[0]) / length
             if off <= 1e-6 * length and 0.0 < middle @ along < length * length:
                 pairs.append(edge[None])
-                tags.append(np.array([faces + index]))
-    return Mesh(
-        mesh.points, mesh.triangles, mesh.cell, mesh.root, np.concatenate(pairs), np.concatenate(tags).astype(np.int64)
-    )
+                tags.append(np.array([patch_tag(index)]))
+    return replace(mesh, tagged=np.concatenate(pairs), tag=np.concatenate(tags).astype(np.int64))
 
 
 def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
@@ -373,7 +391,7 @@ def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
         if not loads[cell].any():
             continue
         own = np.flatnonzero(mesh.cell == cell)
-        area = mesh.area[own]
+        area = mesh.volume[own]
         centroid = area @ middle[own] / area.sum()
         force = loads[cell, :2]
         arm = assembly.elements.centroid[cell] - centroid

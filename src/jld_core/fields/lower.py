@@ -1,7 +1,7 @@
-"""Lower bound: stress fields in equilibrium and within yield, linear in each triangle.
+"""Lower bound: stress fields in equilibrium and within yield, linear in each simplex.
 
-Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field. This module proves the bound: it projects the
-field onto equilibrium and checks every yield condition.
+Formulas: docs/method.md (9.6) to (9.9), in space (10.1), (10.4) and (10.5). The solver proposes a field. This module
+proves the bound: it projects the field onto equilibrium and checks every yield condition.
 """
 
 from __future__ import annotations
@@ -15,17 +15,16 @@ from scipy.sparse.linalg import splu
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.fields.cone_pattern import Answer, ConeProgram, Rows
+from jld_core.fields.cones import Answer, ConeProgram, ConeSizes, Rows, solve_cones
+from jld_core.fields.forms import COMPONENTS, DIAGONAL, across, normal_map, slack, tangential
 from jld_core.fields.problem import Problem
 
-# Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room
-_MARGIN = 1e-7
-
-# Margins with which a program is solved again if its answer violates yield. The solver often fails by chance.
-_WIDER = (3e-7, 1e-6)
+# Room that the solver keeps to yield by the dimension, scaled stress: more than its residual, so that the projected
+# field has room. The solver often fails by chance; the others are tried where an answer violates yield.
+_MARGINS = {2: (1e-7, 3e-7, 1e-6), 3: (1e-6, 1e-5)}
 
 # Margins of the interior fields that are blended with a field that still violates yield, in the order tried
-_INTERIOR = (1e-3, 1e-5)
+_INTERIOR = {2: (1e-3, 1e-5), 3: (1e-3,)}
 
 # Added to the diagonal of E Eᵀ, because rows depend on each other around nodes; correction steps undo its effect
 _REGULAR = 1e-10
@@ -35,16 +34,13 @@ _STEPS = 6  # largest number of correction steps of a projection onto equilibriu
 
 @dataclass(frozen=True)
 class StressField:
-    """Certified stress field of one labelling, in the plane or in space, scaled (see `Units`)."""
+    """Certified stress field of one labelling, scaled (see `Units`)."""
 
     factor: float  # λ that the field carries, a lower bound
-    # Tension is positive. In the plane: (t, 3, 3) stresses (m, d, s) at the three corners of each triangle,
-    # (σx + σy)/2, (σx − σy)/2 and τxy. In space: (t, 4, 6) stresses at the four corners of each tetrahedron as vectors
-    # (xx, √2 xy, yy, √2 xz, √2 yz, zz).
-    stress: Floats
+    stress: Floats  # (t, d + 1, 3 or 6) stresses at the corners of each simplex, as in `forms`; tension is positive
     room: float  # least distance to a yield condition, less `charge`; at least 0
     charge: float  # stress that covers the residual of equilibrium, subtracted from the distance to yield
-    # (t, 3 or 4) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
+    # (t, d + 1) multipliers of the yield conditions at the corners times strengths, as the solver gave them. They
     # estimate how λ grows with strength, and steer refinement; no bound depends on them.
     rate: Floats
 
@@ -52,16 +48,18 @@ class StressField:
 class LowerBound:
     """Lower bounds on λ by stress fields, for many labellings of one problem.
 
-    `bound` returns a certified field. Programs and factors are kept, so that later labellings cost less.
+    `bound` returns a certified field. In the plane, programs and factors are kept, so that later labellings cost less.
 
-    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded; see `ConeProgram`.
-    status: status by the solver of the last labelling that was bounded, "" before.
+    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded in the plane; see
+    `ConeProgram`. status: status by the solver of the last labelling that was bounded, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
         self.problem, self._many = problem, many
-        self._triangles = len(problem.mesh)
-        self._width = 12 * self._triangles + 1
+        self._dimension = problem.mesh.dimension
+        self._shape = len(problem.mesh), self._dimension + 1, COMPONENTS[self._dimension]
+        self._size = int(np.prod(self._shape))
+        self._margins = _MARGINS[self._dimension]
         self._programs: dict[float, tuple[ConeProgram, Ints]] = {}
         self._factors: dict[bytes, tuple[sp.csr_array, object]] = {}
         self.status = ""
@@ -72,11 +70,11 @@ class LowerBound:
         labels: (m,) True = dry. Where the proposed field violates yield, larger margins and a mean with an interior
         field are tried. None: the solver failed, or no attempt passed the check.
         """
-        return self._bound_by(self.propose(labels, _MARGIN), labels)
+        return self._bound_by(self.propose(labels, self._margins[0]), labels)
 
     def bound_all(self, labellings: Bits) -> list[StressField | None]:
-        """Find stress fields for labellings (k, m), solved together where possible; see `bound`."""
-        program, owner = self._program_with(_MARGIN)
+        """Find stress fields for labellings (k, m) in the plane, solved together where possible; see `bound`."""
+        program, owner = self._program_with(self._margins[0])
         answers = program.solve_all(np.array([self._off(owner, labels) for labels in labellings]))
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
@@ -85,38 +83,33 @@ class LowerBound:
         self.status = answer.status
         if not answer.usable:
             return None
-        proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
-        found = self.certify(*proposed, labels) or self._with_larger_margins(labels) or self._blend(*proposed, labels)
-        return replace(found, rate=self._rate(answer.dual)) if found is not None else None
+        found = self.certify(*self._parts(answer), labels)
+        for margin in self._margins[1:]:
+            if found is None:
+                wider = self.propose(labels, margin)
+                found = self.certify(*self._parts(wider), labels) if wider.usable else None
+        found = found or self._blend(answer, labels)
+        return None if found is None else replace(found, rate=self._rate(answer.dual))
 
-    def _with_larger_margins(self, labels: Bits) -> StressField | None:
-        """Solve with larger margins, and return the first field that passes the check, else None."""
-        for margin in _WIDER:
-            answer = self.propose(labels, margin)
-            if answer.usable:
-                found = self.certify(answer.point[: 9 * self._triangles], float(answer.point[-1]), labels)
-                if found is not None:
-                    return found
-        return None
+    def _parts(self, answer: Answer) -> tuple[Floats, float]:
+        """Return the stresses (size,) and λ of an answer."""
+        return answer.point[: self._size], float(answer.point[-1])
 
-    def _blend(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
-        """Certify a mean of a field that violates yield and one with ample room, or return None.
-
-        stress: (9t,) of the first, factor: its λ, both scaled. The room is concave, so that the mean has room enough.
-        """
-        for margin in _INTERIOR:
+    def _blend(self, proposed: Answer, labels: Bits) -> StressField | None:
+        """Certify a mean of a field that violates yield and one with ample room, or return None."""
+        # The room is concave, so that the mean has room enough.
+        for margin in _INTERIOR[self._dimension]:
             inner = self.propose(labels, margin)
             if not inner.usable:
                 continue
             rooms = []
-            for point, load in ((stress, factor), (inner.point[: 9 * self._triangles], float(inner.point[-1]))):
-                field, rest = self._project(point, load, labels)
-                rooms.append(self.room(field.reshape(-1, 3, 3), labels) - 2.0 * rest)
+            for answer in (proposed, inner):
+                field, rest = self._project(*self._parts(answer), labels)
+                rooms.append(self.room(field.reshape(self._shape), labels) - 2.0 * rest)
             if rooms[1] > 0.0:
                 share = min(1.0, 1.01 * max(-rooms[0], 0.0) / (rooms[1] - min(rooms[0], 0.0)))
-                point = (1.0 - share) * stress + share * inner.point[: 9 * self._triangles]
-                load = (1.0 - share) * factor + share * float(inner.point[-1])
-                found = self.certify(point, load, labels)
+                point = (1.0 - share) * proposed.point + share * inner.point
+                found = self.certify(point[: self._size], float(point[-1]), labels)
                 if found is not None:
                     return found
         return None
@@ -125,19 +118,22 @@ class LowerBound:
         """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
 
         labels: (m,) True = dry. margin: slack that the solver keeps to each yield condition, scaled stress. Shear of
-        joints without friction and shear strength has no slack. `Answer.point` begins with the stresses (9t,), as
+        joints without friction and shear strength has no slack. `Answer.point` begins with the stresses, as
         `StressField.stress` in C order, and ends with λ.
         """
-        program, owner = self._program_with(margin)
-        return program.solve(self._off(owner, labels))
+        if self._dimension == 2:
+            program, owner = self._program_with(margin)
+            return program.solve(self._off(owner, labels))
+        return solve_cones(*self._program(np.flatnonzero(self.problem.is_dry(labels)), margin, labels)[0])
 
     def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Return the program of a margin and the edge whose label switches each row, −1 for none.
-
-        Each program is set up once and kept.
-        """
+        """Return the program of a margin in the plane, and the edge whose label switches each row, −1 for none."""
+        # Each program is set up once and kept. Further margins are for few labellings.
         if margin not in self._programs:
-            self._programs[margin] = self._program(margin)
+            (objective, matrix, rhs, sizes), owner = self._program(self.problem.on_faces, margin)
+            many = self._many and margin == self._margins[0]
+            program = ConeProgram(objective, matrix, rhs, (sizes.zero, sizes.linear, sizes.threes), many)
+            self._programs[margin] = program, owner
         return self._programs[margin]
 
     def _off(self, owner: Ints, labels: Bits) -> Bools:
@@ -150,46 +146,43 @@ class LowerBound:
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
 
-        stress: (9t,) in the order of `StressField.stress`. labels: (m,) True = dry. All are scaled. The `rate` of the
+        stress: (size,) in the order of `StressField.stress`. labels: (m,) True = dry. All are scaled. The `rate` of the
         result is zero. None: the projected stresses violate yield, or miss equilibrium by more than rounding.
         """
         projected, rest = self._project(stress, factor, labels)
-        field = projected.reshape(-1, 3, 3)
+        field = projected.reshape(self._shape)
         room = self.room(field, labels) - rest
-        return StressField(factor, field, room, rest, np.zeros((self._triangles, 3))) if room >= 0.0 else None
+        return StressField(factor, field, room, rest, np.zeros(self._shape[:2])) if room >= 0.0 else None
 
     def _rate(self, dual: Floats) -> Floats:
-        """Compute `StressField.rate` (t, 3) from the multipliers `dual` of all rows."""
-        lines = self.problem.material.lines
-        start, count = len(self.equilibrium[1]), 3 * self._triangles
-        shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
-        return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(-1, 3))
+        """Compute `StressField.rate` from the multipliers `dual` of all rows of the last program."""
+        lines, count = self.problem.material.lines, self._shape[0] * self._shape[1]
+        shares = dual[self._equations : self._equations + len(lines) * count].reshape(len(lines), count)
+        return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(self._shape[:2]))
 
     def room(self, stress: Floats, labels: Bits) -> float:
         """Return the least distance of stresses to any yield condition, scaled stress.
 
-        stress: (t, 3, 3) as in `StressField`. labels: (m,) True = dry. A negative result means that yield is violated
-        in a block or on a dry joint. Equilibrium is not checked.
+        stress: as in `StressField`. labels: (m,) True = dry. A negative result means that yield is violated in a block
+        or on a dry joint. Equilibrium is not checked.
         """
-        p = self.problem
-        least = [float(p.material.slack(stress).min())]
-        rows = np.flatnonzero(p.is_dry(labels))
-        if rows.size:
-            least.append(float(self.joint_room(stress, rows).min()))
-        return min(least)
+        rows = np.flatnonzero(self.problem.is_dry(labels))
+        least = float(slack(self.problem.material, stress).min())
+        return min(least, float(self.joint_room(stress, rows).min())) if rows.size else least
 
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
-        """Return the distances of tractions to the yield of dry joints, (k, 2), scaled stress.
+        """Return the distances of tractions to the yield of dry joints, (k, d), scaled stress.
 
-        stress: (t, 3, 3) as in `StressField`. rows: (k,) edges on interfaces, taken as dry. The columns are both ends
-        of an edge; a negative distance is a violation. Shear on joints without friction and shear strength is left out:
+        stress: as in `StressField`. rows: (k,) sides on interfaces, taken as dry. The columns are the corners of a
+        side; a negative distance is a violation. Shear on joints without friction and shear strength is left out:
         `certify` makes it zero.
         """
-        p = self.problem
-        normal, shear = self.tractions(stress, rows)
+        p, normals = self.problem, self.problem.sides.normal[rows]
+        pull = tractions(p, stress, rows)
+        normal = np.einsum("fki,fi->fk", pull, normals)
         face = p.face[rows]
         mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
-        slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - abs(shear))
+        slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - tangential(pull, normals))
         return np.minimum(np.minimum(-normal, slides), crush + normal)
 
     @cached_property
@@ -197,90 +190,75 @@ class LowerBound:
         """(m,) True for interfaces whose dry joint has neither friction nor shear strength."""
         return np.asarray((self.problem.joints.friction == 0.0) & (self.problem.joints.shear == 0.0))
 
-    def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
-        """Return normal and shear tractions at both ends of some edges, (k, 2) each.
-
-        stress: (t, 3, 3) as in `StressField`. rows: (k,) edges. The tractions are those of triangle a, tension
-        positive, scaled.
-        """
-        e = self.problem.edges
-        own = stress[e.a[rows][:, None], e.corner_a[rows]]
-        nx, ny = e.normal[rows, 0][:, None], e.normal[rows, 1][:, None]
-        m, d, s = own[..., 0], own[..., 1], own[..., 2]
-        return m + d * (nx**2 - ny**2) + 2.0 * s * nx * ny, -2.0 * d * nx * ny + s * (nx**2 - ny**2)
-
     @cached_property
     def equilibrium(self) -> tuple[sp.csr_array, Floats]:
-        """Matrix E (rows, 9t + 1) and right-hand side f (rows,) of equilibrium E x = f."""
-        # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6) and (9.7):
-        # equilibrium of triangles, equal tractions across edges, given tractions on free edges.
-        p, count = self.problem, self._triangles
-        rows, last = Rows(), 9 * count
-        size = np.sqrt(2.0 * p.mesh.area)
-        gradient = p.mesh.gradient * size[:, None, None]
-        base = 9 * np.arange(count)[:, None] + 3 * np.arange(3)
-        gx, gy = gradient[..., 0], gradient[..., 1]
-        for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
-            entries = [(base + k, part) for k, part in enumerate(parts)]
-            load = (np.full(count, last), size * p.live[:, axis])
-            rows.add([*entries, load], -size * p.dead[:, axis], count)
-        for end in (0, 1):
-            for axis in (0, 1):
-                two = p.joined
-                entries = self._traction(two, end, axis, 1.0) + self._traction(two, end, axis, -1.0)
-                rows.add(entries, 0.0, len(two))
-                one = p.outer
-                pull = (np.full(len(one), last), -p.pull[one, end, axis])
-                rows.add([*self._traction(one, end, axis, 1.0), pull], p.dead_pull[one, end, axis], len(one))
+        """Matrix E (rows, size + 1) and right-hand side f (rows,) of equilibrium E x = f."""
+        # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6), (9.7) and
+        # (10.4): equilibrium of simplices, equal tractions across sides, given tractions on free sides.
+        p, s, d = self.problem, self.problem.sides, self._dimension
+        count, rows, last = self._shape[0], Rows(), self._size
+        size = np.sqrt(2.0 * p.mesh.volume) if d == 2 else np.cbrt(6.0 * p.mesh.volume)
+        slope = normal_map(p.mesh.gradient * size[:, None, None])
+        base = np.arange(last).reshape(count, -1)
+        for axis in range(d):
+            entries = [(base, slope[:, :, axis].reshape(count, -1)), (np.full(count, last), size * p.live[:, axis])]
+            rows.add(entries, -size * p.dead[:, axis], count)
+        two, one = p.joined, p.outer
+        maps = [normal_map(s.normal[some]) for some in (two, one)]
+        for corner in range(d):
+            first, second = self._columns(two, corner), self._columns(two, corner, other=True)
+            outer = self._columns(one, corner)
+            for axis in range(d):
+                rows.add([(first, maps[0][:, axis]), (second, -maps[0][:, axis])], 0.0, len(two))
+                pull = (np.full(len(one), last), -p.pull[one, corner, axis])
+                rows.add([(outer, maps[1][:, axis]), pull], p.dead_pull[one, corner, axis], len(one))
         return rows.matrix(last + 1), rows.right
 
-    def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
-        """Return columns and values (k,) of one traction component at one end of edges.
-
-        rows: (k,) edges.
-        """
-        e = self.problem.edges
-        triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
-        base = 9 * triangle[rows] + 3 * corner[rows, end]
-        nx, ny = sign * e.normal[rows, 0], sign * e.normal[rows, 1]
-        return [(base + k, part) for k, part in enumerate((nx, nx, ny) if axis == 0 else (ny, -ny, nx))]
+    def _columns(self, rows: Ints, corner: int, other: bool = False) -> Ints:
+        """Return the columns (k, 3 or 6) of stresses at one corner of sides (k,), in simplex a or the other one."""
+        s, (_, corners, size) = self.problem.sides, self._shape
+        simplex, local = (s.b, s.corner_b) if other else (s.a, s.corner_a)
+        return size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size)
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
-        """Return the matrix A (rows, 9t) of all equations on the stresses, and a factor of A Aᵀ.
+        """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; both are kept.
 
-        labels: (m,) True = dry. Factors are kept.
+        labels: (m,) True = dry.
         """
         # The equations are equilibrium, and no shear on dry joints without friction and shear strength. λ is no unknown
         # here: its dense column would fill A Aᵀ.
-        p = self.problem
-        edges = p.on_faces[p.is_dry(labels)[p.on_faces] & self.frictionless[p.face[p.on_faces]]]
-        key = edges.tobytes()
+        smooth = self._smooth(labels)
+        key = smooth.tobytes()
         if key not in self._factors:
             matrix = sp.csr_array(self.equilibrium[0][:, :-1])
-            if edges.size:
-                matrix = sp.csr_array(sp.vstack([matrix, self._no_shear(edges)]))
+            if smooth.size:
+                matrix = sp.csr_array(sp.vstack([matrix, self._no_shear(smooth, self._size)]))
             square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
             options = {"SymmetricMode": True}
-            self._factors[key] = (
-                matrix,
-                splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options),
-            )
+            solver = splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            self._factors[key] = matrix, solver
         return self._factors[key]
 
-    def _no_shear(self, edges: Ints) -> sp.csr_array:
-        """Return rows (2k, 9t) that give the shear tractions at both ends of k edges."""
-        e, rows = self.problem.edges, Rows()
-        nx, ny = e.normal[edges, 0], e.normal[edges, 1]
-        for end in (0, 1):
-            base = 9 * e.a[edges] + 3 * e.corner_a[edges, end]
-            rows.add([(base + 1, -2.0 * nx * ny), (base + 2, nx**2 - ny**2)], 0.0, len(edges))
-        return rows.matrix(9 * self._triangles)
+    def _smooth(self, labels: Bits) -> Ints:
+        """Return the sides (k,) on dry joints without friction and shear strength; labels: (m,) True = dry."""
+        rows = self.problem.on_faces
+        return rows[self.problem.is_dry(labels)[rows] & self.frictionless[self.problem.face[rows]]]
+
+    def _no_shear(self, sides: Ints, width: int) -> sp.csr_array:
+        """Return rows over `width` columns that give the shear tractions at the corners of sides (k,)."""
+        rows, normal = Rows(), self.problem.sides.normal[sides]
+        for corner in range(self._dimension):
+            columns = self._columns(sides, corner)
+            for along in across(normal):
+                rows.add([(columns, np.einsum("ki,kij->kj", along, normal_map(normal)))], 0.0, len(sides))
+        return rows.matrix(width)
 
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
-        """Return the nearest stresses (9t,) in equilibrium under λ, and a bound on their error.
+        """Return the nearest stresses (size,) in equilibrium under λ, and a bound on their error.
 
-        stress: (9t,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus the
-        largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each other.
+        stress: (size,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus
+        the largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each
+        other.
         """
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium
@@ -299,49 +277,85 @@ class LowerBound:
         rest = 2.0 * size + residual
         return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
 
-    def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Set up the program that maximises λ; return it, and the edge whose label switches each row, −1 for none."""
-        # Columns: stresses (9t,), a radius ≥ √(d² + s²) of each corner (3t,), and λ. Rows: equilibrium, yield of the
-        # material over the radius, yield of dry joints at both ends of edges, and the cones of the radii.
-        p, count = self.problem, self._triangles
+    def _program(
+        self, rows: Ints, margin: float, labels: Bits | None = None
+    ) -> tuple[tuple[Floats, sp.csr_array, Floats, ConeSizes], Ints]:
+        """Set up the program that maximises λ; return it, and the side whose label switches each row, −1 for none.
+
+        rows: (k,) sides whose joints yield. labels: (m,) where these joints are dry for good.
+        """
+        # Columns: stresses, what holds them within a circle (a radius ≥ √(d² + s²)) or between principal stresses (α ≥
+        # σ1 and β ≤ σ3, docs/method.md (10.1)) at each corner, and λ. Rows: equilibrium, yield of the material, yield
+        # of dry joints at the corners of sides, and the cones of radii or of tensors.
+        p, corners, parts = self.problem, self._shape[0] * self._shape[1], self._shape[2]
         matrix, rhs = self.equilibrium
-        every = np.arange(3 * count)
-        radius = 9 * count + every
-        linear = Rows()
+        every, extra = np.arange(corners), 1 if self._dimension == 2 else 2
+        width = self._size + extra * corners + 1
+        linear, threes, tensors = Rows(), Rows(), Rows()
+        one = self._size + every
         for a, b in p.material.lines:
-            linear.add([(radius, 1.0), (3 * every, -b)], a - margin, len(every))
-        yields = linear.count
-        owner = [np.full(yields, -1, dtype=np.int64)]
-        rows = p.on_faces
-        face = p.face[rows]
-        e = p.edges
-        nx, ny = e.normal[rows, 0], e.normal[rows, 1]
-        one = np.ones(len(rows))
-        normal = (one, nx**2 - ny**2, 2.0 * nx * ny)
-        shear = (0.0 * one, -2.0 * nx * ny, nx**2 - ny**2)
-        mu, c = p.joints.friction[face], p.joints.shear[face]
-        size = np.maximum(1.0, mu)
-        for end in (0, 1):
-            base = 9 * e.a[rows] + 3 * e.corner_a[rows, end]
-            linear.add([(base + k, normal[k]) for k in range(3)], -margin, len(rows))
-            for sign in (1.0, -1.0):
-                entries = [(base + k, (mu * normal[k] + sign * shear[k]) / size) for k in range(3)]
-                linear.add(entries, np.where(self.frictionless[face], 0.0, c - margin) / size, len(rows))
-            owner += [rows] * 3
-            some = np.flatnonzero(np.isfinite(p.joints.crushing[face]))
-            crush = p.joints.crushing[face[some]]
-            linear.add([(base[some] + k, -normal[k][some]) for k in range(3)], crush - margin, len(some))
-            owner.append(rows[some])
-        cones = Rows()
-        cones.add([(np.stack([radius, 3 * every + 1, 3 * every + 2], axis=1).reshape(-1), -1.0)], 0.0, 3 * len(every))
-        wide = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], 3 * count)), matrix[:, -1:]])
-        whole = sp.vstack([wide, linear.matrix(self._width), cones.matrix(self._width)])
-        right = np.concatenate([rhs, linear.right, cones.right])
-        objective = np.zeros(self._width)
+            held = [(one, 1.0), (parts * every, -b)]
+            if extra == 2:
+                held = [(one, 0.5 - 0.5 * b), (one + corners, -0.5 - 0.5 * b)]
+            linear.add(held, a - margin, corners)
+        owner = [np.full(linear.count, -1, dtype=np.int64), *self._joint_rows(rows, linear, threes, margin)]
+        if extra == 1:
+            radii = np.stack([one, parts * every + 1, parts * every + 2], axis=1).reshape(-1)
+            threes.add([(radii, -1.0)], 0.0, 3 * corners)
+        else:
+            for sign, bound in ((1.0, one), (-1.0, one + corners)):
+                columns, values = np.zeros((corners, 6, 2), dtype=np.int64), np.zeros((corners, 6, 2))
+                columns[..., 0], values[..., 0] = 6 * every[:, None] + np.arange(6), sign
+                columns[..., 1] = bound[:, None]
+                values[:, DIAGONAL, 1] = -sign
+                tensors.add([(columns.reshape(-1, 2), values.reshape(-1, 2))], 0.0, 6 * corners)
+        wide = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], extra * corners)), matrix[:, -1:]])
+        smooth = np.zeros(0, dtype=np.int64) if labels is None else self._smooth(labels)
+        blocks = [wide, self._no_shear(smooth, width)] if smooth.size else [wide]
+        self._equations = sum(block.shape[0] for block in blocks)
+        cones = [part for part in (linear, threes, tensors) if part.count]
+        whole = sp.csr_array(sp.vstack([*blocks, *(part.matrix(width) for part in cones)]))
+        right = np.concatenate([rhs, np.zeros(self._equations - len(rhs)), *(part.right for part in cones)])
+        objective = np.zeros(width)
         objective[-1] = -1.0
         owners = np.full(len(right), -1, dtype=np.int64)
-        owners[len(rhs) : len(rhs) + linear.count] = np.concatenate(owner)
-        sizes = (len(rhs), linear.count, len(every))
-        # further margins are for few labellings
-        many = self._many and margin == _MARGIN
-        return ConeProgram(objective, sp.csr_array(whole), right, sizes, many), owners
+        owners[self._equations : self._equations + linear.count] = np.concatenate(owner)
+        sizes = ConeSizes(self._equations, linear.count, threes.count // 3, 0, tensors.count // 6)
+        return (objective, whole, right, sizes), owners
+
+    def _joint_rows(self, rows: Ints, linear: Rows, threes: Rows, margin: float) -> list[Ints]:
+        """Append pressure, friction and crushing of joints at the corners of sides (k,); return the sides of rows."""
+        # Friction is two inequalities in the plane, and a cone in space.
+        p, normal = self.problem, self.problem.sides.normal[rows]
+        face = p.face[rows]
+        mu, c, smooth = p.joints.friction[face], p.joints.shear[face], self.frictionless[face]
+        size, some = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(p.joints.crushing[face]))
+        crush = p.joints.crushing[face[some]]
+        pressed, *slid = (np.einsum("ki,kij->kj", way, normal_map(normal)) for way in (normal, *across(normal)))
+        owner = []
+        for corner in range(self._dimension):
+            columns = self._columns(rows, corner)
+            linear.add([(columns, pressed)], -margin, len(rows))
+            if len(slid) == 1:
+                for sign in (1.0, -1.0):
+                    value = (mu[:, None] * pressed + sign * slid[0]) / size[:, None]
+                    linear.add([(columns, value)], np.where(smooth, 0.0, c - margin) / size, len(rows))
+            else:
+                wide = np.stack([mu[:, None] * pressed, *slid], axis=1)[~smooth]
+                right = np.zeros((len(wide), 3))
+                right[:, 0] = c[~smooth] - margin
+                entries = [(np.repeat(columns[~smooth], 3, axis=0), wide.reshape(-1, 6))]
+                threes.add(entries, right.ravel(), 3 * len(wide))
+            linear.add([(columns[some], -pressed[some])], crush - margin, len(some))
+            owner += [*[rows] * (3 if len(slid) == 1 else 1), rows[some]]
+        return owner
+
+
+def tractions(problem: Problem, stress: Floats, rows: Ints) -> Floats:
+    """Return the tractions (k, d, d) on simplex a at the corners of sides (k,): side, corner, axis; tension positive.
+
+    stress: as in `StressField`.
+    """
+    s = problem.sides
+    own = stress[s.a[rows][:, None], s.corner_a[rows]]
+    return np.asarray(np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own))

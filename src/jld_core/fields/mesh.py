@@ -1,4 +1,7 @@
-"""Triangles inside the cells of a planar assembly, conforming across every interface."""
+"""Meshes of simplices inside the cells of an assembly: triangles in the plane, tetrahedra in space.
+
+They are conforming across every interface.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +18,47 @@ from jld_core.fields.outlines import FREE, Outlines
 
 _STRAIGHT = 1e-6  # sine of the angle below which an outline runs straight through a node
 
+# Local corners of the sides of a triangle and of a tetrahedron, counter-clockwise seen from outside; side k lacks
+# corner k
+_SIDES = {
+    2: np.array([[1, 2], [2, 0], [0, 1]]),
+    3: np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]),
+}
+
+_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])  # local corners of the six edges of a tetrahedron
+
+# Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse.
+_ASPECT = 0.05
+
+_DIGITS = 9  # decimal digits to which lengths of edges are compared; edges of equal length are ordered by number
+
+
+def patch_tag(patch: int) -> int:
+    """Return the tag, −2 − patch, of the sides on load patch number `patch` ≥ 0."""
+    return -2 - patch
+
+
+def _outward(places: Floats) -> Floats:
+    """Return normals (..., d), of length (d − 1)! times the size, of sides with corners (..., d, d)."""
+    arm = places[..., 1:, :] - places[..., :1, :]
+    if places.shape[-1] == 2:
+        return np.stack([arm[..., 0, 1], -arm[..., 0, 0]], axis=-1)
+    return np.cross(arm[..., 0, :], arm[..., 1, :])
+
 
 @dataclass(frozen=True)
-class Edges:
-    """Edges of a triangle mesh, as arrays over e edges."""
+class Sides:
+    """Edges of a mesh of triangles, or triangles of one of tetrahedra, as arrays over f sides."""
 
-    # a, b: (e,) triangles; b = −1 on an outline or support
+    # a, b: (f,) simplices; b = −1 on an outline, surface or support
     a: Ints
     b: Ints
-    # corner_a, corner_b: (e, 2) corners (0 to 2) of a and b at the two ends
+    # corner_a, corner_b: (f, d) which corners of a and b the same d nodes are
     corner_a: Ints
     corner_b: Ints
-    normal: Floats  # (e, 2) unit vector from a to b, or outward
-    length: Floats  # (e,)
-    tag: Ints  # (e,) as `Mesh.tag`; edges inside a cell and free ones have FREE
+    normal: Floats  # (f, d) unit vector from a to b, or outward
+    area: Floats  # (f,) length in the plane
+    tag: Ints  # (f,) as `Mesh.tag`; sides inside a cell and free ones have FREE
 
     def __len__(self) -> int:
         return len(self.a)
@@ -36,89 +66,90 @@ class Edges:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles over common nodes."""
+    """Simplices over common nodes, in dimension d = 2 or 3."""
 
-    points: Floats  # (p, 2) nodes, scene units
-    triangles: Ints  # (t, 3) nodes of each triangle, counter-clockwise
-    cell: Ints  # (t,) element of each triangle
-    root: Ints  # (t,) triangle of the coarsest mesh that contains it
-    tagged: Ints  # (k, 2) nodes of the edges on interfaces and load patches, the smaller first
-    tag: Ints  # (k,) tag of each of these edges: an interface, or the number of interfaces plus that of a load patch
+    points: Floats  # (p, d) nodes, scene units
+    simplices: Ints  # (t, d + 1) nodes of each simplex, of positive volume
+    cell: Ints  # (t,) element of each simplex
+    root: Ints  # (t,) simplex of the coarsest mesh that contains it
+    tagged: Ints  # (k, d) nodes of the sides on interfaces and load patches, in ascending order
+    tag: Ints  # (k,) tag of each of these sides: an interface, or `patch_tag` of a load patch
 
     def __len__(self) -> int:
-        return len(self.triangles)
+        return len(self.simplices)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.points.shape[1]
 
     @cached_property
     def corners(self) -> Floats:
-        """(t, 3, 2) positions of the corners of each triangle."""
-        return self.points[self.triangles]
+        """(t, d + 1, d) positions of the corners of each simplex."""
+        return self.points[self.simplices]
 
     @cached_property
-    def area(self) -> Floats:
-        """(t,) areas of the triangles, positive."""
-        one, two = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
-        return np.asarray(0.5 * (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]))
+    def volume(self) -> Floats:
+        """(t,) volumes of the simplices, areas in the plane, positive."""
+        c = self.corners
+        arm, normal = c[:, 1] - c[:, 0], _outward(np.delete(c, 1, axis=1))
+        if self.dimension == 2:
+            return np.asarray(0.5 * (arm * normal).sum(axis=1))
+        return np.asarray(np.einsum("ti,ti->t", arm, normal) / 6.0)
 
     @cached_property
     def gradient(self) -> Floats:
-        """(t, 3, 2) gradients of the linear functions that are 1 at one corner, 0 at the others."""
-        opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
-        turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
-        return np.asarray(turned / (2.0 * self.area[:, None, None]))
+        """(t, d + 1, d) gradients of the linear functions that are 1 at one corner, 0 at the others."""
+        normal = _outward(self.corners[:, _SIDES[self.dimension]])
+        return np.asarray(-normal / ((2.0 if self.dimension == 2 else 6.0) * self.volume[:, None, None]))
 
     @cached_property
-    def sides(self) -> tuple[Ints, Ints]:
-        """Pairs of nodes (u, 2) of the u distinct edges, and the edges (t, 3) of each triangle.
+    def side_nodes(self) -> tuple[Ints, Ints]:
+        """Nodes (u, d) of the u distinct sides, in ascending order, and the sides (t, d + 1) of each simplex."""
+        own = np.sort(self.simplices[:, _SIDES[self.dimension]].reshape(-1, self.dimension), axis=1)
+        _, first, number = np.unique(self._keys(own), return_index=True, return_inverse=True)
+        return own[first], np.asarray(number.reshape(len(self), -1))
 
-        The smaller node is first. Column k is the edge from corner k to k + 1.
-        """
-        ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-        unique, number = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-        return unique, np.asarray(number.reshape(-1, 3))
+    def _keys(self, nodes: Ints) -> Ints:
+        """Return one number (k,) for each row of nodes (k, d), in lexicographic order."""
+        keys = nodes[:, 0]
+        for column in nodes.T[1:]:
+            keys = keys * len(self.points) + column
+        return keys
 
     @cached_property
     def side_tags(self) -> Ints:
-        """(u,) tag of each edge of `sides`, as `Mesh.tag`; FREE without one."""
-        unique, _ = self.sides
+        """(u,) tag of each side of `side_nodes`, as `Mesh.tag`; FREE without one."""
+        unique, _ = self.side_nodes
         tags = np.full(len(unique), FREE, dtype=np.int64)
         if len(self.tagged):
-            count = len(self.points)
-            keys = unique[:, 0] * count + unique[:, 1]
-            place = np.searchsorted(keys, self.tagged[:, 0] * count + self.tagged[:, 1])
-            tags[place] = self.tag
+            tags[np.searchsorted(self._keys(unique), self._keys(self.tagged))] = self.tag
         return tags
 
     @cached_property
-    def edges(self) -> Edges:
-        """All edges with their neighbours, each once."""
-        # Where two cells share an edge that is no interface, each cell has an edge of its own.
-        _, number = self.sides
-        flat = number.ravel()
+    def sides(self) -> Sides:
+        """All sides with their neighbours, each once."""
+        # Where two cells share a side that is on no interface, each cell has one of its own.
+        _, number = self.side_nodes
+        flat, each = number.ravel(), number.shape[1]
         order = np.argsort(flat, kind="stable")
         place, start, count = np.unique(flat[order], return_index=True, return_counts=True)
         first = order[start]
         second = np.where(count == 2, order[np.minimum(start + 1, len(order) - 1)], -1)
         tags = self.side_tags[place]
-        loose = (second >= 0) & (tags == FREE) & (self.cell[first // 3] != self.cell[np.maximum(second, 0) // 3])
-        extra = second[loose]
-        second = np.where(loose, -1, second)
+        apart = (second >= 0) & (tags < 0) & (self.cell[first // each] != self.cell[np.maximum(second, 0) // each])
+        extra = second[apart]
+        second = np.concatenate([np.where(apart, -1, second), np.full(len(extra), -1, dtype=np.int64)])
+        tags = np.concatenate([tags, tags[apart]])
         first = np.concatenate([first, extra])
-        tags = np.concatenate([tags, np.full(len(extra), FREE, dtype=np.int64)])
-        second = np.concatenate([second, np.full(len(extra), -1, dtype=np.int64)])
-        a, k = first // 3, first % 3
-        b, j = np.where(second >= 0, second // 3, -1), np.maximum(second, 0) % 3
-        along = self.corners[a, (k + 1) % 3] - self.corners[a, k]
-        length = np.hypot(along[:, 0], along[:, 1])
-        normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-        return Edges(
-            a=a,
-            b=b,
-            corner_a=np.column_stack([k, (k + 1) % 3]),
-            corner_b=np.column_stack([(j + 1) % 3, j]),
-            normal=normal,
-            length=length,
-            tag=tags,
-        )
+        a, corner_a = first // each, _SIDES[self.dimension][first % each]
+        b = np.where(second >= 0, second // each, -1)
+        nodes = self.simplices[a[:, None], corner_a]
+        corner_b = (self.simplices[np.maximum(b, 0)][:, None, :] == nodes[:, :, None]).argmax(axis=2)
+        outward = _outward(self.points[nodes])
+        size = np.hypot(*outward.T) if self.dimension == 2 else np.linalg.norm(outward, axis=1)
+        area = size if self.dimension == 2 else 0.5 * size
+        return Sides(a, b, corner_a, corner_b, outward / size[:, None], area, tags)
 
 
 def coarse_mesh(outlines: Outlines) -> Mesh:
@@ -152,7 +183,7 @@ def coarse_mesh(outlines: Outlines) -> Mesh:
     tagged = np.array(list(edges), dtype=np.int64).reshape(-1, 2)
     return Mesh(
         points=np.array(points),
-        triangles=np.array(triangles, dtype=np.int64),
+        simplices=np.array(triangles, dtype=np.int64),
         cell=np.array(cells, dtype=np.int64),
         root=np.arange(len(triangles)),
         tagged=tagged,
@@ -214,7 +245,8 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
     """
     if parts == 1:
         return mesh
-    unique, number = mesh.sides
+    unique, number = mesh.side_nodes
+    number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1
     steps = np.arange(1, parts) / parts
     ends = mesh.points[unique]
     on_sides = ends[:, :1] * (1.0 - steps[:, None]) + ends[:, 1:] * steps[:, None]
@@ -224,10 +256,10 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
     inside = [(i, j) for i, j in grid if i > 0 and j > 0 and i + j < parts]
     # node (i, j) of a triangle lies at corner 0 + i/parts towards corner 1 + j/parts towards corner 2
     node = np.empty((len(mesh), parts + 1, parts + 1), dtype=np.int64)
-    node[:, 0, 0], node[:, parts, 0], node[:, 0, parts] = mesh.triangles.T
+    node[:, 0, 0], node[:, parts, 0], node[:, 0, parts] = mesh.simplices.T
     for step in range(1, parts):
         for side, (i, j) in enumerate(((step, 0), (parts - step, step), (0, parts - step))):
-            start = mesh.triangles[:, side]
+            start = mesh.simplices[:, side]
             forward = unique[number[:, side], 0] == start
             node[:, i, j] = base + number[:, side] * (parts - 1) + np.where(forward, step, parts - step) - 1
     places = []
@@ -247,7 +279,7 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
     pairs = np.stack([chain[:, :-1], chain[:, 1:]], axis=-1).reshape(-1, 2)
     return Mesh(
         points=np.concatenate([mesh.points, on_sides.reshape(-1, 2), extra]),
-        triangles=triangles,
+        simplices=triangles,
         cell=np.repeat(mesh.cell, times),
         root=np.repeat(mesh.root, times),
         tagged=np.sort(pairs, axis=1),
@@ -275,7 +307,8 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     Mesh
         Conforming; tags and roots are inherited.
     """
-    unique, number = mesh.sides
+    unique, number = mesh.side_nodes
+    number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1
     ends = mesh.points[unique]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     # of equal lengths the smaller number is the longest, alike for both triangles of an edge
@@ -301,7 +334,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     return replace(
         mesh,
         points=np.concatenate([mesh.points, ends[split].mean(axis=1)]),
-        triangles=np.array(triangles, dtype=np.int64),
+        simplices=np.array(triangles, dtype=np.int64),
         cell=mesh.cell[parent],
         root=mesh.root[parent],
         tagged=np.sort(np.concatenate(pairs), axis=1),
@@ -316,7 +349,7 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
     """
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []
-    for t, (nodes, own, k) in enumerate(zip(mesh.triangles.tolist(), middle.tolist(), first.tolist(), strict=True)):
+    for t, (nodes, own, k) in enumerate(zip(mesh.simplices.tolist(), middle.tolist(), first.tolist(), strict=True)):
         a, b, c = nodes[k], nodes[(k + 1) % 3], nodes[(k + 2) % 3]
         ab, bc, ca = own[k], own[(k + 1) % 3], own[(k + 2) % 3]
         if ab < 0:
@@ -345,26 +378,156 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     corners = mesh.corners
     one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
     angle = np.arctan2(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0], (one * two).sum(axis=2))
-    around = np.bincount(mesh.triangles.ravel(), angle.ravel(), minlength=len(mesh.points))
-    count = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
+    around = np.bincount(mesh.simplices.ravel(), angle.ravel(), minlength=len(mesh.points))
+    count = np.bincount(mesh.simplices.ravel(), minlength=len(mesh.points))
     few = np.zeros(len(mesh.points), dtype=bool)
     few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
-    at = few[mesh.triangles]
+    at = few[mesh.simplices]
     if not at.any():
         return mesh
     # one with two such corners is split at its centroid: to choose between them would be to go by their order
     whole, both = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
     centre = len(mesh.points) + np.repeat(np.arange(len(both)), 3)
-    ends_of = np.stack([mesh.triangles[both], np.roll(mesh.triangles[both], -1, axis=1)], axis=-1).reshape(-1, 2)
+    ends_of = np.stack([mesh.simplices[both], np.roll(mesh.simplices[both], -1, axis=1)], axis=-1).reshape(-1, 2)
     order = np.concatenate([whole, np.repeat(both, 3)])
     split = replace(
         mesh,
         points=np.concatenate([mesh.points, corners[both].mean(axis=1)]),
-        triangles=np.concatenate([mesh.triangles[whole], np.column_stack([ends_of, centre])]),
+        simplices=np.concatenate([mesh.simplices[whole], np.column_stack([ends_of, centre])]),
         cell=mesh.cell[order],
         root=mesh.root[order],
     )
     marked = np.append(at[whole].any(axis=1), np.zeros(3 * len(both), dtype=bool))
     return refine(
         split, marked, np.where(marked, np.append(at[whole].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1)
+    )
+
+
+def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
+    """Halve one edge of each marked tetrahedron, and others where quality asks for it.
+
+    An edge is halved in all tetrahedra around it at once, so that the mesh stays conforming. Without weights a
+    tetrahedron with a halved edge has its longest one halved before (Rivara 1991, longest-edge bisection).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Any mesh.
+    marked : (t,) bool array
+        Tetrahedra to split.
+    weight : (t, 4) float array, optional
+        Weights of the corners of each tetrahedron, of sum 1 or all 0. Its edge is then the one with the greatest length
+        × (difference of the weights + a little), so that layers grow along edges where weights are great.
+
+    Returns
+    -------
+    Mesh
+        Conforming; tags and roots are inherited.
+    """
+    ends = np.sort(mesh.simplices[:, _EDGES], axis=2)
+    unique, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    number = number.reshape(-1, 6)
+    length = np.linalg.norm(mesh.points[unique[:, 1]] - mesh.points[unique[:, 0]], axis=1)
+    rank = np.empty(len(unique), dtype=np.int64)
+    order = np.lexsort((-np.arange(len(unique)), np.round(length / length.max(), _DIGITS)))
+    rank[order] = np.arange(len(unique))
+    split = np.zeros(len(unique), dtype=bool)
+    every = np.arange(len(mesh))
+    if weight is not None:
+        steep = _ASPECT + abs(weight[:, _EDGES[:, 0]] - weight[:, _EDGES[:, 1]])
+        best = np.argmax(np.round(length[number] * steep / length.max(), _DIGITS) + 1e-12 * rank[number], axis=1)
+        split[number[every, best][marked]] = True
+        return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+    longest = number[every, np.argmax(rank[number], axis=1)]
+    split[longest[marked]] = True
+    while True:
+        more = split[number].any(axis=1) & ~split[longest]
+        if not more.any():
+            break
+        split[longest[more]] = True
+    return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+
+
+def split_at_centroids(mesh: Mesh) -> Mesh:
+    """Return the mesh with every tetrahedron split in four at its centroid (Alfeld 1984).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Any mesh.
+
+    Returns
+    -------
+    Mesh
+        Part k of tetrahedron i is number 4 i + k; its corner k is the centroid, the others are those of i.
+    """
+    parts = np.repeat(mesh.simplices[:, None], 4, axis=1)
+    parts[:, np.arange(4), np.arange(4)] = len(mesh.points) + np.arange(len(mesh))[:, None]
+    return Mesh(
+        points=np.concatenate([mesh.points, mesh.corners.mean(axis=1)]),
+        simplices=parts.reshape(-1, 4),
+        cell=np.repeat(mesh.cell, 4),
+        root=np.repeat(mesh.root, 4),
+        tagged=mesh.tagged,
+        tag=mesh.tag,
+    )
+
+
+def halve_edges(mesh: Mesh, edges: Ints) -> Mesh:
+    """Halve edges one after another, each in all tetrahedra and tagged triangles around it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Any mesh.
+    edges : (k, 2) int array
+        Nodes of the edges in ascending order.
+
+    Returns
+    -------
+    Mesh
+        Conforming; tags and roots are inherited.
+    """
+    solids = [tuple(nodes) for nodes in mesh.simplices.tolist()]
+    parent = list(range(len(solids)))
+    around: dict[int, set[int]] = {}
+    for index, nodes in enumerate(solids):
+        for node in nodes:
+            around.setdefault(node, set()).add(index)
+    tags = {tuple(nodes): tag for nodes, tag in zip(mesh.tagged.tolist(), mesh.tag.tolist(), strict=True)}
+    touching: dict[int, set[tuple[int, ...]]] = {}
+    for key in tags:
+        for node in key:
+            touching.setdefault(node, set()).add(key)
+    points = mesh.points.tolist()
+    for i, j in edges.tolist():
+        middle = len(points)
+        points.append([0.5 * (p + q) for p, q in zip(points[i], points[j], strict=True)])
+        around[middle] = set()
+        for index in sorted(around[i] & around[j]):
+            nodes = solids[index]
+            solids[index] = tuple(middle if node == j else node for node in nodes)
+            other = tuple(middle if node == i else node for node in nodes)
+            around[j].discard(index)
+            for node in other:
+                around[node].add(len(solids))
+            around[middle].add(index)
+            solids.append(other)
+            parent.append(parent[index])
+        for key in sorted(touching.get(i, set()) & touching.get(j, set())):
+            tag = tags.pop(key)
+            for node in key:
+                touching[node].discard(key)
+            for gone in (i, j):
+                half = tuple(sorted(middle if node == gone else node for node in key))
+                tags[half] = tag
+                for node in half:
+                    touching.setdefault(node, set()).add(half)
+    return Mesh(
+        points=np.array(points),
+        simplices=np.array(solids, dtype=np.int64),
+        cell=mesh.cell[parent],
+        root=mesh.root[parent],
+        tagged=np.array(list(tags), dtype=np.int64).reshape(-1, mesh.dimension),
+        tag=np.array(list(tags.values()), dtype=np.int64),
     )

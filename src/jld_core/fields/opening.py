@@ -8,9 +8,10 @@ from scipy.sparse.linalg import splu
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.fields.cone_pattern import ConeProgram, Rows
+from jld_core.fields.cones import ConeProgram, Rows
+from jld_core.fields.forms import across
 from jld_core.fields.problem import Problem
-from jld_core.fields.velocity_program import Entries, jump_entries, strain_entries
+from jld_core.fields.velocity_program import jump_entries, strain_entries
 
 _LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion that counts as found
 
@@ -26,9 +27,9 @@ def opening_motion(problem: Problem) -> Floats | None:
     # edges: they open without sliding.
     mesh = problem.mesh
     cells, number = np.unique(mesh.cell, return_inverse=True)
-    area = np.bincount(number, mesh.area)
+    area = np.bincount(number, mesh.volume)
     middle = mesh.corners.mean(axis=1)
-    centre = np.column_stack([np.bincount(number, mesh.area * middle[:, axis]) / area for axis in (0, 1)])
+    centre = np.column_stack([np.bincount(number, mesh.volume * middle[:, axis]) / area for axis in (0, 1)])
     motion, apart = _cell_motion(problem, number, centre, len(cells)), _convex_gradients(problem, number)
     if motion is None or apart is None:
         return None
@@ -50,8 +51,8 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """
     from scipy.optimize import linprog  # takes longer to import than most commands need
 
-    mesh, e = problem.mesh, problem.edges
-    key = number[:, None] * len(mesh.points) + mesh.triangles
+    mesh, e = problem.mesh, problem.sides
+    key = number[:, None] * len(mesh.points) + mesh.simplices
     unique, node = np.unique(key, return_inverse=True)
     node = node.reshape(-1, 3)
     inside = problem.inside
@@ -63,7 +64,7 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     row, column, value = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
     matrix = sp.csr_array((value, (row, column)), shape=(len(inside), count))
     # jumps in proportion to the size of triangles, as those of |x|² are
-    size = np.minimum(np.sqrt(mesh.area[e.a[inside]]), np.sqrt(mesh.area[e.b[inside]]))
+    size = np.minimum(np.sqrt(mesh.volume[e.a[inside]]), np.sqrt(mesh.volume[e.b[inside]]))
     wanted = sp.hstack([-matrix, sp.csr_array(size[:, None])])
     objective = np.zeros(count + 1)
     objective[-1] = -1.0
@@ -83,7 +84,7 @@ def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> 
     the others are velocity gradients. No coefficient exceeds one. Also returns the slack. None where no motion has a
     positive one.
     """
-    p, e, rows = problem, problem.edges, problem.on_faces
+    p, e, rows = problem, problem.sides, problem.on_faces
     width = 6 * count + 1
     linear, cones = Rows(), Rows()
     every = np.arange(6 * count)
@@ -151,16 +152,16 @@ class Settling:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        p, e = problem, problem.edges
-        self._cut = np.flatnonzero((e.b >= 0) | (p.face >= 0))
-        along = np.column_stack([-e.normal[:, 1], e.normal[:, 0]])[self._cut]
-        normal = e.normal[self._cut]
-        groups: list[tuple[Entries, ...]] = [strain_entries(p, np.arange(len(p.mesh)), np.sqrt(p.mesh.area))]
-        groups += [tuple(jump_entries(p, self._cut, end, way) for way in (normal, along)) for end in (0, 1)]
-        rates, self._groups = Rows(), []
-        for group, count in zip(groups, (len(p.mesh), len(self._cut), len(self._cut)), strict=True):
-            self._groups.append([rates.add(part, 0.0, count) for part in group])
-        self._rates = rates.matrix(6 * len(p.mesh))
+        p, self._cut = problem, problem.jumps
+        normal, count = p.sides.normal[self._cut], len(p.mesh)
+        columns, strain, _ = strain_entries(p)
+        rates = Rows()
+        self._groups = [[rates.add([(columns, strain[:, j])], 0.0, count) for j in range(strain.shape[1])]]
+        for end in (0, 1):
+            columns, jump = jump_entries(p, self._cut, end)
+            values = (np.einsum("ki,kij->kj", way, jump) for way in (normal, *across(normal)))
+            self._groups.append([rates.add([(columns, value)], 0.0, len(self._cut)) for value in values])
+        self._rates = rates.matrix(6 * count)
 
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
         """Move velocities to the nearest ones for which active flow rules hold with equality.

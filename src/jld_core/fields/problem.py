@@ -1,7 +1,8 @@
-"""Non-dimensional planar problem of both bounds, with numbers of order one."""
+"""Non-dimensional problem of both bounds, in the plane and in space, with numbers of order one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -13,8 +14,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
-from jld_core.fields.mesh import Edges, Mesh
-from jld_core.fields.outlines import FREE
+from jld_core.fields.mesh import Mesh, Sides, patch_tag
 from jld_core.scene.standard import key_of
 from jld_core.strengths import Route
 
@@ -158,44 +158,21 @@ class Joints:
     crushing: Floats
 
 
-def joints_of(assembly: Assembly, units: Units) -> Joints:
-    """Return the scaled strengths of all interfaces as dry joints."""
-    own = assembly.strengths(_ROUTE).side(dry=True)
-    crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
-    return Joints(np.nan_to_num(own.friction, nan=0.0), own.shear / units.stress, crushing / units.stress)
-
-
 @dataclass(frozen=True)
 class Problem:
-    """Scaled limit analysis of planar blocks on one mesh, for unit thickness.
+    """Scaled limit analysis of blocks on one mesh; of unit thickness in the plane."""
 
-    Attributes
-    ----------
-    units : Units
-        Units of all other attributes.
-    material : Material
-        Scaled material of the blocks.
-    joints : Joints
-        Scaled strengths of the dry joints.
-    mesh : Mesh
-        Triangles, scaled coordinates.
-    dead, live : (t, 2) float array
-        Forces per volume, scaled; live for λ = 1.
-    dead_pull, pull : (e, 2, 2) float array
-        Dead and live tractions (end, axis) at both ends of each edge, scaled; live for λ = 1. Zero where no load acts.
-    supported : (m,) bool array
-        Interfaces that touch a support.
-    """
-
-    units: Units
-    material: Material
-    joints: Joints
-    mesh: Mesh
+    units: Units  # units of all other attributes
+    material: Material  # scaled material of the blocks
+    joints: Joints  # scaled strengths of the m interfaces as dry joints
+    mesh: Mesh  # scaled coordinates
+    # dead, live: (t, d) forces per volume, scaled; live for λ = 1
     dead: Floats
     live: Floats
+    # dead_pull, pull: (f, d, d) dead and live tractions (corner, axis) at the corners of each side, scaled; live for
+    # λ = 1. Zero where no load acts.
     dead_pull: Floats
     pull: Floats
-    supported: Bools
 
     @property
     def loaded(self) -> bool:
@@ -211,132 +188,115 @@ class Problem:
         return replace(self, live=self.dead, pull=self.dead_pull).without_dead_load()
 
     @property
-    def edges(self) -> Edges:
-        """Edges of the mesh, (e,) each."""
-        return self.mesh.edges
+    def sides(self) -> Sides:
+        """Sides of the mesh, (f,) each."""
+        return self.mesh.sides
 
     @cached_property
     def face(self) -> Ints:
-        """(e,) interface that each edge lies on, −1 for none."""
-        tag = self.edges.tag
-        return np.where(tag < len(self.supported), tag, -1)
+        """(f,) interface that each side lies on, −1 for none."""
+        return np.maximum(self.sides.tag, -1)
 
     @cached_property
     def inside(self) -> Ints:
-        """(k,) edges inside a cell, between two of its triangles."""
-        return np.flatnonzero((self.edges.b >= 0) & (self.face < 0))
+        """(k,) sides inside a cell, between two of its simplices."""
+        return np.flatnonzero((self.sides.b >= 0) & (self.face < 0))
 
     @cached_property
     def joined(self) -> Ints:
-        """(k,) edges between two triangles, inside cells or on interfaces without support."""
-        return np.flatnonzero(self.edges.b >= 0)
+        """(k,) sides between two simplices, inside cells or on interfaces without support."""
+        return np.flatnonzero(self.sides.b >= 0)
+
+    @cached_property
+    def jumps(self) -> Ints:
+        """(k,) sides on which velocities may jump: inside cells and on interfaces, those at supports included."""
+        return np.flatnonzero((self.sides.b >= 0) | (self.face >= 0))
 
     @cached_property
     def on_faces(self) -> Ints:
-        """(k,) edges on interfaces, those at supports included."""
+        """(k,) sides on interfaces, those at supports included."""
         return np.flatnonzero(self.face >= 0)
 
     @cached_property
     def outer(self) -> Ints:
-        """(k,) edges on the free outline of cells, with or without a live traction."""
-        return np.flatnonzero((self.edges.b < 0) & (self.face < 0))
+        """(k,) sides on the free surface of cells, with or without a traction."""
+        return np.flatnonzero((self.sides.b < 0) & (self.face < 0))
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return (e,) True for edges on dry interfaces; labels: (m,) True = dry."""
+        """Return (f,) True for sides on dry interfaces; labels: (m,) True = dry."""
         dry = np.zeros(len(self.face), dtype=bool)
         dry[self.on_faces] = labels[self.face[self.on_faces]]
         return dry
 
 
 def units_of(assembly: Assembly, material: Material) -> Units:
-    """Choose the units in which a planar problem has numbers of order one.
+    """Choose the units in which a problem has numbers of order one.
 
     material: in scene units. Units depend on sizes, strengths and loads alone, so that scaled problems do not depend on
     position, rotation and units of the scene.
     """
-    elements, free, thickness = assembly.elements, assembly.elements.free, thickness_of(assembly)
-    length = float(np.sqrt(elements.volume[free].sum() / thickness))
+    elements, free = assembly.elements, assembly.elements.free
+    volume = elements.volume[free].sum()
+    if assembly.dimension == 2:
+        width = thickness_of(assembly)
+        length = float(np.sqrt(volume / width))
+    else:
+        length = width = float(np.cbrt(volume))
     strength = min(material.shear, material.tension)
-    dead = assembly.total_dead / (length * thickness)
+    dead = assembly.total_dead / (length * width)
     # between strength and weight, whichever governs; a weight of nothing is no measure
     stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
     origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
-    live = assembly.total_live
-    return Units(length, stress, stress * length * thickness / live, 1.0 / live, origin)
+    live, force = assembly.total_live, stress * length * width if assembly.dimension == 2 else stress * length**2
+    return Units(length, stress, force / live, 1.0 / live, origin)
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
-    """Scale an assembly and its loads to the problem on one mesh.
+    """Scale an assembly and its loads to the problem on one mesh, with stresses, lengths and loads of order one.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Planar assembly.
-    material : Material
-        Material of the blocks, scene units.
-    units : Units
-        Units of the assembly.
-    mesh : Mesh
-        Scene coordinates; refined from the mesh that the loads belong to.
-    loads : FieldLoads
-        Over the roots of the mesh, scene units.
-
-    Returns
-    -------
-    Problem
-        Stresses, lengths and loads of order one.
+    material: in scene units. mesh: scene coordinates; refined from the mesh that the loads belong to. loads: over the
+    roots of the mesh, scene units.
     """
-    faces, support = assembly.interfaces, assembly.elements.support
-    scaled = replace(mesh, points=(mesh.points - units.origin) / units.length)
     density = units.length / units.stress
-    joints = joints_of(assembly, units)
-    dead_pull, pull = _pulls(mesh, loads, len(faces))
+    own, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
+    crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
+    pull = np.zeros((2, len(sides), mesh.dimension, mesh.dimension))
+    for index, traction in enumerate(loads.tractions):
+        rows = np.flatnonzero((sides.tag == patch_tag(index)) & (mesh.cell[sides.a] == traction.cell))
+        pull[:, rows] = traction.at(mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]])
     return Problem(
         units=units,
         material=material.scaled(units.stress),
-        joints=joints,
-        mesh=scaled,
+        joints=Joints(np.nan_to_num(own.friction, nan=0.0), own.shear / units.stress, crushing / units.stress),
+        mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
         dead=loads.dead[mesh.root] * density,
         live=loads.live[mesh.root] * (density * units.load),
-        dead_pull=dead_pull / units.stress,
-        pull=pull * (units.load / units.stress),
-        supported=support[faces.a] | support[faces.b],
+        dead_pull=pull[0] / units.stress,
+        pull=pull[1] * (units.load / units.stress),
     )
-
-
-def _pulls(mesh: Mesh, loads: FieldLoads, faces: int) -> Floats:
-    """Compute the dead and the live tractions (2, e, 2, 2) at both ends of all edges, scene units."""
-    edges = mesh.edges
-    pull = np.zeros((2, len(edges), 2, 2))
-    for index, segment in enumerate(loads.segments):
-        own = np.flatnonzero(edges.tag == faces + index)
-        along = segment.ends[1] - segment.ends[0]
-        places = mesh.corners[edges.a[own][:, None], edges.corner_a[own]]
-        share = ((places - segment.ends[0]) @ along / (along @ along))[..., None]
-        for k, ends in enumerate((segment.dead, segment.live)):
-            pull[k, own] = ends[0] * (1.0 - share) + ends[1] * share
-    return pull
-
-
-__all__ = ["FREE", "Joints", "Problem", "Units", "problem_of", "units_of"]
 
 
 def require_fields(assembly: Assembly) -> None:
     """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
 
-    Refused are members, spatial scenes, inner strengths that are missing, zero or different, loads without room for
-    their patch, and outlines or interfaces that no mesh fits.
+    Refused are members, inner strengths that are missing, zero or different, loads without room for their patch,
+    outlines or interfaces that no mesh fits, and in space cells that are not convex.
     """
-    require_planar(assembly)
     material_of(assembly)
+    load: Callable[[Assembly], object] = loaded_mesh
+    if assembly.dimension == 3:
+        from jld_core.fields.solids import loaded_solids  # planar scenes do not load it
+
+        load = loaded_solids
     for case in assembly.by_case:
-        loaded_mesh(case)
+        load(case)
 
 
-def require_planar(assembly: Assembly) -> None:
-    """Raise InputError for a spatial assembly; do nothing for a planar one."""
+def require_planar_fields(assembly: Assembly) -> None:
+    """Raise InputError for a spatial assembly, and as `require_fields`."""
     if assembly.dimension != 2:
         raise InputError("cracks", "fields are for planar scenes, and this one is spatial", '"faces"')
+    require_fields(assembly)
 
 
 def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:

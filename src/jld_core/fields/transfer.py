@@ -111,23 +111,23 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     velocity: (t, 3, 2) at the corners of triangles, scaled by any factor. No solver is used: this is the check of a
     proof. Returns None where the live load does no work, or the blocks would dissipate without limit.
     """
-    p, e = upper.problem, upper.problem.edges
+    p, s = upper.problem, upper.problem.sides
     rates = upper.rates(velocity)
     allowance = upper.allowance(velocity)
     work = float((upper.live * velocity).sum())
     if not work > 0.0:
         return None
-    half = 0.5 * e.length
+    half = s.area / p.mesh.dimension
     ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
     inside = half[p.inside] * ends[p.inside].sum(axis=1)
-    blocks = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
+    blocks = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear, allowance)
     dead = upper.dead * velocity
     slack = tolerances.SUMMATION * (float(inside.sum()) + float(blocks.sum()) + float(np.abs(dead).sum()))
     constant = (float(inside.sum()) + float(blocks.sum()) - float(dead.sum()) + slack) / work
     if not np.isfinite(constant):
         return None
     rows = p.on_faces
-    face, count = p.face[rows], len(p.supported)
+    face, count = p.face[rows], len(p.joints.friction)
     joint = half[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
     crack = half[rows] * ends[rows].sum(axis=1)
     load = p.units.load
@@ -145,5 +145,5 @@ def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStr
     rows = p.on_faces
     fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge
     fits &= labels[p.face[rows]] | ~lower.frictionless[p.face[rows]]
-    wrong = np.bincount(p.face[rows], ~fits, minlength=len(p.supported))
+    wrong = np.bincount(p.face[rows], ~fits, minlength=len(p.joints.friction))
     return FieldStresses(field.factor * p.units.load, wrong == 0)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.fields.bounds import finer_by_dissipation
+from jld_core.fields.adaptive import finer_by_dissipation
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.opening import Settling
 from jld_core.fields.problem import Problem

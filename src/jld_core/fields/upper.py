@@ -1,7 +1,8 @@
-"""Upper bound: velocity fields that are linear in each triangle, with jumps on every edge.
+"""Upper bound: velocity fields that are linear in each simplex, with jumps on every side.
 
-Formulas: docs/method.md (9.10) and (9.11). The solver proposes velocities. This module proves the bound: it
-adds opening until every flow rule holds, and recomputes dissipation and work.
+Formulas: docs/method.md (9.10), (9.11), in space (10.2) and (10.6). The solver proposes velocities. This module proves
+the bound: in the plane it adds opening until every flow rule holds, in space the solver keeps a margin to them; then it
+recomputes dissipation and work from the velocities alone.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.fields.cone_pattern import Answer
+from jld_core.fields.cones import Answer
+from jld_core.fields.forms import shear_rate, tangential
 from jld_core.fields.opening import Settling, opening_motion
 from jld_core.fields.problem import Problem
 from jld_core.fields.velocity_program import VelocityProgram
@@ -31,6 +33,15 @@ _COSTLY = 1e-6
 # Room of flow rules in such programs, scaled velocity: above residuals of the solver, below what moves λ
 _MARGINS = (1e-8, 1e-6)
 
+# Margins of opening to every flow rule in space, scaled, at live work one, in the order tried. The first whose answer
+# passes the check is taken.
+_MARGINS_IN_SPACE = (1e-8, 1e-7, 1e-6, 1e-5)
+
+# Statuses of unbounded programs: the blocks are too weak for their dead load
+_UNBOUNDED = ("DualInfeasible", "AlmostDualInfeasible")
+
+_FALLING = 1e-7  # margin of the program of a mechanism in space that the dead load drives
+
 _RAY = -1.0  # scaled bound that is stated where the program is unbounded: any larger bound holds too
 
 
@@ -39,20 +50,20 @@ class VelocityField:
     """Certified velocity field of one labelling, scaled (see `Units`)."""
 
     factor: float  # upper bound on λ that the field proves
-    # (t, 3, 2) velocities at the three corners of each triangle, on which the live load does unit work
+    # (t, d + 1, d) velocities at the corners of each simplex, on which the live load does unit work
     velocity: Floats
-    dissipation: Floats  # (t,) power in each triangle with half of its edges
+    dissipation: Floats  # (t,) power in each simplex with half of its sides
     opened: float  # multiple of the opening motion that was added to repair flow rules, before scaling to unit work
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Strain rates and jumps of a planar velocity field, scaled."""
+    """Strain rates and jumps of a velocity field, scaled."""
 
-    # trace, shear: (t,) e = εx + εy and g = √((εx − εy)² + γ²) of the triangles
+    # trace, shear: (t,) e and g of docs/method.md (9.2) and (10.2)
     trace: Floats
     shear: Floats
-    # opening, slip: (e, 2) normal jump δn, opening positive, and tangential jump δs at both ends of the edges
+    # opening, slip: (f, d) normal jump δn, opening positive, and size |δs| of the tangential jump at corners of sides
     opening: Floats
     slip: Floats
 
@@ -60,48 +71,78 @@ class Rates:
 class UpperBound:
     """Upper bounds on λ by velocity fields, for many labellings of one problem.
 
-    `bound` returns a certified field. The cone program is set up once; labels switch rows and costs.
+    `bound` returns a certified field. In the plane, the cone program is set up once; labels switch rows and costs.
 
-    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded; see `ConeProgram`.
-    live, dead: (t, 3, 2) nodal forces at the corners of the triangles, equivalent to the loads, scaled. status: status
-    by the solver of the last labelling that was bounded, "" before.
+    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded in the plane; see
+    `ConeProgram`. live, dead: (t, d + 1, d) nodal forces at the corners of the simplices, equivalent to the loads,
+    scaled. status: status by the solver of the last program, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
         self.problem, self._many = problem, many
-        self._triangles = len(problem.mesh)
         self._motion: Floats | None = None
         self._settling: Settling | None = None
         self._tried = False
         self.status = ""
-        p = problem
-        # strain rates are velocities over heights of triangles
+        p, corners = problem, problem.mesh.dimension + 1
+        # strain rates are velocities over heights of simplices
         self._steep = max(1.0, float(abs(p.mesh.gradient).max()))
-        corner = p.mesh.area[:, None, None] / 3.0
-        self.live = np.repeat(p.live[:, None, :] * corner, 3, axis=1) + self._pulled(p.pull)
-        self.dead = np.repeat(p.dead[:, None, :] * corner, 3, axis=1) + self._pulled(p.dead_pull)
+        corner = p.mesh.volume[:, None, None] / corners
+        self.live = np.repeat(p.live[:, None, :] * corner, corners, axis=1) + self._pulled(p.pull)
+        self.dead = np.repeat(p.dead[:, None, :] * corner, corners, axis=1) + self._pulled(p.dead_pull)
 
     def _pulled(self, pull: Floats) -> Floats:
-        """Nodal forces (t, 3, 2) of tractions (e, 2, 2): a linear traction on a linear velocity."""
-        e = self.problem.edges
-        forces = np.zeros((self._triangles, 3, 2))
+        """Nodal forces (t, d + 1, d) of tractions (f, d, d): a linear traction on a linear velocity."""
+        p, s, d = self.problem, self.problem.sides, self.problem.mesh.dimension
+        forces = np.zeros((len(p.mesh), d + 1, d))
         rows = np.flatnonzero(pull.any(axis=(1, 2)))
-        for end in (0, 1):
-            share = (2.0 * pull[rows, end] + pull[rows, 1 - end]) * (e.length[rows] / 6.0)[:, None]
-            np.add.at(forces, (e.a[rows], e.corner_a[rows, end]), share)
+        for corner in range(d):
+            others = np.delete(pull[rows], corner, axis=1).sum(axis=1)
+            share = (2.0 * pull[rows, corner] + others) * (s.area[rows] / (d * (d + 1)))[:, None]
+            np.add.at(forces, (s.a[rows], s.corner_a[rows, corner]), share)
         return forces
 
     def bound(self, labels: Bits) -> VelocityField | None:
         """Find a velocity field for one labelling, and certify it.
 
-        labels: (m,) True = dry. Where repairs cost much of λ, the program is solved again with room in every flow rule.
-        The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no field
-        could be repaired.
+        labels: (m,) True = dry. Where repairs cost much of λ, or in space the check fails, the program is solved again
+        with room in every flow rule. The factor is below 0 for blocks that collapse under their dead load alone. None:
+        the solver failed, or no field could be repaired, as in space for enclosed cells.
         """
-        return self._bound_by(self.propose(labels), labels)
+        if self.problem.mesh.dimension == 2:
+            return self._bound_by(self.propose(labels), labels)
+        for margin in _MARGINS_IN_SPACE:
+            answer = VelocityProgram(self.problem, self.live, self.dead, margin, labels=labels).solve()
+            self.status = answer.status
+            if answer.status in _UNBOUNDED:
+                return self._falling(labels)
+            if not answer.usable:
+                return None
+            velocity = self._velocity(answer)
+            found = self._proven(velocity, self.rates(velocity), labels)
+            if found is not None:
+                return found
+        return None
+
+    def _velocity(self, answer: Answer) -> Floats:
+        """Return the velocities (t, d + 1, d) of an answer."""
+        return answer.point[: self.live.size].reshape(self.live.shape)
+
+    def _falling(self, labels: Bits) -> VelocityField | None:
+        """Return a mechanism in space that the dead load drives, with positive live work.
+
+        labels: (m,) True = dry. None if the solver failed, or the field proves nothing.
+        """
+        # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
+        # the factor is at least `_RAY`, and any larger bound holds too.
+        p, none = self.problem, np.zeros_like(self.dead)
+        answer = VelocityProgram(p, self.dead, none, _FALLING, labels=labels, driving=self.live).solve()
+        velocity = self._velocity(answer)
+        found = self._proven(velocity, self.rates(velocity), labels) if answer.usable else None
+        return replace(found, factor=max(found.factor, _RAY)) if found is not None and found.factor < 0.0 else None
 
     def bound_all(self, labellings: Bits) -> list[VelocityField | None]:
-        """Find velocity fields for labellings (k, m), solved together where possible; see `bound`."""
+        """Find velocity fields for labellings (k, m) in the plane, solved together where possible; see `bound`."""
         answers = self._velocity_program.solve_all(np.array([self.problem.is_dry(labels) for labels in labellings]))
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
@@ -114,7 +155,7 @@ class UpperBound:
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
             return None
-        found = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+        found = self.certify(self._velocity(answer), labels, answer.objective)
         if answer.usable and (found is None or found.factor - answer.objective > _COSTLY * abs(found.factor)):
             found = self._with_margins(labels, found, answer.objective)
         if found is not None and not answer.usable:
@@ -131,7 +172,7 @@ class UpperBound:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
                 continue
-            other = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels, answer.objective)
+            other = self.certify(self._velocity(answer), labels, answer.objective)
             if other is not None and (found is None or other.factor < found.factor):
                 found = other
             if found is not None and found.factor - expected <= _COSTLY * abs(found.factor):
@@ -183,6 +224,15 @@ class UpperBound:
             allowance = self.allowance(velocity)
             if self._worst(rates, labels) > allowance:
                 return None
+        return self._proven(velocity, rates, labels, allowance, share)
+
+    def _proven(
+        self, velocity: Floats, rates: Rates, labels: Bits, allowance: float = 0.0, opened: float = 0.0
+    ) -> VelocityField | None:
+        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver; labels: (m,) True = dry.
+
+        None: a flow rule is violated, or the live load does no positive work.
+        """
         work = float((self.live * velocity).sum())
         if not work > 0.0:
             return None
@@ -191,7 +241,7 @@ class UpperBound:
         # sums in another order round differently
         slack = tolerances.SUMMATION * (float(power.sum()) + float(abs(dead).sum()))
         factor = (float(power.sum()) - float(dead.sum()) + slack) / work
-        return VelocityField(factor, velocity / work, power / work, share) if np.isfinite(factor) else None
+        return VelocityField(factor, velocity / work, power / work, opened) if np.isfinite(factor) else None
 
     def allowance(self, velocity: Floats) -> float:
         """Return the missing opening that counts as rounding for velocities (t, 3, 2), scaled.
@@ -205,7 +255,7 @@ class UpperBound:
 
         velocity: (t, 3, 2), scaled.
         """
-        every = np.ones(len(self.problem.supported), dtype=bool)
+        every = np.ones(len(self.problem.joints.friction), dtype=bool)
         rates = self.rates(velocity)
         lacks = np.concatenate([part.ravel() for b in (every, ~every) for part in self.lacking(rates, b)])
         small = lacks[lacks <= share * float(abs(velocity).max())]
@@ -227,7 +277,7 @@ class UpperBound:
             self._tried = True
             motion = opening_motion(self.problem)
             if motion is not None:
-                rates, every = self.rates(motion), np.ones(len(self.problem.supported), dtype=bool)
+                rates, every = self.rates(motion), np.ones(len(self.problem.joints.friction), dtype=bool)
                 least = min(
                     -float(part.max(initial=-np.inf)) for b in (every, ~every) for part in self.lacking(rates, b)
                 )
@@ -235,16 +285,13 @@ class UpperBound:
         return self._motion
 
     def rates(self, velocity: Floats) -> Rates:
-        """Compute strain rates and jumps of velocities (t, 3, 2); supports stand still."""
-        p, e = self.problem, self.problem.edges
+        """Compute strain rates and jumps of velocities (t, d + 1, d); supports stand still."""
+        p, s = self.problem, self.problem.sides
         slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
-        shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
-        jump = -velocity[e.a[:, None], e.corner_a]
-        both = e.b >= 0
-        jump[both] += velocity[e.b[both][:, None], e.corner_b[both]]
-        opening = np.einsum("eki,ei->ek", jump, e.normal)
-        slip = jump[..., 1] * e.normal[:, :1] - jump[..., 0] * e.normal[:, 1:]
-        return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
+        jump = jumps(p, velocity, np.arange(len(s)))
+        opening = np.einsum("fki,fi->fk", jump, s.normal)
+        trace = np.trace(slope, axis1=1, axis2=2)
+        return Rates(trace, shear_rate(slope), opening, tangential(jump, s.normal))
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
         """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
@@ -254,9 +301,9 @@ class UpperBound:
         """
         p = self.problem
         dry = p.is_dry(labels)
-        cut = np.flatnonzero(~dry & ((p.edges.b >= 0) | (p.face >= 0)))
+        cut = p.jumps[~dry[p.jumps]]
         joint = np.flatnonzero(dry)
-        opening, slip = rates.opening[joint], abs(rates.slip[joint])
+        opening, slip = rates.opening[joint], rates.slip[joint]
         face = p.face[joint]
         lack = p.joints.friction[face][:, None] * slip - opening
         return (
@@ -270,17 +317,16 @@ class UpperBound:
 
         labels: (m,) True = dry.
         """
-        p, e = self.problem, self.problem.edges
-        power = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
-        dry = p.is_dry(labels)
-        ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
-        ends[dry] = self.joint_power(rates, np.flatnonzero(dry), allowance)
-        ends[p.outer] = 0.0
-        total = 0.5 * e.length * ends.sum(axis=1)
-        both = e.b >= 0
-        np.add.at(power, e.a, np.where(both, 0.5, 1.0) * total)
-        np.add.at(power, e.b[both], 0.5 * total[both])
-        return power
+        # Power on a side is the mean of its corners, which bounds that of a linear jump from above: dissipation is
+        # convex.
+        p, s, dry = self.problem, self.problem.sides, self.problem.is_dry(labels)
+        power = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear, allowance)
+        cut, joint, ends = p.jumps[~dry[p.jumps]], np.flatnonzero(dry), np.zeros_like(rates.opening)
+        opening, slip = rates.opening[cut], rates.slip[cut]
+        ends[cut] = p.material.dissipation(opening, np.hypot(opening, slip), allowance)
+        ends[joint] = self.joint_power(rates, joint, allowance)
+        total = s.area / p.mesh.dimension * ends.sum(axis=1)
+        return halved(p, power, np.arange(len(s)), total)
 
     def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
         """Return the power per area of edges as dry joints, (k, 2), at both ends, scaled.
@@ -289,9 +335,26 @@ class UpperBound:
         """
         p = self.problem
         face = p.face[rows]
-        slip, opening = abs(rates.slip[rows]), rates.opening[rows]
+        slip, opening = rates.slip[rows], rates.opening[rows]
         mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         lack = mu * slip - opening
         with np.errstate(invalid="ignore"):
             crushed = np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)
         return np.asarray(c * slip + crushed)
+
+
+def jumps(problem: Problem, velocity: Floats, rows: Ints) -> Floats:
+    """Return the velocity jumps (k, d, d) at the corners of sides (k,), of velocities (t, d + 1, d); b less a."""
+    s = problem.sides
+    jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
+    both = s.b[rows] >= 0
+    jump[both] += velocity[s.b[rows[both]][:, None], s.corner_b[rows[both]]]
+    return np.asarray(jump)
+
+
+def halved(problem: Problem, power: Floats, rows: Ints, total: Floats) -> Floats:
+    """Add values (k,) of sides (k,) to the simplices (t,) on both of their sides, half to each, and return the sum."""
+    s, both = problem.sides, problem.sides.b[rows] >= 0
+    np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
+    np.add.at(power, s.b[rows[both]], 0.5 * total[both])
+    return power

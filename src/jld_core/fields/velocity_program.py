@@ -2,115 +2,133 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.fields.cone_pattern import Answer, ConeProgram, Rows
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.fields.cones import Answer, ConeProgram, ConeSizes, Rows, solve_cones
+from jld_core.fields.forms import COMPONENTS, DIAGONAL, across, normal_map
 from jld_core.fields.problem import Problem
 
-Entries = list[tuple[Ints, Floats]]
+Entries = list[tuple[Ints, Floats | float]]
 
 
-def jump_entries(problem: Problem, rows: Ints, end: int, along: Floats) -> Entries:
-    """Return the coefficients of velocity jumps at one end of edges, for rows of a program.
+def jump_entries(problem: Problem, rows: Ints, corner: int) -> tuple[Ints, Floats]:
+    """Return columns (k, 2d) and values (k, d, 2d) of velocity jumps at a corner of sides.
 
-    rows: (k,) edges. along: (k, 2) directions of the component. The result is a list of four pairs (columns (k,),
-    values (k,)): two for triangle a, then two for b. Column 6·triangle + 2·corner + axis is a nodal velocity. Without
-    triangle b, at a support, its values are 0.
+    rows: (k,) sides. The jump is that of b minus a; b at a support does not move.
     """
-    e = problem.edges
-    a = 6 * e.a[rows] + 2 * e.corner_a[rows, end]
-    there = e.b[rows] >= 0
-    b = np.where(there, 6 * e.b[rows] + 2 * e.corner_b[rows, end], a)
-    entries: Entries = [(a + axis, -along[:, axis]) for axis in (0, 1)]
-    return entries + [(b + axis, np.where(there, along[:, axis], 0.0)) for axis in (0, 1)]
+    # Column d·(d + 1)·simplex + d·corner + axis is a velocity; without b, its columns are those of a with values 0.
+    s, d = problem.sides, problem.mesh.dimension
+    own = d * (d + 1) * s.a[rows] + d * s.corner_a[rows, corner]
+    there = s.b[rows] >= 0
+    other = np.where(there, d * (d + 1) * s.b[rows] + d * s.corner_b[rows, corner], own)
+    columns = np.concatenate([own[:, None] + np.arange(d), other[:, None] + np.arange(d)], axis=1)
+    own_values = np.broadcast_to(-np.eye(d), (len(rows), d, d))
+    return columns, np.concatenate([own_values, there[:, None, None] * np.eye(d)], axis=2)
 
 
-def strain_entries(problem: Problem, rows: Ints, size: Floats) -> tuple[Entries, Entries, Entries]:
-    """Return the coefficients of the strain rates of triangles over nodal velocities.
+def strain_entries(problem: Problem) -> tuple[Ints, Floats, Floats]:
+    """Return the strain rates of the simplices over nodal velocities, times a length of each simplex.
 
-    rows: (k,) triangles. size: (k,) factor on each. The results are εx + εy, εx − εy and γ = ∂u/∂y + ∂v/∂x. Each is a
-    list of six pairs (columns (k,), values (k,)); column 6·triangle + 2·corner + axis.
+    The results are columns (t, d (d + 1)), values (t, 3 or 6, d (d + 1)) for the components that are dual to those of
+    stresses, and the lengths (t,).
     """
-    base = 6 * rows
-    slope = problem.mesh.gradient[rows] * size[:, None, None]
-    places = [(k, axis) for k in range(3) for axis in (0, 1)]
-    trace: Entries = [(base + 2 * k + axis, slope[:, k, axis]) for k, axis in places]
-    stretch: Entries = [(base + 2 * k + axis, (1.0 - 2.0 * axis) * slope[:, k, axis]) for k, axis in places]
-    shear: Entries = [(base + 2 * k + axis, slope[:, k, 1 - axis]) for k, axis in places]
-    return trace, stretch, shear
+    mesh, d = problem.mesh, problem.mesh.dimension
+    size = np.sqrt(mesh.volume) if d == 2 else np.cbrt(mesh.volume)
+    # strain rates are the transpose of the map of stresses to tractions on the gradients
+    strain = normal_map(mesh.gradient * size[:, None, None]).transpose(0, 3, 1, 2)
+    columns = np.arange(len(mesh) * d * (d + 1)).reshape(len(mesh), -1)
+    return columns, strain.reshape(len(mesh), COMPONENTS[d], -1), size
 
 
 class VelocityProgram:
-    """Cone program of the upper bound on one mesh, set up once for all labellings.
+    """Cone program of the upper bound on one mesh.
 
-    It minimises dissipation minus work of the dead load at unit work of the live load, docs/method.md (9.10). Labels
-    switch rows and costs. Columns are the velocities (6t,), the multipliers y1 and y3 of (9.3) for triangles and edge
-    ends, and slips and crushings of interface ends. y2 = e − sin φ y1 + y3 is eliminated.
+    It minimises dissipation minus work of the dead load at unit work of the live load, docs/method.md (9.10). Columns
+    are the velocities (t, d + 1, d), the multipliers y1 and y3 of (9.3) for simplices and corners of sides, and slips
+    and crushings of corners on interfaces. y2 = e − sin φ y1 + y3 is eliminated.
 
-    problem: the scaled problem. live, dead: (t, 3, 2) nodal forces of the loads at the corners of triangles, scaled.
-    margin: room that all flow rules keep, scaled velocity. many: True where hundreds of labellings are solved; see
-    `ConeProgram`.
+    problem: the scaled problem. live, dead: (t, d + 1, d) nodal forces of the loads at the corners of simplices,
+    scaled. margin: room that flow rules keep, scaled velocity. labels: (m,) True = dry, for one labelling; without, in
+    the plane, the program is set up once for all labellings, which switch rows and costs. driving: nodal forces whose
+    work must not be negative. many: True where hundreds of labellings are solved; see `ConeProgram`.
     """
 
-    def __init__(self, problem: Problem, live: Floats, dead: Floats, margin: float = 0.0, many: bool = False) -> None:
-        """Set up the program; see the class for the parameters."""
-        self.problem, self._margin = problem, margin
-        self._linear, self._cones = Rows(), Rows()
-        self._owner: tuple[list[Ints], list[Ints]] = ([], [])
-        self._when_dry: tuple[list[Bools], list[Bools]] = ([], [])
-        self._cohesive: list[Ints] = []
+    def __init__(
+        self,
+        problem: Problem,
+        live: Floats,
+        dead: Floats,
+        margin: float = 0.0,
+        *,
+        labels: Bits | None = None,
+        driving: Floats | None = None,
+        many: bool = False,
+    ) -> None:
+        self.problem, self._margin, self._switched = problem, margin, labels is None
+        self._linear, self._threes, self._fours, self._psd, work = (Rows() for _ in range(5))
+        self._owner: dict[int, list[Ints]] = {id(self._linear): [], id(self._threes): []}
+        self._when_dry: dict[int, list[Bools]] = {id(self._linear): [], id(self._threes): []}
+        self._cohesive: list[Ints] = [np.empty(0, dtype=np.int64)]
         self._columns = live.size
-        self._costs: list[Floats] = []
-        self._base = -dead.ravel().astype(float)
-        e = problem.edges
-        self._edge_costs: list[tuple[Ints, Ints, Floats]] = []
-        self._triangles()
-        material = np.flatnonzero((e.b >= 0) | (problem.face >= 0))
-        for end in (0, 1):
-            self._material_ends(material, end)
-            self._dry_ends(problem.on_faces, end)
-        work = Rows()
-        work.add([(np.arange(live.size), live.ravel())], 1.0, 1)
-        parts = (work, self._linear, self._cones)
+        self._costs: list[Floats] = [-dead.ravel().astype(float)]
+        self._side_costs: list[tuple[Ints, Ints, Floats]] = []
+        every = np.arange(live.size)[None]
+        work.add([(every, live.reshape(1, -1))], 1.0, 1)
+        if driving is not None:
+            self._add(self._linear, [(every, -driving.reshape(1, -1))], -margin, 1)
+        self._simplices()
+        dry = None if labels is None else problem.is_dry(labels)
+        cut = problem.jumps if dry is None else problem.jumps[~dry[problem.jumps]]
+        joints = problem.on_faces if dry is None else np.flatnonzero(dry)
+        for corner in range(problem.mesh.dimension):
+            if cut.size:
+                self._cut_corners(cut, corner)
+            if joints.size:
+                self._dry_corners(joints, corner)
+        parts = [part for part in (work, self._linear, self._threes, self._fours, self._psd) if part.count]
         matrix = sp.csr_array(sp.vstack([part.matrix(self._columns) for part in parts]))
-        self._off_owner = np.concatenate([np.array([-1]), *self._owner[0], *self._owner[1]])
-        self._off_dry = np.concatenate([np.array([False]), *self._when_dry[0], *self._when_dry[1]])
-        self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
-        self._off_cohesion[1 + np.concatenate([np.empty(0, dtype=np.int64), *self._cohesive])] = True
-        self._fixed = np.concatenate([self._base, *self._costs])
         rhs = np.concatenate([part.right for part in parts])
-        sizes = (1, self._linear.count, self._cones.count // 3)
-        self._program = ConeProgram(self._fixed, matrix, rhs, sizes, many)
+        self._fixed = np.concatenate(self._costs)
+        three = self._threes.count // 3
+        self._whole = matrix, rhs, ConeSizes(1, self._linear.count, three, self._fours.count // 4, self._psd.count // 6)
+        if self._switched:
+            groups = id(self._linear), id(self._threes)
+            self._off_owner = np.concatenate([np.array([-1]), *(part for key in groups for part in self._owner[key])])
+            self._off_dry = np.concatenate([[False], *(part for key in groups for part in self._when_dry[key])])
+            self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
+            self._off_cohesion[1 + np.concatenate(self._cohesive)] = True
+            self._program = ConeProgram(self._fixed, matrix, rhs, (1, self._linear.count, three), many)
 
-    def solve(self, dry: Bools, undecided: Bools | None = None) -> Answer:
-        """Solve the program for labels of the edges; the answer is not certified.
+    def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
+        """Solve the program; the answer is not certified.
 
-        dry: (e,) True for edges on dry interfaces. undecided: (e,) True for edges that keep the flow rules of both
-        labels; `dry` is ignored there. Their cost is that of inner ones and of crushing. Cohesion of undecided joints
-        costs nothing, as cracks rarely dissipate less.
+        dry: (f,) True for sides on dry interfaces, where labels switch rows. undecided: (f,) True for sides that keep
+        the flow rules of both labels; `dry` is ignored there. Their cost is that of inner ones and of crushing.
+        Cohesion of undecided joints costs nothing, as cracks rarely dissipate less.
         """
-        return self._program.solve(*self._switched(dry, undecided))
+        if dry is None:
+            return solve_cones(self._fixed, *self._whole)
+        return self._program.solve(*self._for_labels(dry, undecided))
 
     def solve_all(self, dry: Bools) -> list[Answer]:
-        """Solve the programs of k labellings; see `solve`. dry: (k, e)."""
-        off, objective = zip(*(self._switched(one) for one in dry), strict=True)
+        """Solve the programs of k labellings; see `solve`. dry: (k, f)."""
+        off, objective = zip(*(self._for_labels(one) for one in dry), strict=True)
         return self._program.solve_all(np.array(off), np.array(objective))
 
-    def _switched(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
-        """Return which rows (rows,) are off, and the costs (columns,), for labels of the edges.
-
-        dry, undecided: (e,) as for `solve`.
-        """
+    def _for_labels(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
+        """Return which rows (rows,) are off, and the costs (columns,), for labels of the sides as for `solve`."""
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
         if undecided is not None:
             either = (self._off_owner >= 0) & undecided[self._off_owner]
             off = np.where(either, self._off_cohesion, off)
             dry = dry & ~undecided
         objective = self._fixed.copy()
-        for edge, column, cost in self._edge_costs:
-            np.add.at(objective, column, np.where(dry[edge], 0.0, cost))
+        for side, column, cost in self._side_costs:
+            np.add.at(objective, column, np.where(dry[side], 0.0, cost))
         return off, objective
 
     def _new(self, cost: Floats) -> Ints:
@@ -120,97 +138,121 @@ class VelocityProgram:
         self._costs.append(cost)
         return columns
 
-    def _rows(self, entries: Entries, rhs: float, count: int, owner: Ints | None, when_dry: bool, cone: bool) -> None:
-        """Append rows of one kind, which always hold or depend on labels.
+    def _add(
+        self,
+        group: Rows,
+        entries: Sequence[tuple[Ints, Floats | float]],
+        rhs: Floats | float,
+        count: int,
+        owner: Ints | None = None,
+        when_dry: bool = False,
+    ) -> None:
+        """Append rows; owner: sides (count,) whose labels switch them, None where they always hold."""
+        group.add(entries, rhs, count)
+        if self._switched:
+            self._owner[id(group)].append(np.full(count, -1) if owner is None else owner)
+            self._when_dry[id(group)].append(np.full(count, when_dry))
 
-        owner: edges (count,) whose labels switch them, None where they always hold.
+    def _multipliers(self, trace: tuple[Ints, Floats], size: Floats, owner: Ints | None) -> Entries:
+        """Add the multipliers y1, y3 ≥ 0 and y2 = e − sin φ y1 + y3 ≥ margin of (9.3); return y1 + y2 + y3.
+
+        trace: columns and values of e. size: (k,) factors on the dissipation. owner: (k,) sides whose labels switch the
+        rows, None where they always hold.
         """
-        (self._cones if cone else self._linear).add(entries, rhs, count)
-        self._owner[cone].append(np.full(count, -1) if owner is None else owner)
-        self._when_dry[cone].append(np.full(count, when_dry))
-
-    def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
-        """Add flow rule and dissipation of the material for k triangles or edge ends, docs/method.md (9.3).
-
-        trace, shear: entries of e and of both parts of g. size: (k,) area over the scale of its entries, or half a
-        length. owner: (k,) edges whose labels switch the rows, None where they always hold.
-        """
-        material, count = self.problem.material, len(size)
-        # y1 is `first`, y3 `third`; `second` are the entries of y2 = e − sin φ y1 + y3, `head` those of y1 + y2 + y3 ≥
-        # |g|.
+        material, count, (columns, values) = self.problem.material, len(size), trace
+        cost = (size * material.tension)[:, None] * values
+        if owner is None:
+            np.add.at(self._costs[0], columns, cost)
+        else:
+            self._side_costs.append((owner, columns.T, cost.T))
         first = self._new(size * (material.intercept - material.tension * material.sine))
-        one = np.ones(count)
-        second: Entries = [*trace, (first, -material.sine * one)]
-        head: Entries = [*trace, (first, (1.0 - material.sine) * one)]
-        positive = [first]
-        if np.isfinite(material.crushing):
+        second: Entries = [(columns, -values), (first, material.sine)]
+        total: Entries = [(columns, values), (first, 1.0 - material.sine)]
+        positive, crushes = [first], bool(np.isfinite(material.crushing))
+        if crushes:
             third = self._new(size * (material.tension + material.crushing))
-            second.append((third, one))
-            head.append((third, 2.0 * one))
+            second.append((third, -1.0))
+            total.append((third, 2.0))
             positive.append(third)
         for column in positive:
-            self._rows([(column, -one)], 0.0, count, None, False, False)
-        self._rows([(column, -value) for column, value in second], -self._margin, count, owner, False, False)
-        stacked = [head, *shear]
-        # the three rows of a cone stand together
-        entries: Entries = []
-        for place, part in enumerate(stacked):
-            for column, value in part:
-                wide = np.zeros((count, 3))
-                wide[:, place] = -value
-                keep = np.repeat(column[:, None], 3, axis=1)
-                entries.append((keep.ravel(), wide.ravel()))
-        owners = None if owner is None else np.repeat(owner, 3)
-        self._rows(entries, 0.0, 3 * count, owners, False, True)
+            self._add(self._linear, [(column, -1.0)], 0.0, count)
+        self._add(self._linear, second, 0.0 if crushes else -self._margin, count, owner)
+        return total
 
-    def _triangles(self) -> None:
-        """Add flow rule and dissipation of all triangles."""
-        mesh, material = self.problem.mesh, self.problem.material
+    def _simplices(self) -> None:
+        """Add flow rule and dissipation of all simplices, with strain rate ε."""
+        mesh, (columns, strain, size) = self.problem.mesh, strain_entries(self.problem)
         count = len(mesh)
-        size = np.sqrt(mesh.area)
-        trace, stretch, shear = strain_entries(self.problem, np.arange(count), size)
-        for column, value in trace:
-            np.add.at(self._base, column, size * material.tension * value)
-        self._power(trace, (stretch, shear), size, None)
+        if mesh.dimension == 2:
+            total = self._multipliers((columns, strain[:, 0]), size, None)
+            self._cone(self._threes, total, columns, strain[:, 1:])
+            return
+        # B ⪰ 0 is a new tensor with ε + B ⪰ 0. Its trace satisfies tr ε + 2 tr B ≤ y1 + y2 + y3.
+        trace = strain[:, DIAGONAL].sum(axis=1)
+        negative = self._new(np.zeros(6 * count)).reshape(count, 6)
+        total = self._multipliers((columns, trace), mesh.volume / size, None)
+        held = [(columns, trace), (negative[:, DIAGONAL], 2.0), *((c, -v) for c, v in total)]
+        self._linear.add(held, 0.0, count)
+        rows, positive = 6 * count, (negative.ravel(), -1.0)
+        self._psd.add([positive], 0.0, rows)
+        self._psd.add([(np.repeat(columns, 6, axis=0), -strain.reshape(rows, 12)), positive], 0.0, rows)
 
-    def _material_ends(self, rows: Ints, end: int) -> None:
-        """Add flow rule and dissipation of jumps in the material at one end of edges.
+    def _cut_corners(self, rows: Ints, corner: int) -> None:
+        """Add dissipation and flow rule |δ| ≤ y1 + y2 + y3 of jumps δ in the material at a corner of sides (k,)."""
+        s, d = self.problem.sides, self.problem.mesh.dimension
+        columns, jump = jump_entries(self.problem, rows, corner)
+        normal = s.normal[rows]
+        opening = np.einsum("ki,kij->kj", normal, jump)
+        owner = rows if self._switched else None
+        total = self._multipliers((columns, opening), s.area[rows] / d, owner)
+        if d == 2:
+            jump = np.stack([opening, np.einsum("ki,kij->kj", across(normal)[0], jump)], axis=1)
+        self._cone(self._threes if d == 2 else self._fours, total, columns, jump, owner)
 
-        rows: (k,) edges.
-        """
-        e, material = self.problem.edges, self.problem.material
-        normal = e.normal[rows]
-        opening = jump_entries(self.problem, rows, end, normal)
-        slip = jump_entries(self.problem, rows, end, np.column_stack([-normal[:, 1], normal[:, 0]]))
-        half = 0.5 * e.length[rows]
-        for column, value in opening:
-            self._edge_costs.append((rows, column, half * material.tension * value))
-        self._power(opening, (opening, slip), half, rows)
-
-    def _dry_ends(self, rows: Ints, end: int) -> None:
-        """Add δn + q ≥ μ|δs| and p ≥ |δs| for jumps on dry joints at one end of edges.
-
-        rows: (k,) edges.
-        """
-        p, e = self.problem, self.problem.edges
-        face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]
-        opening = jump_entries(self.problem, rows, end, normal)
-        slip = jump_entries(self.problem, rows, end, np.column_stack([-normal[:, 1], normal[:, 0]]))
+    def _dry_corners(self, rows: Ints, corner: int) -> None:
+        """Add p ≥ |δs| and δn + q ≥ μ |δs| for jumps on dry joints at one corner of sides (k,)."""
+        # δn: opening. δs: slip. p ≥ 0 costs shear strength, q ≥ 0 crushing. In the plane |δs| is two inequalities.
+        p, s, count = self.problem, self.problem.sides, len(rows)
+        face, size = p.face[rows], s.area[rows] / p.mesh.dimension
         mu, shear, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
-        one = np.ones(len(rows))
+        columns, jump = jump_entries(p, rows, corner)
+        normal = s.normal[rows]
+        opening, *slips = (np.einsum("ki,kij->kj", way, jump) for way in (normal, *across(normal)))
+        finite = np.isfinite(crush)
         extra: Entries = []
-        if np.isfinite(crush).any():
-            crushed = self._new(np.where(np.isfinite(crush), half * crush, 0.0))
-            extra = [(crushed, np.where(np.isfinite(crush), -one, 0.0))]
-            self._rows([(crushed, -one)], 0.0, len(rows), None, False, False)
-        size = np.maximum(1.0, mu)
+        slid = self._new(size * shear) if len(slips) > 1 else None
+        if slid is not None or finite.any():
+            crushed = self._new(np.where(finite, size * crush, 0.0))
+            extra = [(crushed, np.where(finite, -1.0, 0.0))]
+            self._add(self._linear, [(crushed, -1.0)], 0.0, count)
+        margin = np.where(finite, 0.0, -self._margin)
+        if slid is not None:
+            self._add(self._linear, [(columns, -opening), (slid, mu), *extra], margin, count)
+            self._cone(self._threes, [(slid, 1.0)], columns, np.stack(slips, axis=1))
+            return
+        scale = np.maximum(1.0, mu)
         for sign in (1.0, -1.0):
-            entries = [(c, -v / size) for c, v in opening] + [(c, sign * mu * v / size) for c, v in slip]
-            self._rows(entries + [(c, v / size) for c, v in extra], -self._margin, len(rows), rows, True, False)
+            slide = (columns, (sign * mu / scale)[:, None] * slips[0])
+            entries = [(columns, -opening / scale[:, None]), slide, *((c, v / scale) for c, v in extra)]
+            self._add(self._linear, entries, margin, count, rows, True)
         if shear.any():
-            stuck = self._new(half * shear)
-            self._rows([(stuck, -one)], 0.0, len(rows), None, False, False)
+            stuck = self._new(size * shear)
+            self._add(self._linear, [(stuck, -1.0)], 0.0, count)
             for sign in (1.0, -1.0):
-                entries = [(c, sign * v) for c, v in slip] + [(stuck, -one)]
-                self._cohesive.append(self._linear.count + np.arange(len(rows)))
-                self._rows(entries, 0.0, len(rows), rows, True, False)
+                self._cohesive.append(self._linear.count + np.arange(count))
+                self._add(self._linear, [(columns, sign * slips[0]), (stuck, -1.0)], 0.0, count, rows, True)
+
+    def _cone(self, group: Rows, head: Entries, columns: Ints, tail: Floats, owner: Ints | None = None) -> None:
+        """Append cones head ≥ |tail| to a group, each with all of its rows together.
+
+        tail: (k, j, columns) values of the further rows. owner: (k,) sides whose labels switch them.
+        """
+        count, size = len(tail), tail.shape[1] + 1
+        entries: Entries = []
+        for place, parts in enumerate((head, *([(columns, tail[:, j])] for j in range(size - 1)))):
+            for where, values in parts:
+                flat = where.reshape(count, -1)
+                wide = np.zeros((count, size, flat.shape[1]))
+                wide[:, place] = -np.broadcast_to(values, where.shape).reshape(count, -1)
+                entries.append((np.repeat(flat, size, axis=0), wide.reshape(count * size, -1)))
+        self._add(group, entries, 0.0, size * count, None if owner is None else np.repeat(owner, size))

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.fields.cone_pattern import ConeProgram, Rows
+from jld_core.fields.cones import ConeProgram, Rows
 from jld_core.fields.problem import Problem
 from jld_core.fields.upper import UpperBound
 
@@ -41,7 +41,7 @@ class WeakEquilibrium:
 
     def __init__(self, problem: Problem, labels: Bits) -> None:
         self.problem, self._labels = problem, labels
-        e, dry = problem.edges, problem.is_dry(labels)
+        e, dry = problem.sides, problem.is_dry(labels)
         there = (e.b >= 0) | (problem.face >= 0)
         self._material: Ints = np.flatnonzero(there & ~dry)
         self._dry: Ints = np.flatnonzero(dry)
@@ -77,14 +77,14 @@ class WeakEquilibrium:
         entries = _Entries()
         row, base = 6 * np.arange(count), 3 * np.arange(count)
         for k in range(3):
-            gradient = mesh.area[:, None] * mesh.gradient[:, k]
+            gradient = mesh.volume[:, None] * mesh.gradient[:, k]
             gx, gy = gradient.T
             for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
                 for j, value in enumerate(parts):
                     entries.add(row + 2 * k + axis, base + j, value)
-        e = p.edges
+        e = p.sides
         for own, end, first, shear in self._pairs():
-            half = 0.5 * e.length[own]
+            half = 0.5 * e.area[own]
             nx, ny = e.normal[own].T
             normals = [first, first + 1] if own is self._material else [first]
             for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
@@ -103,7 +103,7 @@ class WeakEquilibrium:
 
     def _corners(self, own: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
         """Return rows, signs and edges of the triangles on both sides of edges at one end."""
-        e = self.problem.edges
+        e = self.problem.sides
         some = np.flatnonzero(e.b[own] >= 0)
         every = np.arange(len(own))
         first = 6 * e.a[own] + 2 * e.corner_a[own, end] + axis
@@ -159,7 +159,7 @@ class WeakEquilibrium:
         p, mesh = self.problem, self.problem.mesh
         count, found = len(mesh), _Entries()
         m, d, s = point[: 3 * count].reshape(-1, 3).T
-        row, nodes = 6 * np.arange(count), mesh.triangles
+        row, nodes = 6 * np.arange(count), mesh.simplices
         load = p.dead + float(point[-1]) * p.live
         for axis, (sx, sy) in enumerate(((m + d, s), (s, m - d))):
             for k in range(3):
@@ -168,9 +168,9 @@ class WeakEquilibrium:
                 found.add_vector(place, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
                 found.add_vector(place, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
                 for j in range(3):
-                    grown = mesh.area[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
+                    grown = mesh.volume[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
                     found.add_vector(place, nodes[:, j], grown)
-        e = p.edges
+        e = p.sides
         ends = nodes[e.a[:, None], e.corner_a]
         for own, end, first, shear in self._pairs():
             normal = point[first] + (point[first + 1] if own is self._material else 0.0)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.sub_assembly import labels_of
 from jld_core.threads import one_thread
 
-if TYPE_CHECKING:
-    from jld_core.fields.space_bounds import SpatialBounds
-
 _COARSE: Final = 0.9  # gap of bounds of which only the sign counts
 
 # Least time for the question whether a structure stands without live load, s; else that of its bounds
@@ -39,7 +35,7 @@ class FieldResult(Result):
     assembly: Assembly  # the structure analysed
     labels: Bits  # (m,) True = dry
     cracks: FieldCracks  # the crack model, with the gap asked for
-    cases: dict[str, FieldBounds | SpatialBounds]  # bounds of each load case by its name; a single load has the name ""
+    cases: dict[str, FieldBounds | FieldBounds]  # bounds of each load case by its name; a single load has the name ""
     seconds: dict[str, float]  # wall-clock time: total, s
 
     shown_by: ClassVar[str] = "jld_core.views.field_notebook:FieldResultView"
@@ -70,7 +66,7 @@ class FieldResult(Result):
         """
         case = self.decided.case
         bounds = list(self.cases.values())[case]
-        if not isinstance(bounds, FieldBounds):
+        if bounds.dimension != 2:
             raise InputError("cracks", "fields in space have no picture", "a planar scene")
         return self.assembly.by_case[case], self.labels, bounds
 
@@ -138,7 +134,7 @@ class FieldResult(Result):
             FieldStatus.NO_LOWER: "no stress field was found: the blocks may be too weak for their own weight",
             FieldStatus.NO_UPPER: "no velocity field could be certified",
         }
-        limit = f"time or {_parts(bounds)[0]} ended refinement before the gap of {self.cracks.gap:g}"
+        limit = f"time or {bounds.shape} ended refinement before the gap of {self.cracks.gap:g}"
         return words.get(bounds.status, f"{limit}; a larger gap or more --seconds may narrow it")
 
     def to_json(self) -> dict[str, Any]:
@@ -161,9 +157,7 @@ class FieldResult(Result):
                     "cases": {name: _bounds_to_json(bounds) for name, bounds in self.cases.items()},
                 }
                 if several
-                else {
-                    key: value for key, value in _bounds_to_json(first).items() if key in (_parts(first)[0], "history")
-                }
+                else {key: value for key, value in _bounds_to_json(first).items() if key in (first.shape, "history")}
             ),
             "faces": [
                 {"index": k, "elements": [ids[a], ids[b]], "label": "dry" if dry else "inner"}
@@ -190,13 +184,13 @@ class FieldResult(Result):
             if several:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
         facts["stands at 0"] = stands_in_words(self)
-        parts = [_parts(bounds) for bounds in self.cases.values()]
-        facts[parts[0][0]] = ", ".join(str(count) for _, count in parts)
+        bounds = list(self.cases.values())
+        facts[bounds[0].shape] = ", ".join(str(one.simplices) for one in bounds)
         facts["seconds"] = f"{self.seconds['total']:.3g}"
         return facts
 
 
-def case_bounds_of(bounds: FieldBounds | SpatialBounds) -> CaseBounds:
+def case_bounds_of(bounds: FieldBounds | FieldBounds) -> CaseBounds:
     """Return status and bounds of one load case.
 
     Result: bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
@@ -225,7 +219,7 @@ def solve_by_fields(
     gap : float
         Relative width of the bracket at which refinement ends; above 0.
     seconds : float
-        Time for each load case, s (see `bounds_by_fields` and `spatial_bounds`).
+        Time for each load case, s (see `bounds_by_fields` and `bounds_by_fields`).
 
     Returns
     -------
@@ -235,7 +229,7 @@ def solve_by_fields(
     Raises
     ------
     InputError
-        As `bounds_by_fields`, or in space as `spatial_bounds`.
+        As `bounds_by_fields`, or in space as `bounds_by_fields`.
 
     Notes
     -----
@@ -244,33 +238,25 @@ def solve_by_fields(
     start = time.perf_counter()
     own = labels_of(assembly, labels)
     names = [case.name for case in assembly.cases] or [""]
-    bound: Callable[..., FieldBounds | SpatialBounds] = bounds_by_fields
-    if assembly.dimension == 3:
-        from jld_core.fields.space_bounds import spatial_bounds  # planar scenes do not load it
-
-        bound = spatial_bounds
-    cases = {name: bound(one, own, gap=gap, seconds=seconds) for name, one in zip(names, assembly.by_case, strict=True)}
+    cases = {
+        name: bounds_by_fields(one, own, gap=gap, seconds=seconds)
+        for name, one in zip(names, assembly.by_case, strict=True)
+    }
     spent = {"total": time.perf_counter() - start}
     return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, spent)
 
 
-def _parts(bounds: FieldBounds | SpatialBounds) -> tuple[str, int]:
-    """Return the shape of the elements of the last mesh, in the plural, and their number."""
-    return ("triangles", bounds.triangles) if isinstance(bounds, FieldBounds) else ("tetrahedra", bounds.tetrahedra)
-
-
-def _bounds_to_json(bounds: FieldBounds | SpatialBounds) -> dict[str, Any]:
+def _bounds_to_json(bounds: FieldBounds | FieldBounds) -> dict[str, Any]:
     """Return the bounds of one load case as plain numbers."""
     known = case_bounds_of(bounds)
-    name, count = _parts(bounds)
     return {
         "load_factor": number(known.low),
         "bracket": [number(known.low), number(known.high)],
         "gap": number(_width(known.low, known.high)),
         "status": str(known.status),
-        name: count,
+        bounds.shape: bounds.simplices,
         "history": [
-            {name: getattr(s, name), "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
+            {bounds.shape: s.simplices, "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
             for s in bounds.history
         ],
     }
@@ -282,7 +268,7 @@ def _width(low: float, high: float) -> float:
 
 
 def least_by_fields(
-    alone: Assembly, labels: Bits, bounds: FieldBounds | SpatialBounds, seconds: float
+    alone: Assembly, labels: Bits, bounds: FieldBounds | FieldBounds, seconds: float
 ) -> tuple[float, float]:
     """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
 
@@ -302,7 +288,7 @@ def least_by_fields(
     return low if math.isfinite(low) else math.nan, high if math.isfinite(high) else math.nan
 
 
-def stands_by(bounds: FieldBounds | SpatialBounds, least: tuple[float, float]) -> bool | None:
+def stands_by(bounds: FieldBounds | FieldBounds, least: tuple[float, float]) -> bool | None:
     """Decide whether a structure of crackable blocks stands without live load.
 
     It does if it carries some live load and some of the reversed one, since the states between both are admissible.

@@ -37,7 +37,7 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     """Raise InputError if an assembly cannot be analysed with its crack model.
 
     Cells must divide the grid. With cracks by fields no option may ask for another model or solver, and
-    `require_fields` (planar) or `require_spatial_fields` must pass.
+    `require_fields` must pass.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)
@@ -48,15 +48,9 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
     for name in asked:
         raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
-    # Local imports: `jld check` and `jld solve` without fields are to start quickly.
-    if assembly.dimension == 3:
-        from jld_core.fields.space_bounds import require_spatial_fields
+    from jld_core.fields.problem import require_fields  # `jld check` without fields is to start quickly
 
-        require_spatial_fields(assembly)
-    else:
-        from jld_core.fields.problem import require_fields
-
-        require_fields(assembly)
+    require_fields(assembly)
 
 
 def rigid(assembly: Assembly, labels: Bits, what: str = "") -> tuple[Assembly, Bits]:

@@ -134,7 +134,7 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
         "supports": [ax.add_collection(PolyCollection(shapes, label="supports", zorder=1.0, **ground), autolim=False)],
         "blocks": [ax.add_collection(PolyCollection(list(moved), label="blocks", **look), autolim=False)],
     }
-    rate = strain_power(velocities) / mesh.area
+    rate = strain_power(velocities) / mesh.volume
     share = rate / max(float(np.quantile(rate, 0.98)), 1e-300)
     chosen = np.flatnonzero(share > _CRUSHED)
     if chosen.size:
@@ -154,7 +154,7 @@ def strain_power(velocities: Velocities) -> Floats:
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
     shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
-    return np.asarray((shear + abs(slope[:, 0, 0] + slope[:, 1, 1])) * mesh.area)
+    return np.asarray((shear + abs(slope[:, 0, 0] + slope[:, 1, 1])) * mesh.volume)
 
 
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
@@ -164,7 +164,7 @@ def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, face
     (k, 2, 2, 2), with axes edge, side, end and coordinate; mask (k,); largest velocity jump (k,) of each edge. A
     support does not move.
     """
-    mesh, e = velocities.mesh, velocities.mesh.edges
+    mesh, e = velocities.mesh, velocities.mesh.sides
     face = np.where(e.tag < faces, e.tag, -1)
     rows = np.flatnonzero((e.b >= 0) | (face >= 0))
     both = e.b[rows] >= 0
@@ -225,4 +225,4 @@ def title_of_fields(assembly: Assembly, bounds: FieldBounds) -> str:
     low, high = (f"{end:.4g}" if math.isfinite(end) else "none" for end in (bounds.lower, bounds.upper))
     name = textwrap.shorten(assembly.name, 90, placeholder=" …")
     value = "no λ ≥ 0 is admissible" if bounds.upper < 0.0 else f"λ of the blocks in [{low}, {high}]"
-    return f"{name}\n{value}  ·  {bounds.triangles} triangles"
+    return f"{name}\n{value}  ·  {bounds.simplices} triangles"

@@ -86,7 +86,7 @@ def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
         place = np.round((np.einsum("k,tkd->td", weights, corners) - lower) / spacing).astype(np.int64)
         number = np.clip(place[:, 1], 0, count[1] - 1) * count[0] + np.clip(place[:, 0], 0, count[0] - 1)
         stress = np.einsum("k,tkc->tc", weights, values)
-        np.add.at(flat, number, np.column_stack([stress, np.ones(len(stress))]) * stresses.mesh.area[:, None])
+        np.add.at(flat, number, np.column_stack([stress, np.ones(len(stress))]) * stresses.mesh.volume[:, None])
     smooth = np.stack([gaussian_filter(total[..., c], 1.0, mode="constant") for c in range(4)], axis=-1)
     x, y = (lower[axis] + spacing * np.arange(count[axis]) for axis in (0, 1))
     shapes = shapely.union_all([shapely.Polygon(elements.shape[k]) for k in elements.free])

@@ -14,7 +14,8 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.problem import require_fields
+from jld_core.fields.problem import require_fields, require_planar_fields
+from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
@@ -59,7 +60,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     if (each := cases * mesh_seconds(COARSE_RATE, least)) > 0.5 * MOST:
         return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
-        require_fields(assembly)
+        require_planar_fields(assembly)
     except InputError as error:
         # A criterion is news to those who know that faces of this kind are checked.
         return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None

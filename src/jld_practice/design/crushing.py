@@ -13,7 +13,8 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldBounds, FieldRefinement
-from jld_core.fields.problem import material_of, require_fields
+from jld_core.fields.problem import material_of, require_fields, require_planar_fields
+from jld_core.refinement.aligned import TriangleStresses
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
 from jld_practice.design.aligned import TriangleStresses
@@ -30,7 +31,7 @@ def uniaxial_strength(scene: Scene) -> float:
 def why_no_fields(assembly: Assembly) -> str:
     """Return why bounds by fields do not apply to a structure; "" where they do."""
     try:
-        require_fields(assembly)
+        require_planar_fields(assembly)
     except InputError as error:
         return error.problem
     return ""
@@ -77,7 +78,7 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
         stresses = found[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
         if stresses is not None:
             mesh = stresses.mesh
-            return TriangleStresses(mesh.points, mesh.triangles, stresses.stress.mean(axis=1))
+            return TriangleStresses(mesh.points, mesh.simplices, stresses.stress.mean(axis=1))
     raise InputError("", "no stresses of the uncut body keep equilibrium with the loads", "a stronger stone")
 
 
@@ -85,6 +86,6 @@ def _refined(assembly: Assembly, until: Deadline | None) -> FieldBounds:
     """Return the bounds by fields of a structure under one load case, with their stresses."""
     refinement = FieldRefinement(assembly, assembly.labels, lower_first=True)
     found = refinement.step()
-    while not refinement.ended and refinement.triangles <= _TRIANGLES and not (until is not None and until.passed()):
+    while not refinement.ended and refinement.simplices <= _TRIANGLES and not (until is not None and until.passed()):
         found = refinement.step(False)
     return found

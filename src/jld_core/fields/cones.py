@@ -499,3 +499,63 @@ def _settings(careful: bool) -> Any:
     settings.chordal_decomposition_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _RESIDUAL
     return settings
+
+
+_FEASIBILITY = 1e-9  # residual that the solver is asked for: below the margins to flow rules and yield in its programs
+
+_GAP = 1e-5  # relative duality gap that the solver is asked for: far below the relative gap of two meshes
+
+_MOST_STEPS = 100  # largest number of iterations of the interior-point method
+
+# Regularisation of the solver's linear systems. With its default 1e-8 it fails half way, because rows of equilibrium
+# depend on each other around edges.
+_ROUGH_REGULAR = 1e-7
+
+
+@dataclass(frozen=True)
+class ConeSizes:
+    """Numbers of cones of a program, in the order of its rows."""
+
+    zero: int  # equations
+    linear: int  # inequalities s ≥ 0
+    # threes, fours: second-order cones of 3 and of 4 rows
+    threes: int
+    fours: int
+    tensors: int  # cones of 6 rows, positive semidefinite tensors as vectors (see `forms.tensors`)
+
+
+def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
+    """Minimise q x where A x + s = b and s lies in cones; the answer is not verified.
+
+    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b.
+    """
+    cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
+    cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
+    cones += [clarabel.SecondOrderConeT(4)] * sizes.fours
+    cones += [clarabel.PSDTriangleConeT(3)] * sizes.tensors
+    width = len(objective)
+    solver: Any = clarabel.DefaultSolver(
+        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, _rough_settings()
+    )
+    answer = solver.solve()
+    status = str(answer.status)
+    usable = status in ("Solved", "AlmostSolved", "InsufficientProgress", "MaxIterations", "NumericalError")
+    point = np.array(answer.x)
+    usable = usable and bool(np.isfinite(point).all())
+    return Answer(point, np.array(answer.z), float(answer.obj_val), usable, status)
+
+
+def _rough_settings() -> Any:
+    """Return the settings of Clarabel for programs with semidefinite cones."""
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.input_sparse_dropzeros = True
+    settings.chordal_decomposition_enable = False
+    settings.max_iter = _MOST_STEPS
+    settings.direct_solve_method = "qdldl"
+    settings.static_regularization_constant = _ROUGH_REGULAR
+    settings.tol_feas = _FEASIBILITY
+    settings.tol_gap_abs = settings.tol_gap_rel = _GAP
+    return settings

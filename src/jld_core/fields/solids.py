@@ -19,21 +19,10 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.loads import steepest
-from jld_core.fields.space_cones import across
-from jld_core.fields.space_layers import (
-    Facet,
-    Layers,
-    Patch,
-    SolidMesh,
-    Surface,
-    corners_of,
-    layers_of,
-    patch_tag,
-    pieces,
-    ring_of,
-    surface_of,
-)
+from jld_core.fields.forms import across
+from jld_core.fields.layers import Facet, Layers, Patch, Surface, corners_of, layers_of, pieces, ring_of, surface_of
+from jld_core.fields.loads import FieldLoads, PatchLoad, steepest
+from jld_core.fields.mesh import Mesh, patch_tag
 from jld_core.loads import Loads, Traction, resultants
 
 # Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit it
@@ -115,9 +104,7 @@ class _Filler:
         )
 
 
-def coarse_solids(
-    assembly: Assembly, surface: Surface, dry: Bools, layers: dict[int, Layers] | None = None
-) -> SolidMesh:
+def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict[int, Layers] | None = None) -> Mesh:
     """Fill cells with tetrahedra from their centroids to their surfaces: the coarsest mesh.
 
     dry: (m,) interfaces whose triangles have a ring along the edges, where hinges press. Result: no tetrahedron has two
@@ -138,9 +125,9 @@ def coarse_solids(
         solids += [(len(filler.points), *nodes) for nodes in skin]
         filler.points.append(centre.tolist())
         cells += [cell] * len(skin)
-    mesh = SolidMesh(
+    mesh = Mesh(
         points=np.array(filler.points),
-        tetrahedra=np.array(solids, dtype=np.int64),
+        simplices=np.array(solids, dtype=np.int64),
         cell=np.array(cells, dtype=np.int64),
         root=np.arange(len(solids)),
         tagged=np.array(list(skins.tags), dtype=np.int64).reshape(-1, 3),
@@ -221,7 +208,7 @@ class _Skins:
                 self.tags[tuple(sorted(three))] = tag
 
 
-def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
+def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
     """Raise InputError for an interface off one of its cells, or a flat tetrahedron."""
     flat = np.flatnonzero(mesh.volume <= 0.0)
     if flat.size:
@@ -244,7 +231,7 @@ def _require_cover(assembly: Assembly, mesh: SolidMesh) -> None:
         )
 
 
-def _require_filled(assembly: Assembly, surface: Surface, mesh: SolidMesh, cell: int) -> None:
+def _require_filled(assembly: Assembly, surface: Surface, mesh: Mesh, cell: int) -> None:
     """Raise InputError unless the tetrahedra of a cell fill its volume and its surface."""
     sides = mesh.sides
     in_a, in_b = mesh.cell[sides.a] == cell, (sides.b >= 0) & (mesh.cell[np.maximum(sides.b, 0)] == cell)
@@ -257,31 +244,6 @@ def _require_filled(assembly: Assembly, surface: Surface, mesh: SolidMesh, cell:
 
 # Least area of a patch, relative to its free region. A smaller one means a force at an edge of the face.
 _LEAST_PATCH = 0.01
-
-
-@dataclass(frozen=True)
-class PatchLoad:
-    """Linear tractions on a patch of a free face, scene units."""
-
-    cell: int  # element
-    origin: Floats  # (3,) reference point
-    mean: Floats  # (2, 3) dead stress vector there, and live one for λ = 1
-    slope: Floats  # (2, 3, 3) their derivatives; column k by coordinate k
-
-    def at(self, places: Floats) -> Floats:
-        """Return the dead and live stress vectors (2, ..., 3) at places (..., 3)."""
-        away = places - self.origin
-        return np.stack([mean + away @ slope.T for mean, slope in zip(self.mean, self.slope, strict=True)])
-
-
-@dataclass(frozen=True)
-class SpatialLoads:
-    """Loads of a spatial assembly over its coarsest mesh, scene units."""
-
-    # dead, live: (r, 3) force per volume in each of the r tetrahedra of the coarsest mesh, live for λ = 1
-    dead: Floats
-    live: Floats
-    tractions: tuple[PatchLoad, ...]  # number i acts on the triangles with tag `patch_tag(i)`
 
 
 @dataclass(frozen=True)
@@ -303,7 +265,7 @@ class _Piece(NamedTuple):
 
 def loaded_solids(
     assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
-) -> tuple[SolidMesh, SpatialLoads]:
+) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh of a spatial assembly with its loads.
 
     labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: the
@@ -331,7 +293,7 @@ def loaded_solids(
         surface = surface_of(assembly, tuple(patches), corners_of(surface, layers))
     mesh = coarse_solids(assembly, surface, dry, layers)
     dead, live = (_body(assembly, mesh, one) for one in rest)
-    return mesh, SpatialLoads(dead, live, tuple(tractions))
+    return mesh, FieldLoads(dead, live, tuple(tractions))
 
 
 def _pieces(
@@ -539,7 +501,7 @@ def _place_text(place: Floats) -> str:
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"
 
 
-def _body(assembly: Assembly, mesh: SolidMesh, loads: Floats) -> Floats:
+def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
     """Spread loads on cells over their root tetrahedra as forces per volume (t, 3).
 
     loads: (n, 6) forces and moments about the centroids of the elements, scene units. Force and moment of each cell are

@@ -8,126 +8,17 @@ is a sum over the triangles of the joints. Programs of rigid blocks are small, s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.fields.cone_pattern import Rows
-from jld_core.fields.problem import Joints, Material, Units, joints_of
-from jld_core.fields.space_cones import ConeSizes, across, solve_cones
-from jld_core.fields.space_layers import Sides, SolidMesh, halve_edges, patch_tag
-from jld_core.fields.space_loads import SpatialLoads
+from jld_core.fields.cones import ConeSizes, Rows, solve_cones
+from jld_core.fields.forms import across
+from jld_core.fields.mesh import Mesh, halve_edges
+from jld_core.fields.problem import Problem
 from jld_core.linalg import components
-
-
-@dataclass(frozen=True)
-class SpatialProblem:
-    """Scaled limit analysis of spatial blocks of one labelling on one mesh."""
-
-    units: Units  # units of all other attributes
-    material: Material  # scaled material of the blocks
-    joints: Joints  # scaled strengths of the dry joints
-    mesh: SolidMesh  # tetrahedra, scaled coordinates
-    # dead, live: (t, 3) forces per volume, scaled; live for λ = 1
-    dead: Floats
-    live: Floats
-    # dead_pull, pull: (f, 3, 3) dead and live tractions (corner, axis) of each triangle, scaled; live for λ = 1. Zero
-    # where no load acts.
-    dead_pull: Floats
-    pull: Floats
-    labels: Bits  # (m,) True = dry
-
-    @property
-    def sides(self) -> Sides:
-        """Triangles of the mesh, (f,) each."""
-        return self.mesh.sides
-
-    @cached_property
-    def face(self) -> Ints:
-        """(f,) interface that each triangle lies on, −1 for none."""
-        return np.maximum(self.sides.tag, -1)
-
-    @cached_property
-    def is_dry(self) -> Bools:
-        """(f,) True for the triangles on dry interfaces."""
-        dry = np.zeros(len(self.face), dtype=bool)
-        on = self.face >= 0
-        dry[on] = self.labels[self.face[on]]
-        return dry
-
-    @cached_property
-    def dry(self) -> Ints:
-        """(k,) triangles on dry interfaces, those at supports included."""
-        return np.flatnonzero(self.is_dry)
-
-    @cached_property
-    def cut(self) -> Ints:
-        """(k,) triangles in the material on which velocities may jump.
-
-        They lie inside cells and on inner interfaces, those at supports included.
-        """
-        return np.flatnonzero(~self.is_dry & ((self.sides.b >= 0) | (self.face >= 0)))
-
-    @cached_property
-    def joined(self) -> Ints:
-        """(k,) triangles between two tetrahedra, in cells or on interfaces without support."""
-        return np.flatnonzero(self.sides.b >= 0)
-
-    @cached_property
-    def outer(self) -> Ints:
-        """(k,) triangles on the free surface of cells, with or without a live traction."""
-        return np.flatnonzero((self.sides.b < 0) & (self.face < 0))
-
-
-def spatial_units(assembly: Assembly, material: Material) -> Units:
-    """Choose the units in which a spatial problem has numbers of order one."""
-    elements, free = assembly.elements, assembly.elements.free
-    length = float(np.cbrt(elements.volume[free].sum()))
-    strength = min(material.shear, material.tension)
-    dead = assembly.total_dead / length**2
-    # between strength and weight, whichever governs; a weight of nothing is no measure
-    stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
-    origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
-    live = assembly.total_live
-    return Units(length, stress, stress * length**2 / live, 1.0 / live, origin)
-
-
-def spatial_problem(
-    assembly: Assembly, labels: Bits, material: Material, units: Units, mesh: SolidMesh, loads: SpatialLoads
-) -> SpatialProblem:
-    """Scale a spatial assembly and its loads to the problem of a labelling on one mesh.
-
-    labels: (m,) True = dry.
-    """
-    density = units.length / units.stress
-    joints = joints_of(assembly, units)
-    dead_pull, pull = _pulls(mesh, loads)
-    return SpatialProblem(
-        units=units,
-        material=material.scaled(units.stress),
-        joints=joints,
-        mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
-        dead=loads.dead[mesh.root] * density,
-        live=loads.live[mesh.root] * (density * units.load),
-        dead_pull=dead_pull / units.stress,
-        pull=pull * (units.load / units.stress),
-        labels=labels,
-    )
-
-
-def _pulls(mesh: SolidMesh, loads: SpatialLoads) -> Floats:
-    """Compute the dead and the live tractions (2, f, 3, 3) at the corners of all triangles, scene units."""
-    sides = mesh.sides
-    pull = np.zeros((2, len(sides), 3, 3))
-    for index, traction in enumerate(loads.tractions):
-        own = np.flatnonzero((sides.tag == patch_tag(index)) & (mesh.cell[sides.a] == traction.cell))
-        pull[:, own] = traction.at(mesh.corners[sides.a[own][:, None], sides.corner_a[own]])
-    return pull
-
 
 _SHARE = 0.4  # share of the gap asked for that linear tractions may cost; the fields in the blocks have the rest
 
@@ -147,18 +38,18 @@ _ASPECT = 0.05  # weight of the length alone in the choice of an edge, as in `bi
 _EDGES = np.array([[0, 1], [0, 2], [1, 2]])  # local corners of the three edges of a triangle
 
 
-def fitted_joints(mesh: SolidMesh, problem_on: Callable[[SolidMesh], SpatialProblem], gap: float) -> SolidMesh:
+def fitted_joints(mesh: Mesh, problem_on: Callable[[Mesh], Problem], labels: Bits, gap: float) -> Mesh:
     """Refine the triangles of dry joints until tractions on them cost little of λ.
 
-    Result: edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid
-    blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
+    labels: (m,) True = dry. Result: edges of joints are halved where tractions lose most. The same mesh without dry
+    joints, and where rigid blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
     """
     # The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes,
     # docs/method.md (10.8).
     most = _MOST * len(mesh)
     problem = problem_on(mesh)
-    blocks = RigidBlocks.of(problem)
-    if not problem.dry.size or not blocks.free.any():
+    blocks = RigidBlocks.of(problem, labels)
+    if not problem.is_dry(labels).any() or not blocks.free.any():
         return mesh
     points = rigid_balance(problem, blocks, at_nodes=True)
     if points is None or not points.factor > 0.0:
@@ -179,19 +70,24 @@ class RigidBlocks:
 
     of_cell: Ints  # (cells,) number of the block of each cell
     free: Bools  # (b,) False for blocks that an inner interface ties to a support
+    labels: Bits  # (m,) True = dry
+
+    def dry(self, problem: Problem) -> Ints:
+        """Return the triangles (k,) on dry interfaces, those at supports included."""
+        return np.flatnonzero(problem.is_dry(self.labels))
 
     @classmethod
-    def of(cls, problem: SpatialProblem) -> RigidBlocks:
-        """Find the blocks of the labelling of a spatial problem."""
+    def of(cls, problem: Problem, labels: Bits) -> RigidBlocks:
+        """Find the blocks of a labelling (m,), True = dry, of a spatial problem."""
         s, cell = problem.sides, problem.mesh.cell
         count = int(cell.max()) + 1
-        inner = (problem.face >= 0) & ~problem.is_dry
+        inner = (problem.face >= 0) & ~problem.is_dry(labels)
         both = inner & (s.b >= 0)
         block = components(count, cell[s.a[both]], cell[s.b[both]])
         free = np.zeros(int(block.max()) + 1, dtype=bool)
         free[block[cell]] = True
         free[block[cell[s.a[inner & (s.b < 0)]]]] = False
-        return cls(block, free)
+        return cls(block, free, labels)
 
 
 @dataclass(frozen=True)
@@ -203,14 +99,14 @@ class RigidBalance:
     velocity: Floats  # (b, 6) rigid motion of each block from the multipliers: velocity at the origin, then rotation
 
 
-def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
+def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
     """Solve for the equilibrium of rigid blocks of largest λ, docs/method.md (10.8).
 
     at_nodes: True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities
     in (10.6); otherwise tractions are linear. Result: scaled; None where the solver found no equilibrium. It is no
     bound: nothing is repaired or checked.
     """
-    p, s, rows = problem, problem.sides, problem.dry
+    p, s, rows = problem, problem.sides, blocks.dry(problem)
     count, solid = len(rows), problem.mesh.cell
     place = p.mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
     at = place if at_nodes else (place + place.sum(axis=1, keepdims=True)) / 4.0
@@ -229,7 +125,7 @@ def rigid_balance(problem: SpatialProblem, blocks: RigidBlocks, *, at_nodes: boo
     tied = sp.csr_array((value, (row, column)), shape=(size, 9 * count))
     live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
     keep = np.repeat(blocks.free, 6)
-    linear, threes = _joint_cones(p)
+    linear, threes = _joint_cones(p, rows)
     equal = sp.hstack([tied, sp.csr_array(live.reshape(-1, 1))], format="csr")[keep]
     parts = [part for part in (linear, threes) if part.count]
     width = 9 * count + 1
@@ -255,7 +151,7 @@ def _wrenches(at: Floats) -> Floats:
     return found
 
 
-def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
+def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
     """Sum loads to force and moment about the origin (b, 6) of each block, scaled.
 
     body: (t, 3) force per volume in each tetrahedron. pull: (f, 3, 3) tractions at the corners of each triangle.
@@ -271,13 +167,13 @@ def _resultants(problem: SpatialProblem, blocks: RigidBlocks, body: Floats, pull
     return total
 
 
-def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
+def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
     """Return the yield conditions of the k dry triangles over their tractions (9k,).
 
     Result: inequalities, then second-order cones of size 3: docs/method.md (10.5).
     """
     # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
-    p, rows = problem, problem.dry
+    p = problem
     face, normal = p.face[rows], p.sides.normal[rows]
     one, two = across(normal)
     mu, c = p.joints.friction[face], p.joints.shear[face]
@@ -297,7 +193,7 @@ def _joint_cones(problem: SpatialProblem) -> tuple[Rows, Rows]:
     return linear, threes
 
 
-def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
+def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
     """Return the joint edges (e, 2) to halve, where most power is lost; longest first.
 
     traction: (k, 3, 3) at the corners of the dry triangles. velocity: (b, 6) of blocks, about the origin. The loss of a
@@ -305,8 +201,8 @@ def _edges_of_loss(problem: SpatialProblem, blocks: RigidBlocks, traction: Float
     each give one edge. It is the one along which the loss changes most, with a small bonus for length. Each row has its
     nodes in ascending order. Without a loss there are no rows.
     """
-    s, rows, mesh = problem.sides, problem.dry, problem.mesh
-    nodes = mesh.tetrahedra[s.a[rows][:, None], s.corner_a[rows]]
+    s, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
+    nodes = mesh.simplices[s.a[rows][:, None], s.corner_a[rows]]
     place = mesh.points[nodes]
     move = _wrenches(place)
     jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[s.a[rows]]]])
