@@ -12,9 +12,6 @@ from cases import ROUTE, grid_document
 from jld_core import Scene, build_assembly, parse_scene, solve
 from jld_core.deadline import Deadline
 from jld_core.fields.bounds import governing_bounds
-from jld_core.fields.governing import governing_bounds
-from jld_core.scene import Scene
-from jld_core.strengths import Route
 from jld_practice.design.crushing import uniaxial_strength, with_crushing, with_materials_of
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import Outline

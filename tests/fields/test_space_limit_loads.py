@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import all_inner
-from cases import box, prism, rotation
+from cases import all_inner, box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.adaptive import stress_power

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import all_inner
-from cases import box, prism, rotation
+from cases import all_inner, box, prism, rotation
 from jld_core import Assembly, build_assembly, parse_scene, solve
-from jld_core.fields.bounds import FieldSetting, bounds_by_fields
+from jld_core.fields import bounds_by_fields
+from jld_core.fields.bounds import FieldSetting
 from jld_core.fields.layers import layers_of, surface_of
 from jld_core.fields.rigid_joints import RigidBlocks, fitted_joints, rigid_balance
 from jld_core.fields.solids import loaded_solids

@@ -14,8 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.problem import require_fields, require_planar_fields
-from jld_core.files import write_text
+from jld_core.fields.problem import require_planar_fields
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread

@@ -13,8 +13,7 @@ from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import FieldBounds, FieldRefinement
-from jld_core.fields.problem import material_of, require_fields, require_planar_fields
-from jld_core.refinement.aligned import TriangleStresses
+from jld_core.fields.problem import material_of, require_planar_fields
 from jld_core.scene import Scene, parse_scene
 from jld_core.strengths import Route
 from jld_practice.design.aligned import TriangleStresses

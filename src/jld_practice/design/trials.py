@@ -21,7 +21,6 @@ from jld_core.build.assemble import cases_of_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.fields.bounds import governing_bounds
-from jld_core.fields.governing import governing_bounds
 from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.models import solve_rigid
