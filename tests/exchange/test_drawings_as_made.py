@@ -411,3 +411,18 @@ def test_an_outline_around_a_wall_is_asked_about_by_design_too(tmp_path: Path) -
     document.saveas(tmp_path / "a.dxf")
     said = read_outline(tmp_path / "a.dxf", DesignOptions()).assumed
     assert any("lies within" in words and "an opening?" in words for words in said)
+
+
+@pytest.mark.parametrize(("top", "area", "count"), [(2.0, 10.0, 1), (3.0, 9.0, 2)])
+def test_a_hole_of_a_hatch_that_reaches_its_outline_is_cut_out(
+    top: float, area: float, count: int, tmp_path: Path
+) -> None:
+    """A door, and a slot from edge to edge, which leaves two pieces."""
+    document = ezdxf.new(units=6)
+    hatch = document.modelspace().add_hatch(dxfattribs={"layer": "MURO"})
+    hatch.paths.add_polyline_path([(0, 0), (4, 0), (4, 3), (0, 3)], is_closed=True, flags=1)
+    hatch.paths.add_polyline_path([(1, 0), (2, 0), (2, top), (1, top)], is_closed=True, flags=16)
+    square(document.modelspace(), -1, -0.5, 5, 0, "SUELO")
+    document.saveas(tmp_path / "a.dxf")
+    facts = import_file(tmp_path / "a.dxf").facts()
+    assert (facts["elements"], facts["area"]) == (count, pytest.approx(area))

@@ -219,15 +219,15 @@ def find_cells(
     return FoundCells(cells, nested, used, empty, unused)
 
 
-def _shape(k: int, snapped: Snapped, holes: dict[int, list[int]]) -> shapely.Polygon:
-    """Return a closed outline after snapping, without its holes."""
+def _shape(k: int, snapped: Snapped, holes: dict[int, list[int]]) -> shapely.Geometry:
+    """Return a closed outline after snapping, without its holes: a polygon, or several."""
     rings = [snapped.paths[j] for j in holes.get(k, ()) if j not in snapped.collapsed]
     whole = shapely.Polygon(snapped.paths[k], rings)
     if rings and not whole.is_valid:  # a hole that touches the outline
         shell = shapely.make_valid(shapely.Polygon(snapped.paths[k]))
         parts = shapely.get_parts(shell.difference(shapely.union_all([shapely.Polygon(ring) for ring in rings])))
-        areas = [part for part in parts if part.geom_type == "Polygon"]
-        return max(areas, key=lambda part: float(part.area)) if len(areas) else shapely.Polygon()
+        areas = [part for part in parts if part.geom_type == "Polygon" and part.area > 1e-9 * shell.area]
+        return areas[0] if len(areas) == 1 else shapely.MultiPolygon(areas)
     return whole
 
 
@@ -277,7 +277,7 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
 
 
 def _outlined(
-    shapes: dict[int, shapely.Polygon],
+    shapes: dict[int, shapely.Geometry],
     paths: list[Path],
     snapped: Snapped,
     segments: list[shapely.LineString],
@@ -307,8 +307,8 @@ def _outlined(
         pieces = _cut(shape, near, paths[k].layer, size) if near and shape.is_valid else []
         if len(pieces) > 1:
             cut, pieces_in_all = cut + 1, pieces_in_all + len(pieces)
-        elif len(shape.interiors):
-            pieces = _pieces(shape, paths[k].layer)
+        elif shapely.Polygon(snapped.paths[k]).area > (1.0 + 1e-12) * shape.area > 0.0:  # it has holes
+            pieces = [cell for part in shapely.get_parts(shape) for cell in _pieces(part, paths[k].layer)]
             pieces[0].name = paths[k].name
         else:
             pieces = [Cell(snapped.paths[k], paths[k].layer, paths[k].name)]
@@ -324,7 +324,7 @@ def _outlined(
     return [cell for pieces in of_outline.values() for cell in pieces], nested
 
 
-def _inside(shapes: dict[int, shapely.Polygon]) -> dict[int, list[int]]:
+def _inside(shapes: dict[int, shapely.Geometry]) -> dict[int, list[int]]:
     """Map each outline that covers others to the outlines inside it, by their keys."""
     # The map is empty if any outline crosses itself.
     found: dict[int, list[int]] = {}

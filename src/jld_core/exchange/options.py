@@ -73,7 +73,8 @@ _WORDS: Final = (
     (
         "support",
         """support foundation footing ground. auflager widerlager lager. fundament gruendung grundung boden. appoggi
-        fondazion vincol appui. appuis. fondation apoyo cimentacion cimiento zapata fndn. ftng.""",
+        fondazion suolo terreno vincol appui. appuis. fondation sol. terrain. suelo apoyo cimentacion cimiento zapata
+        fndn. ftng.""",
     ),
     ("dry", "joint dry fuge. fugen. lagerfuge stossfuge giunt junta. juntas."),
     ("inner", "crack inner riss. risse. fessur fissur fisur grieta"),
