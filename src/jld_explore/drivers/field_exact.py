@@ -1,12 +1,4 @@
-"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration.
-
-A velocity field bounds λ of every labelling by a sum over faces. A labelling that is proven too weak is therefore
-minimised to a conflict, as by rigid blocks (`drivers.exact`), and a formula is asked for labellings that no conflict
-rules out. On the coarsest mesh a labelling costs some hundredths of a second. One that this mesh does not refute is
-evaluated and joins a pool, whose meshes are refined until its own velocity field refutes it, or its own stress field
-makes it the strongest. A labelling whose bracket is as narrow as the gap is always refuted above best / (1 − gap), so
-that a formula without a model there proves the best to the gap. The proof is checked when it ends (`proof_check`).
-"""
+"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration."""
 
 from __future__ import annotations
 
@@ -48,8 +40,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-CONFLICTS_FILE: Final = "conflicts.npz"
-"""Name of the file of conflicts in the folder of a study."""
+CONFLICTS_FILE: Final = "conflicts.npz"  # name of the file of conflicts in the folder of a study
 
 _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
@@ -188,10 +179,7 @@ class FieldExact(ProvingDriver):
 
     @classmethod
     def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
-        """Make a driver that proves to a gap.
-
-        Raises InputError if an option is unknown or has a wrong value, and as the class.
-        """
+        """Make a driver that proves to a gap; InputError for a wrong option."""
         options = {key: value for key, value in given.items() if value is not None}
         for key in options:
             if key not in cls.Options.model_fields:
@@ -286,10 +274,6 @@ class FieldExact(ProvingDriver):
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings to evaluate, (k, m), True = dry.
-
-        Empty if the proof ended, was given up, or has no time left.
-        """
         # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
         if not self._asked:
             self._asked = True
@@ -312,15 +296,11 @@ class FieldExact(ProvingDriver):
         return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
-
-        The evaluations hold both bounds on the coarsest mesh.
-        """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep the bounds of evaluated labellings."""
+        """Keep the bounds of evaluated labellings (k, m)."""
         low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
         high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
         self.incumbents.learn(labellings, low, high)

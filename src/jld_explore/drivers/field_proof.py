@@ -31,22 +31,13 @@ from jld_explore.space.limits import Range
 
 
 def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
-    """Return True for labellings that a conflict, or its mirror image, rules out, (k,).
-
-    labellings: (k, m), True = dry. group: (g, m) permutations of faces, the symmetries of the scene.
-    """
+    """Return (k,) whether a conflict, or an image under the group (g, m), rules out each labelling (k, m)."""
     images = labellings[:, group[:, conflict.faces]]
     return np.asarray((images == conflict.labels).all(axis=2).any(axis=1))
 
 
 class FieldIncumbents:
-    """Bounds of all evaluated labellings, and a pool of those that are refined.
-
-    A proof by fields asks it for the best lower bounds, and for labellings to refine.
-
-    aim: aim of the proof, whose count tells labellings apart. pool: labellings that are refined, with their bounds.
-    counts: (k,) counts of the labellings of the pool, 0 where the aim has none.
-    """
+    """Bounds of all evaluated labellings, and the pool of those that are refined."""
 
     def __init__(self, space: SearchSpace, aim: ProofAim) -> None:
         self._space, self._aim = space, aim
@@ -56,37 +47,26 @@ class FieldIncumbents:
         self._rows: dict[bytes, int] = {}
 
     def counts_of(self, labellings: Bits) -> Floats:
-        """Return the value (k,) of the aim's count for each labelling.
-
-        labellings: (k, m), True = dry. All are 0 where the aim has no count.
-        """
+        """Return the value (k,) of the aim's count for labellings (k, m); 0 without a count."""
         count = self._aim.count
         if count is None or not len(labellings):
             return np.zeros(len(labellings))
         return np.asarray(values_of(count, self._space.assembly, labellings, self._space.graph), dtype=float)
 
     def learn(self, labellings: Bits, low: Sequence[float], high: Sequence[float]) -> None:
-        """Store the bounds on the governing factor of evaluated labellings.
-
-        labellings: (k, m), canonical, True = dry.
-        """
+        """Store bounds on the governing factor of canonical labellings (k, m)."""
         for labels, *bounds, count in zip(labellings, low, high, self.counts_of(labellings).tolist(), strict=True):
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        """Return True if `learn` has stored bounds of exactly this labelling (m,)."""
+        """Return whether bounds of this labelling (m,) are stored."""
         return labels.tobytes() in self._known
 
     def in_pool(self, labels: Bits) -> bool:
-        """Return True if exactly this labelling (m,) is in the pool."""
         return labels.tobytes() in self._rows
 
     def join(self, labellings: Sequence[Bits]) -> Bits:
-        """Add labellings to the pool with their stored bounds, and return the new ones (k, m).
-
-        labellings: (m,) each, distinct; those in the pool already are skipped. Raises KeyError for one without bounds
-        from `learn`.
-        """
+        """Add labellings (m,) with stored bounds to the pool; return the new ones (k, m)."""
         new = [labels for labels in labellings if not self.in_pool(labels)]
         added = np.array(new, dtype=bool).reshape(len(new), len(self._space.fixed))
         known = np.array([self._known[labels.tobytes()] for labels in new]).reshape(-1, 3)
@@ -97,10 +77,7 @@ class FieldIncumbents:
         return added
 
     def best(self) -> dict[int, float]:
-        """Return the largest proven governing factor of a layout of each count.
-
-        Counts of evaluated labellings are the keys. −inf: no such layout is proven to stand.
-        """
+        """Return the largest proven factor of each count; −inf where no layout is proven to stand."""
         found: dict[int, float] = {}
         for low, _, count in self._known.values():
             found[count] = max(low, found.get(count, -math.inf))
@@ -123,11 +100,7 @@ class FieldIncumbents:
         return chosen[:number]
 
     def strongest(self, number: int) -> tuple[Bits, Floats]:
-        """Return at most `number` labellings (k, m) of greatest lower bounds, with these (k,).
-
-        Only finite bounds count, those of the pool included; the greatest is first. The check of a proof compares its
-        claims with them.
-        """
+        """Return at most `number` labellings (k, m) of greatest finite lower bounds, with these (k,)."""
         lows = {key: low for key, (low, *_) in self._known.items()}
         for key, low in zip(self._rows, self.pool.low().tolist(), strict=True):
             lows[key] = max(low, lows.get(key, -math.inf))
@@ -146,7 +119,7 @@ _SHORT: Final = 5  # number of faces of a conflict up to which finer meshes are 
 
 
 class _Kept(threading.local):
-    """Relaxations that a thread keeps, by proof and level; the one used last is at the end."""
+    """Relaxations that a thread keeps, by proof and level, the latest at the end."""
 
     def __init__(self) -> None:
         self.relaxations: OrderedDict[tuple[str, int], FieldRelaxation] = OrderedDict()
@@ -167,7 +140,7 @@ class ProofSetup:
     levels: tuple[tuple[Mesh, ...], ...]
 
     def problems(self, level: int) -> list[FieldProblem]:
-        """Return one problem for each load case, on the meshes of `levels[level]`."""
+        """Return one problem for each load case, on the meshes of a level."""
         triples = zip(self.settings, self.levels[level], self.required, strict=True)
         return [FieldProblem(*one) for one in triples]
 
@@ -185,10 +158,7 @@ class LevelConflict:
 
 @one_thread()
 def level_conflict(setup: ProofSetup, labels: Bits, threshold: float, levels: tuple[int, ...]) -> LevelConflict:
-    """Refute a factor for a labelling, and minimise the labelling to a conflict.
-
-    labels: (m,) True = dry. Result: the last conflict that has fewer faces than the one before.
-    """
+    """Refute a factor for a labelling (m,), and minimise it to the conflict of fewest faces."""
     # The first level that refutes it gives a conflict; finer levels then try to shorten it.
     solves, last = 0, len(setup.levels) - 1
     first, level, found = -1, -1, None
@@ -222,11 +192,7 @@ def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
 def refuting_step(
     setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float, free: Bools, over: float
 ) -> FieldStep:
-    """Bound a labelling on one mesh, and minimise it if its velocity field refutes a factor.
-
-    labels: (m,) True = dry. free: (m,) faces that may take either label. Result: as of `refined_step`, with a conflict
-    in `more`: that of a refuted labelling, else the bound of the labelling alone, or None.
-    """
+    """Bound a labelling (m,) on one mesh; `more` holds a conflict if its velocity field refutes `over`."""
     start = time.perf_counter()
     fields = Fields.on(setting, mesh, labels, enough * required)
     conflict = None
@@ -237,10 +203,7 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a velocity field on its labelling, as a conflict of all free faces.
-
-    None without a field or a finite bound.
-    """
+    """Return the bound of a field on its labelling, as a conflict of all free faces, or None."""
     if fields.velocity is None:
         return None
     found = weighed(fields.upper, fields.velocity.velocity)
@@ -259,16 +222,7 @@ _AGAIN: Final = 8  # A mesh that is left out is still tried once in this number 
 
 
 class FieldRefuter:
-    """Refuter of the labellings of one search space by velocity fields on common meshes.
-
-    `refute` solves for a velocity field on the coarsest mesh of each load case and on those added by `refute_on`. It
-    returns a conflict for each refuted labelling. `weigh` recomputes the bound that the mechanism of a conflict proves,
-    without a solver. A **problem** is one mesh of one load case.
-
-    space: the search space, of a planar assembly. blocks: possible blocks; None where they are not listed: all
-    candidates are then free. free: (m,) faces that may take either label in some labelling. relaxation: evaluates
-    mechanisms on all problems. programs: number of programs solved for conflicts.
-    """
+    """Refuter of the labellings of one space by velocity fields on common meshes."""
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
         self._space, self._blocks = space, blocks
@@ -296,25 +250,15 @@ class FieldRefuter:
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:
-        """Return the index of the load case of a problem.
-
-        The setting of the problem must be one of this object; else StopIteration is raised.
-        """
+        """Return the index of the load case of a problem."""
         return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
 
     def add_problem(self, case: int, mesh: Mesh) -> int:
-        """Add a mesh (scene units) of load case number `case`, to weigh mechanisms on it.
-
-        Returns the position of the problem, for `Mechanism.case`. No labelling is refuted on it.
-        """
+        """Add a mesh, scene units, to weigh mechanisms on; return the position of the problem."""
         return self.relaxation.add(FieldProblem(self._setup.settings[case], mesh, self._setup.required[case]))
 
     def weigh(self, conflict: Conflict) -> float:
-        """Compute the bound that the mechanism of a conflict proves, without a solver.
-
-        Result: the governing factor that no labelling with the labels of the conflict exceeds; inf without a mechanism,
-        or where it proves none.
-        """
+        """Return the factor that no labelling with a conflict exceeds, by its mechanism; inf for none."""
         if conflict.mechanism is None:
             return math.inf
         labels, undecided = self._labels.copy(), self.free.copy()
@@ -325,7 +269,7 @@ class FieldRefuter:
         )
 
     def common(self, case: int) -> CommonMeshes:
-        """Make new meshes of load case number `case`, to bound all labellings on."""
+        """Make new meshes of a load case, to bound all labellings on."""
         return CommonMeshes(self._setup.settings[case], self._setup.required[case], self._labels, self.free)
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
@@ -359,15 +303,12 @@ class FieldRefuter:
         return conflicts
 
     def _levels(self) -> tuple[int, ...]:
-        """Return the levels of meshes to try first; levels that rarely refute are tried at intervals only."""
+        """Return the levels of meshes to try first; those that rarely refute only at intervals."""
         self._batches += 1
         again = not self._batches % _AGAIN
         return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
 
     def context(self) -> FieldProofContext:
-        """Return the data that the check of a proof needs, and forget stored results of weighing.
-
-        All mechanisms are therefore weighed again by the check.
-        """
+        """Return the data for the check of a proof, which weighs all mechanisms again."""
         self.relaxation.forget()
         return FieldProofContext(self.relaxation, self._space, self._blocks, self.free)
