@@ -18,11 +18,11 @@ from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopRe
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
+from jld_explore.search.state import Interrupted
+from jld_explore.search.study import Study
 from jld_explore.space import keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
-from jld_explore.study import Study
-from jld_explore.study_state import Interrupted
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

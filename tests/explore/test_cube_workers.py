@@ -60,7 +60,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 @pytest.fixture
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
@@ -167,7 +167,7 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
             held.append((Future(), task))
             return held[-1][0]
 
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: Starting(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", Starting)
     scene = scene_of([*["aaaa"] * 3, "####"], WEAK)
     space = search_space(scene, build_assembly(scene))
     formula = Formula(space, None)
@@ -221,10 +221,15 @@ class Mortal(ThreadPoolExecutor):
         return super().submit(*task)
 
 
+def mortal(jobs: int) -> ThreadPoolExecutor:
+    """Those of one worker die; those that evaluate do not."""
+    return Mortal() if jobs == 1 else ThreadPoolExecutor(jobs)
+
+
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Mortal, "made", 0)
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
     two, _ = prove(scene, tmp_path / "two")
@@ -241,7 +246,7 @@ def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeyp
     monkeypatch.setattr("jld_core.limit.block_relaxation.BlockRelaxation.batched", False)
     monkeypatch.setattr(Mortal, "made", 0)
     if dies:
-        monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
+        monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
     one, first = prove(scene, tmp_path / "one", SOLO_PROGRAMS, solo_relaxations=None, by_blocks="on")
     two, second = prove(scene, tmp_path / "two", solo_relaxations=None, by_blocks="on")

@@ -28,12 +28,11 @@ from command import Command, running
 from jld_core import InputError, Scene, SolveOptions, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_explore import Driver, ExploreSettings, explore, field_check, read_folder, search_space
+from jld_explore import Driver, ExploreSettings, explore, read_folder, search_space
 from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
 from jld_explore.cli.ending import raise_on_signals
-from jld_explore.driver_choice import choose_driver
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.exact.driver import Exact
@@ -45,11 +44,13 @@ from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
+from jld_explore.search.driver_choice import choose_driver
+from jld_explore.search.state import Interrupted
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
-from jld_explore.writing_time import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
+from jld_explore.steps import field_check
+from jld_explore.steps.time_limit import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.optimise import move_joints
 
@@ -414,7 +415,7 @@ def test_a_signal_between_search_and_tables_leaves_page_and_load_factor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A signal while all layouts were bounded after a search left neither tables nor page."""
-    module = importlib.import_module("jld_explore.study_run")
+    module = importlib.import_module("jld_explore.explore")
     bound_all, calls = module._bound_all, []
 
     def interrupted(*arguments: Any, **options: Any) -> None:

@@ -579,7 +579,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
 
 @pytest.mark.parametrize("late", [False, True])
 def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
     scene = scenes()["in space"]
     space = search_space(scene, build_assembly(scene))

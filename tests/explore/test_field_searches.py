@@ -27,15 +27,15 @@ from jld_explore import Exploration, ExploreSettings, Progress, explore, read_fo
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
 from jld_explore.drivers.field_proof import FieldRefuter, has_conflict
 from jld_explore.drivers.field_relaxation import CommonMeshes
-from jld_explore.evaluation import worker_pool as task_pool
+from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.race_aims import FieldRace
 from jld_explore.evaluation.records import REFINED_FILE
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
+from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string
-from jld_explore.study_state import Interrupted
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
 WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}
@@ -309,7 +309,7 @@ def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None
     scene = parse_scene(document())
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    refuter, tasks = FieldRefuter(space, None), task_pool.TaskPool(1)
+    refuter, tasks = FieldRefuter(space, None), task_pool.Pool(1)
     meshes = refuter.common(0)
     threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound
     refuter.refute_on([meshes])
@@ -361,11 +361,11 @@ def test_a_task_whose_process_died_is_done_here(monkeypatch: pytest.MonkeyPatch)
             return future
 
     monkeypatch.setattr(task_pool, "make_executor", Dying)
-    pool = task_pool.TaskPool(2)
-    assert pool.run(divmod, [(7, 2), (9, 4)]) == [(3, 1), (2, 1)]
+    pool = task_pool.Pool(2)
+    assert list(pool.run(divmod, [(7, 2), (9, 4)])) == [(3, 1), (2, 1)]
     monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)
     with pytest.raises(ZeroDivisionError):
-        pool.run(divmod, [(7, 0), (9, 4)])
+        list(pool.run(divmod, [(7, 0), (9, 4)]))
     pool.close()
 
 

@@ -16,7 +16,7 @@ from command import SCENES
 from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
 from jld_core.deadline import Deadline
 from jld_core.limit.movements import Movements
-from jld_explore import Evaluation, ExploreSettings, SearchSpace, driver_choice, explore, search_space
+from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.choice import driver_for
@@ -30,6 +30,7 @@ from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.protocol import FAILED, Evaluator
 from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
 from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.search import driver_choice
 from jld_explore.space import keys
 from jld_explore.space.search_space import feasible
 

@@ -348,7 +348,7 @@ def test_evaluator_stops_at_the_associative_bound() -> None:
 def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))
     settings = ExploreSettings(driver=driver, model=SolveOptions(friction="zero-dilation"), pictures=False)
-    monkeypatch.setattr("jld_explore.study.PORTION", 16)
+    monkeypatch.setattr("jld_explore.search.study.PORTION", 16)
     spared = explore(scene, tmp_path / "spared", settings)
     monkeypatch.setattr(IncumbentFront, "thresholds", lambda self, rows: np.full(len(rows), -np.inf))
     solved = explore(scene, tmp_path / "solved", settings)

@@ -91,12 +91,12 @@ def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_names_of_the_face_are_not_modules() -> None:
     import jld_explore.explore
-    import jld_explore.study
+    import jld_explore.search.study
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))
-    with pytest.raises(AttributeError, match="no attribute 'search'"):
-        jld_explore.search  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'running'"):
+        jld_explore.running  # noqa: B018
 
 
 def test_a_scene_is_drawn_where_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:

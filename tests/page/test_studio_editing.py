@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -87,7 +88,10 @@ def test_options_of_an_import_are_taken(local: Local, wall: Path) -> None:
 
 def test_scenes_and_files_of_compas_are_both_json(local: Local) -> None:
     status, found = local.api("open", sent(ROOT / "scenes/flat_beam_arch.json"))
-    assert (status, found["report"]) == (200, [])
+    assert (status, found["unit"]) == (200, "")
+    [(kind, text)] = found["report"]
+    assert kind == "found"
+    assert re.fullmatch(r"\d+ elements and \d+ supports, area .* m in all, a typical element .* m", text)
     assert found["data"]["studio"]["file"] == "flat_beam-arch_on_two_bearings"
     status, found = local.api("open", sent(ROOT / "tests/exchange/data/compas_dem_problem.json"))
     assert status == 200, found

@@ -50,8 +50,8 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
     return kept
 
 
-def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
-    """Refuse polygons that are not simple, have no area, or overlap.
+def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
+    """Refuse polygons that are not simple, have no area, or overlap; warn of overlaps no deeper than `within`.
 
     Raises InputError: the message names the element, or the pairs that overlap.
     """
@@ -76,13 +76,14 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
             f"its polygon is wrong ({reason})",
             "an outline that does not meet itself",
         )
-    _refuse_overlaps(ids, shapes, size)
+    return _refuse_overlaps(ids, shapes, size, within)
 
 
-def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
+def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -> tuple[str, ...]:
     """Raise InputError that names the pairs of polygons sharing an area, with depth and place.
 
-    ids: (n,) names. shapes: (n,) shapely polygons. size: (n,) their areas.
+    ids: (n,) names. shapes: (n,) shapely polygons. size: (n,) their areas. Returns a warning about overlaps that are no
+    deeper than `within`.
     """
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
@@ -101,7 +102,7 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
         sides = np.hypot(*(box[1:3] - box[:2]).T) if len(box) > 3 else np.zeros(1)
         place = shapely.get_coordinates(shapely.point_on_surface(regions[k]))[0]
         pairs.append(Overlap(ids[left[k]], ids[right[k]], float(sides.min()), place))
-    refuse_overlaps(pairs, "elements that touch along edges at the most")
+    return refuse_overlaps(pairs, "elements that touch along edges at the most", within)
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:

@@ -15,7 +15,6 @@ from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
 from jld_core.mechanics import require_materials
 from jld_core.models.case_analysis import (
-    Labels,
     Structure,
     assembly_of,
     labellings_of,
@@ -27,6 +26,7 @@ from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 from jld_core.parameters import require_kind
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
+from jld_core.sub_assembly import Labels
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:

@@ -1,14 +1,10 @@
-"""Check the best layouts of a search by faces: bound λ of blocks that may crack anywhere.
-
-λ by faces depends on the grid of candidate faces, since blocks crack along these alone. Bounds by fields do not. They
-are computed on the coarsest mesh, for the best layouts and for the structure without cuts.
-"""
+"""Check the best layouts of a search by faces: bound λ of blocks that may crack anywhere."""
 
 from __future__ import annotations
 
-import json
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -19,15 +15,14 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.problem import require_fields
-from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
-from jld_explore.report import Exploration, Summary
-from jld_explore.report.tables import write_results
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import Exploration
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace, from_string
+from jld_explore.steps.step import Step, StepContext, with_entries
 
 MOST: Final = 2.0
 """Longest expected processor time of the check, s: fewer layouts are checked where it would take longer."""
@@ -49,11 +44,7 @@ class CheckPlan:
 
 
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
-    """Decide how many layouts of a search by faces can be checked by fields.
-
-    Result: plan. None for spatial scenes, other crack models, cells left out, and searches without dilation, by
-    experiment or at low values. Also None for `check_fields` = 0, and if `require_fields` refuses the assembly.
-    """
+    """Decide how many layouts of a search can be checked by fields; None where fields do not apply."""
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if (
         not settings.check_fields
@@ -85,61 +76,58 @@ def _too_long(triangles: str, seconds: float) -> str:
     return f"{triangles} triangles would take some {seconds:.1f} s for each layout"
 
 
-def time_for(plan: CheckPlan | None, settings: ExploreSettings) -> float:
-    """Return the part of a time limit that is kept back for a check, s; 0 without a limit."""
-    return 0.0 if plan is None or settings.seconds is None else min(2.0 * plan.seconds, SHARE * settings.seconds)
+class FieldCheck(Step):
+    """Check of the best layouts by fields; columns `fields_lo` and `fields_hi`."""
 
+    name = "fields"
 
-def add_check(
-    done: Exploration, space: SearchSpace, plan: CheckPlan, deadline: Deadline, settings: ExploreSettings
-) -> Exploration:
-    """Check the best layouts by fields; write the results with the bounds, and add these to the summary on disk.
+    def __init__(self, plan: CheckPlan) -> None:
+        self.plan = plan
 
-    Result: the search with columns `fields_lo` and `fields_hi`, and `fields` in its summary.
-    """
-    start = time.perf_counter()
-    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(plan.count)
-    low, high = np.full((2, len(done.results)), np.nan)
-    uncut: tuple[float, float] | None = None
-    skipped, checked = plan.skipped, 0
-    if plan.count and len(ranked):
-        labellings = [from_string(str(text)) for text in ranked["labelling"]]
-        bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], deadline)
-        checked = max(len(bounds) - 1, 0)
-        skipped = "" if checked else "the time limit left no time for it"
-        if checked:
-            uncut = bounds[0]
-            low[:checked], high[:checked] = np.array(bounds[1:]).T
-    results = done.results.assign(
-        fields_lo=np.where(np.isfinite(low), low, np.nan), fields_hi=np.where(np.isfinite(high), high, np.nan)
-    )
-    values = ranked["load_factor"].to_numpy(dtype=float)[:checked]
-    findings = _findings(values, low[:checked], high[:checked], uncut)
-    facts: dict[str, Any] = {
-        "checked": checked,
-        "uncut": None if uncut is None else [number(end) for end in uncut],
-        "findings": findings,
-        "skipped": skipped or None,
-        "next": f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
-        if findings
-        else None,
-        "seconds": time.perf_counter() - start,
-    }
-    best = [number(low[0]), number(high[0])] if checked else None
-    of_blocks = {"fields": facts, "by_fields": best, "uncut": facts["uncut"]}
-    found = replace(done, results=results, summary=Summary.of({**done.summary.facts, **of_blocks}))
-    write_results(done.folder, found.results, csv=settings.csv)
-    write_text(done.folder / "summary.json", json.dumps(found.summary.facts, indent=1))
-    return found
+    def seconds(self, settings: ExploreSettings) -> float:
+        """Return the part of the time limit that is kept back for the check, s."""
+        return min(2.0 * self.plan.seconds, SHARE * (settings.seconds or 0.0))
+
+    def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
+        """Return facts of the check."""
+        entries: dict[str, Any] = self.run(done, context).summary.facts[self.name]
+        return entries
+
+    def run(self, done: Exploration, context: StepContext) -> Exploration:
+        """Return the search with the bounds of its best layouts."""
+        start, space = time.perf_counter(), context.space
+        ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(self.plan.count)
+        low, high = np.full((2, len(done.results)), np.nan)
+        uncut: tuple[float, float] | None = None
+        skipped, checked = self.plan.skipped, 0
+        if self.plan.count and len(ranked):
+            labellings = [from_string(str(text)) for text in ranked["labelling"]]
+            bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], context.deadline)
+            checked = max(len(bounds) - 1, 0)
+            skipped = "" if checked else "the time limit left no time for it"
+            if checked:
+                uncut = bounds[0]
+                low[:checked], high[:checked] = np.array(bounds[1:]).T
+        values = ranked["load_factor"].to_numpy(dtype=float)[:checked]
+        findings = _findings(values, low[:checked], high[:checked], uncut)
+        command = f"jld explore {done.folder / 'scene.json'} --cracks fields --out DIR searches by fields"
+        facts: dict[str, Any] = {
+            "checked": checked,
+            "uncut": None if uncut is None else [number(end) for end in uncut],
+            "findings": findings,
+            "skipped": skipped or None,
+            "next": command if findings else None,
+            "seconds": time.perf_counter() - start,
+        }
+        best = [number(low[0]), number(high[0])] if checked else None
+        low[~np.isfinite(low)] = high[~np.isfinite(high)] = np.nan
+        entries = {self.name: facts, "by_fields": best, "uncut": facts["uncut"]}
+        return with_entries(done, entries, {"fields_lo": low, "fields_hi": high})
 
 
 @one_thread()
 def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
-    """Bound the governing factor of labellings on the coarsest mesh, until the deadline.
-
-    labellings: each (m,), True = dry. The result has (lower, upper) bound for each of the first labellings, as many as
-    there was time for.
-    """
+    """Bound labellings (m,) on the coarsest mesh: (lower, upper) of the first ones, until the deadline."""
     coarse = [CoarseBounds(FieldSetting.of(case), many=False) for case in assembly.by_case]
     required = assembly.required
     found: list[tuple[float, float]] = []
@@ -153,10 +141,7 @@ def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> l
 
 
 def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, float] | None) -> list[str]:
-    """Describe in sentences how bounds by fields differ from λ by faces.
-
-    values: (k,) λ by faces of the best layouts, the best first. low, high: (k,) bounds by fields.
-    """
+    """Say how bounds by fields, low and high (k,), differ from λ by faces of the best layouts (k,)."""
     # Bounds by fields may change λ of the best layout, the order of the layouts, and whether cuts are of use.
     if not len(values):
         return []

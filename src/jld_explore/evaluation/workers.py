@@ -1,34 +1,22 @@
-"""Provide workers that keep state between tasks: local processes or workers of a cluster.
-
-`Workers` gives each task to any free worker.
-A `PoolWorker` is one process that receives task after task, so that each task needs to contain new data only.
-If its process dies or its cluster worker leaves, its state is lost and another worker replaces it. `WorkerPool` is the
-one place that finds this out; its users receive None or `LOST` in place of a future or a result.
-"""
+"""Evaluate labellings in workers: `Workers` gives each task to any free thread, process or worker of a cluster."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import pickle
 import signal
-import sys
 import threading
 import time
-import uuid
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
+from contextlib import ExitStack
 from dataclasses import dataclass
-from enum import Enum
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import cloudpickle
-import joblib
 import numpy as np
-from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
@@ -38,19 +26,7 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
-from jld_explore.evaluation.process_settings import (
-    SINGLE_THREADED,
-    Processes,
-    TaskStream,
-    client_of_cluster,
-    deferred_signals,
-    ignored_warning,
-    is_lost,
-    stop_processes,
-    switch_interval,
-    warning_of_stops_ignored,
-    worker_init,
-)
+from jld_explore.evaluation.pool import Pool, TaskStream, client_of_cluster, is_lost, switch_interval
 from jld_explore.evaluation.protocol import (
     FAILED,
     Evaluation,
@@ -59,213 +35,6 @@ from jld_explore.evaluation.protocol import (
     MakeEvaluator,
     SharedEvaluator,
 )
-
-# Number of local processes that may replace dead ones; more deaths than this are not accidental
-_SPARE_STARTS: Final = 10
-
-
-_QUERY_SECONDS: Final = 0.5  # seconds between queries of a cluster for its present workers
-
-
-Result = TypeVar("Result")
-"""Type of the result of a task."""
-
-
-class Lost(Enum):
-    """Type of `LOST`, the result of a task whose worker died or left."""
-
-    LOST = "lost"
-
-
-LOST: Final = Lost.LOST
-"""Value in place of a result where the worker died or left."""
-
-
-class PoolWorker:
-    """Local process or cluster worker that keeps state between tasks.
-
-    executor: executor with this single worker. address: address of the worker on a cluster; None for a local process.
-    name: unique name, never reused.
-    """
-
-    def __init__(self, executor: Any, address: str | None = None) -> None:
-        self.name, self.address = uuid.uuid4().hex, address
-        self._executor: Executor = executor
-
-    def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Submit a task; raise an error, now or in its future, if the process has died."""
-        with deferred_signals():
-            return self._executor.submit(function, *arguments)
-
-    def close(self) -> None:
-        """Terminate a local process at once; release a worker of a cluster."""
-        if self.address is None:
-            stop_processes(self._executor)
-            return
-        # Ignore errors of a cluster that no longer exists.
-        with suppress(Exception):
-            self._executor.shutdown(wait=False)
-
-
-class WorkerPool:
-    """Pool of one `PoolWorker` per job, or per worker of the cluster in use.
-
-    jobs: number of local processes; ignored on a cluster.
-    """
-
-    def __init__(self, jobs: int) -> None:
-        self._client = client_of_cluster()
-        self._jobs, self._starts_left = jobs, jobs + _SPARE_STARTS
-        self._queried_at = -math.inf
-        self._workers: list[PoolWorker] = []
-        self._process_settings = ExitStack()
-        self._process_settings.enter_context(warning_of_stops_ignored())
-
-    def __iter__(self) -> Iterator[PoolWorker]:
-        """Iterate over the workers."""
-        return iter(self._workers)
-
-    def __len__(self) -> int:
-        """Return the number of workers."""
-        return len(self._workers)
-
-    def fill(self) -> list[PoolWorker]:
-        """Add missing workers and return the cluster workers that have left.
-
-        Result: workers removed from the pool; always empty for local processes.
-        """
-        if self._client is None:
-            while len(self._workers) < self._jobs and self._starts_left > 0:
-                self._starts_left -= 1
-                self._workers.append(PoolWorker(_start_process()))
-            return []
-        if time.monotonic() - self._queried_at < _QUERY_SECONDS:
-            return []
-        self._queried_at = time.monotonic()
-        try:
-            present = list(self._client.ncores())
-        except (OSError, RuntimeError):  # A scheduler that has stopped has no workers.
-            present = []
-        departed = [worker for worker in self._workers if worker.address not in present]
-        for worker in departed:
-            self.remove(worker)
-        addresses = {worker.address for worker in self._workers}
-        for address in present:
-            if address not in addresses:
-                executor = self._client.get_executor(workers=[address], pure=False, allow_other_workers=False)
-                self._workers.append(PoolWorker(executor, address))
-        return departed
-
-    def first(self) -> PoolWorker | None:
-        """Return the first worker, started if necessary; None if the cluster has none."""
-        self.fill()
-        return next(iter(self), None)
-
-    def submit(self, worker: PoolWorker, function: Callable[..., Result], *arguments: Any) -> Future[Result] | None:
-        """Submit a task to one worker and return its future; None if the worker has died, which is then removed."""
-        try:
-            return worker.submit(function, *arguments)
-        except Exception:  # the exception of an executor whose process died depends on its kind
-            self.remove(worker)
-            return None
-
-    def result(self, worker: PoolWorker, future: Future[Result]) -> Lost | Result:
-        """Wait for a task and return its result, or `LOST` if its worker died or left; the worker is then removed.
-
-        Raises an error of the task itself, which another worker would repeat.
-        """
-        try:
-            return future.result()
-        except Exception as error:
-            # A lost connection to a worker of a cluster is an OSError.
-            if not (is_lost(error) or (worker.address is not None and isinstance(error, OSError))):
-                raise
-            self.remove(worker)
-            return LOST
-
-    def remove(self, worker: PoolWorker) -> None:
-        """Stop and remove a worker, which `fill` replaces; no effect if it was removed before."""
-        if worker in self._workers:
-            self._workers.remove(worker)
-            worker.close()
-
-    def close(self) -> None:
-        """Remove and close all workers."""
-        with self._process_settings:
-            for worker in list(self._workers):
-                self.remove(worker)
-
-
-def _start_process() -> ProcessPoolExecutor:
-    """Start the executor of one local process."""
-    return local_processes(1)
-
-
-def local_processes(count: int) -> ProcessPoolExecutor:
-    """Return an executor of local processes, which start with its first task."""
-    return ProcessPoolExecutor(
-        max_workers=count, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
-    )
-
-
-def _init_process(parent: int) -> None:
-    """Initialise a local process and disable loky's check for memory leaks."""
-    worker_init(parent)
-    # State grows on purpose; loky would treat it as a memory leak and replace the process.
-    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
-
-
-_Result = TypeVar("_Result")
-
-
-class TaskPool:
-    """Pool of local processes for tasks whose results depend on their arguments alone.
-
-    jobs: number of processes; with one all tasks are run in this process.
-    """
-
-    def __init__(self, jobs: int = 1) -> None:
-        self.jobs = jobs
-        self._executor: Executor | None = None
-        self._settings = ExitStack()
-
-    def run(self, work: Callable[..., _Result], tasks: Sequence[tuple[Any, ...]]) -> list[_Result]:
-        """Run a function with the arguments of each task.
-
-        Result: results in the order of the tasks. Tasks that a process left undone when it died are run in this
-        process.
-        """
-        if self.jobs == 1 or len(tasks) < 2:
-            return [work(*task) for task in tasks]
-        if self._executor is None:
-            self._settings.enter_context(warning_of_stops_ignored())
-            self._executor = make_executor(self.jobs)
-        found: list[_Result] = []
-        futures = [self._executor.submit(work, *task) for task in tasks]
-        for future, task in zip(futures, tasks, strict=True):
-            try:
-                found.append(future.result())
-            except Exception as error:  # the exception of a pool whose process died depends on the kind of pool
-                if not is_lost(error):
-                    raise
-                self.close()
-                found.append(work(*task))
-        return found
-
-    def close(self) -> None:
-        """Terminate the processes at once, also those with unfinished tasks; `run` restarts them."""
-        executor, self._executor = self._executor, None
-        with self._settings:
-            if executor is not None:
-                stop_processes(executor)
-                executor.shutdown(wait=True)
-
-
-def make_executor(jobs: int) -> Executor:
-    """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
-    found: Executor = local_processes(jobs)
-    return found
-
 
 _of_thread = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
 
@@ -292,10 +61,7 @@ class WorkerSpec:
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
     def evaluator(self) -> LabellingEvaluator:
-        """Return the evaluator of this thread, made at the first call and kept.
-
-        Raises InputError if the worker has another version of jld.
-        """
+        """Return the evaluator of this thread, made at the first call; InputError for another version."""
         # Another specification replaces it. If another thread of the process has one that can be shared, a twin is
         # made.
         if getattr(_of_thread, "digest", None) != self.digest:
@@ -318,10 +84,7 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """Return True if the batch solver settles nearly all labellings.
-
-        See `SharedEvaluator`.
-        """
+        """True if the batch solver settles nearly all labellings."""
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
@@ -335,11 +98,7 @@ def evaluate_batch(
     thresholds: Floats | None = None,
     required: bool = False,
 ) -> tuple[int, list[Evaluation]]:
-    """Evaluate one batch in this process with the evaluator of this thread.
-
-    labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
-    number of the batch, and evaluations of all k labellings, or of those finished by the deadline.
-    """
+    """Evaluate labellings (k, m) of one batch; return its number, and what was finished in time."""
     if os.getpid() != spec.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
     evaluator = spec.evaluator()
@@ -353,8 +112,7 @@ def evaluate_batch(
     return number, evaluator.evaluate_all(labellings, thresholds, deadline)
 
 
-HANG_SECONDS: Final = 600.0
-"""Seconds without any result after which workers count as hung."""
+HANG_SECONDS: Final = 600.0  # seconds without any result after which workers count as hung
 
 # Smallest number of tasks into which labellings are split, so that workers finish at similar times
 _FEWEST_TASKS: Final = 8
@@ -392,47 +150,36 @@ def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], f
 
 
 class Workers:
-    """Pool of workers for one specification; with one job everything runs in this process.
-
-    spec: specification of the evaluator. jobs: number of processes, or limit of threads. faces: number of faces of the
-    scene. hang_seconds: seconds without any result after which workers count as hung. batch: stay in this process, in a
-    few threads, because the batch solver settles nearly all labellings. ahead: number of runs that begin before the
-    results of an earlier one are requested; see `Driver.ahead`. deaths: number of times that workers died or hung.
-    threads: number of threads of this process; 0 where processes evaluate. threads_of_run: number of threads among
-    which one run is divided.
-    """
+    """Pool of workers for one specification: processes, a cluster, or threads of this process."""
 
     def __init__(
         self,
         spec: WorkerSpec,
         jobs: int,
         faces: int,
-        hang_seconds: float = HANG_SECONDS,
+        hang_seconds: float = HANG_SECONDS,  # without any result, after which workers count as hung
         *,
-        batch: bool = False,
-        ahead: int = 0,
+        batch: bool = False,  # stay in this process: the batch solver settles nearly all labellings
+        ahead: int = 0,  # runs that begin before the results of an earlier one are requested, see `Driver.ahead`
     ) -> None:
         self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
-        self.on_cluster = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
-        self.batch = batch and not self.on_cluster
-        self.in_process = self.batch or (jobs == 1 and not self.on_cluster)
+        client = client_of_cluster()
+        self.batch = batch and client is None
+        self.in_process = self.batch or (jobs == 1 and client is None)
         self.running: list[Run] = []
         self._held: list[Run] = []
         self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
         # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
         self.threads_of_run = -(-self.threads // (1 + ahead))
-        self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
-        self._single_thread = ThreadPoolExecutor(1) if self.threads > 1 and ahead else None
+        self._threads = Pool(self.threads, threads=True) if self.threads > 1 else None
+        self._single_thread = Pool(threads=True) if self.threads > 1 and ahead else None
         self._begun_at: float | None = None
         self._seconds_of_tasks = 0.0
         self._settings = ExitStack()
         if self._threads is not None:
             self._settings.enter_context(switch_interval(_SWITCH_SECONDS))
-        self.processes = Processes(jobs, hang_seconds)
-        if self.on_cluster:
-            # Tasks abandoned at the end of a run are expected.
-            self._settings.enter_context(ignored_warning(r"\d+ tasks (which were|have been)", module="joblib"))
+        self.processes = Pool(jobs, cluster=True)
 
     def run(
         self,
@@ -442,17 +189,13 @@ class Workers:
         *,
         first_required: bool = False,
     ) -> Run:
-        """Begin to evaluate labellings, after the runs begun before.
-
-        labellings: (k, m) True = dry. thresholds: (k,) pruning thresholds (see `LabellingEvaluator.evaluate`). Result:
-        iterator over the results.
-        """
-        # With one job, and on a cluster, the evaluation starts when results are requested.
+        """Begin to evaluate labellings (k, m), after the runs begun before."""
+        # With one job the evaluation starts when results are requested.
         thresholds = np.full(len(labellings), -np.inf) if thresholds is None else thresholds
         run = Run(self, labellings, deadline, thresholds, first_required)
         if self._threads is not None:
             run.submit()
-        elif not self.in_process and not self.on_cluster:
+        elif not self.in_process:
             self._held.append(run)
             if not (first_required or len(self._held) > 1):
                 self.begin_held()
@@ -490,19 +233,6 @@ class Workers:
         self._seconds_of_tasks += seconds
         return found
 
-    def run_on_cluster(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
-        """Yield results of tasks from a cluster as they finish; new tasks replace finished ones.
-
-        Each task is a `joblib.delayed` call of `evaluate_batch`. Raises TimeoutError if no result arrives for too long.
-        """
-        settings: dict[str, Any] = {
-            "return_as": "generator_unordered",
-            "batch_size": 1,
-            "pre_dispatch": "2 * n_jobs",
-            "timeout": self.hang_seconds,
-        }
-        return iter(joblib.Parallel(**settings)(tasks))
-
     def abandon(self) -> None:
         """Stop all runs and terminate the local processes, which start again on demand."""
         for run in self.running:
@@ -516,16 +246,11 @@ class Workers:
             self.abandon()
             for pool in (self._threads, self._single_thread):
                 if pool is not None:
-                    pool.shutdown(cancel_futures=True)
+                    pool.close()
 
 
 class Run:
-    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
-
-    The slice is the range of labellings to which the evaluations belong. Iteration ends early at the deadline. Several
-    runs may be in progress, so that workers stay busy while earlier results are processed. If workers die, the
-    unfinished tasks are sent again. A task lost twice yields failed evaluations.
-    """
+    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish, until the deadline."""
 
     def __init__(
         self,
@@ -550,7 +275,7 @@ class Run:
         self._slices = [slice(low, high) for low, high in zip(starts, ends, strict=True)]
         self._done: set[int] = set()
         self._submitted: list[int] = []
-        self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
+        self._results: TaskStream | None = None
         self._results_of_threads: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
 
     def submit(self) -> None:
@@ -558,21 +283,14 @@ class Run:
         self._results_of_threads = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers: those with the given numbers, or all unfinished ones.
-
-        Tasks are numbered from 0 in the order of the labellings; iterating waits for their results.
-        """
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
         # The labelling that is needed in any case is evaluated in this process, while the workers start.
         unfinished = [
             n for n in range(len(self._slices)) if n not in self._done and not (self._first_required and n == 0)
         ]
         numbers = unfinished if numbers is None else numbers
         self._workers.running.append(self)
-        if self._workers.on_cluster:
-            self._submitted = []
-            self._results = self._workers.run_on_cluster(self._tasks(numbers))
-            return
-        stream = TaskStream(self._workers.processes, self._deadline)
+        stream = TaskStream(self._workers.processes, self._workers.hang_seconds, self._deadline)
         # Set these before the first submission, which fails if a worker has died.
         self._results, self._submitted = stream, stream.submitted
         stream.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
@@ -598,14 +316,8 @@ class Run:
         required, thresholds = self._first_required and number == 0, self._thresholds[part]
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required
 
-    def _tasks(self, numbers: list[int]) -> Iterator[Any]:
-        """Yield joblib tasks, and record the numbers of those that are sent."""
-        for number in numbers:
-            self._submitted.append(number)
-            yield joblib.delayed(evaluate_batch)(*self._arguments(number))
-
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Yield (slice, evaluations) as tasks finish."""
+        """Yield (slice, evaluations) as tasks finish; a task lost twice yields failed evaluations."""
         # Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
         workers = self._workers
         if workers.in_process:
@@ -636,7 +348,7 @@ class Run:
                     self._done.add(number)
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
-                if isinstance(self._results, TaskStream) and self._results.late:
+                if self._results is not None and self._results.late:
                     workers.abandon()
                     return
                 self._results = None

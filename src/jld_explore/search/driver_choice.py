@@ -19,7 +19,7 @@ from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.registry import driver_named
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
@@ -39,11 +39,9 @@ def choose_driver(
     many: bool = False,
     cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
-    """Choose the driver and count the classes of the space if it is small.
+    """Return the driver of a search, and the number of classes if the space is small.
 
-    many: True excludes drivers that prove by bounds on faces alone, if the settings name no driver. Result: driver of
-    the search, and number of classes if known. Raises InputError if the driver or an option is unknown, or the space
-    provably holds no labelling.
+    many: True excludes drivers that prove by bounds on faces alone, unless one is named.
     """
     wanted = settings.driver
     if isinstance(wanted, str):

@@ -1,4 +1,4 @@
-"""Define why a study ends, how far it is, the exception of an interrupt, and facts that its record names."""
+"""Why a study ends, how far it is, its interrupt, and facts that its record names."""
 
 from __future__ import annotations
 
@@ -15,18 +15,14 @@ from jld_core.batch import chosen
 
 
 class StopReason(StrEnum):
-    """Reason why a study ended, `stop_reason` in its summary.
+    """Reason why a study ended, `stop_reason` in its summary."""
 
-    EXHAUSTED: all labellings were evaluated, or the driver has no more. PROVEN: the proof passed its check.
-    UNPROVEN: the proof failed its check. BUDGET and TIME: a limit was reached. INTERRUPTED: a signal ended it.
-    """
-
-    EXHAUSTED = "exhausted"
-    PROVEN = "proven"
-    UNPROVEN = "unproven"
+    EXHAUSTED = "exhausted"  # all labellings were evaluated, or the driver has no more
+    PROVEN = "proven"  # the proof passed its check
+    UNPROVEN = "unproven"  # the proof failed its check
     BUDGET = "budget"
     TIME = "time"
-    INTERRUPTED = "interrupted"
+    INTERRUPTED = "interrupted"  # by a signal
 
 
 class Interrupted(BaseException):
@@ -42,24 +38,20 @@ class Progress:
 
     Attributes
     ----------
-    done : int
-        Number of evaluated labellings, including recorded ones.
-    total : int or None
-        Number of classes, or the budget if smaller; None if unknown.
+    done, total : int, int or None
+        Labellings evaluated, recorded ones too, of all classes or the smaller budget; None if unknown.
     solved : int
-        Number of labellings that the workers evaluated.
+        Labellings that workers evaluated.
     best : float
         Largest λ so far, NaN if there is none.
     seconds : float
         Time since the start, s.
-    bound : float
-        Proven upper bound on λ of all layouts, NaN if there is none.
-    gap : float
-        Relative difference between best and bound, NaN if there is none.
+    bound, gap : float
+        Proven upper bound on λ of all layouts, and its relative distance from `best`; NaN if there is none.
     labelling : str
-        Layout of `best`, a letter d or i per face; "" if there is none, or the search names it only when it ends.
+        Layout of `best` as text; "" if there is none, or the search names it only when it ends.
     left : float
-        Time left until the search ends at the latest, s; inf without a time limit.
+        Time left until the search ends at the latest, s; inf without a limit.
     """
 
     done: int

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.files import write_text
 from jld_core.scene import Scene
 from jld_explore.report import Exploration, Summary
-from jld_explore.report.tables import write_results
-from jld_explore.settings import ExploreSettings
+from jld_explore.report.folder import save_tables
+from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
 
@@ -26,11 +24,9 @@ class StepContext:
     Attributes
     ----------
     space : SearchSpace
-        Space of the search.
     settings : ExploreSettings
-        Settings of the search.
     deadline : Deadline
-        Time after which nothing long is begun.
+        After it nothing long is begun.
     """
 
     space: SearchSpace
@@ -41,8 +37,7 @@ class StepContext:
 class Step(ABC):
     """What follows a search (abstract base class of the group ``jld.steps``).
 
-    A subclass defines `name` and `entries`; what `entries` returns stands in summary.json under the name. A step that
-    also adds columns to the results overrides `run`.
+    A subclass defines `entries`, which go into summary.json; one that adds columns to results overrides `run`.
 
     Attributes
     ----------
@@ -80,12 +75,9 @@ def with_entries(
     return replace(done, results=results, summary=Summary.of({**done.summary.facts, **entries}))
 
 
-def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly) -> list[Step]:
-    """Return the steps that settings ask for: in the order of their names.
-
-    Raises InputError for one that cannot follow a search of the scene.
-    """
-    steps = []
+def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly, own: Iterable[Step] = ()) -> list[Step]:
+    """Return the steps that settings ask for: own ones, then those of packages by name; or InputError."""
+    steps = list(own)
     for name, kind in plugins.load_all("jld.steps").items():
         if not (isinstance(kind, type) and issubclass(kind, Step) and getattr(kind, "name", None) == name):
             raise plugins.refuse_type("jld.steps", name, f"a subclass of jld_explore.Step with name = {name!r}")
@@ -96,12 +88,8 @@ def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly) -> lis
     return wanted
 
 
-def run_steps(done: Exploration, steps: Sequence[Step], context: StepContext) -> Exploration:
-    """Run steps in order, and write the results and the summary after each, so that a killed one loses itself alone."""
+def run_steps(done: Exploration, steps: Iterable[Step], context: StepContext) -> Exploration:
+    """Run steps in order, and write what they change after each, so that a killed one loses itself alone."""
     for step in steps:
-        before, done = done, step.run(done, context)
-        if done.results is not before.results:
-            write_results(done.folder, done.results)
-        if done.summary is not before.summary:
-            write_text(done.folder / "summary.json", json.dumps(done.summary.to_json(), indent=1))
+        done = save_tables(step.run(done, context), done, csv=context.settings.csv)
     return done

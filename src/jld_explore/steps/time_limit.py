@@ -1,8 +1,4 @@
-"""Divide a time limit between a search and what is written after it: tables, page and pictures.
-
-A command may pass its limit S by `lateness`, the larger of 2 s and 0.05 S. Each step of writing has to end at a share
-of that. The time that writing is expected to take beyond these shares is kept back from the limit.
-"""
+"""Divide a time limit between a search and what is written after it: tables, page and pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_explore.report.reading import FIELD_PICTURE
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 
 LATENESS: Final = (2.0, 0.05)
 """Time by which a command may pass its time limit: seconds, or a share of the limit if that is larger."""

@@ -1,9 +1,4 @@
-"""Run a study of one scene with one driver and one record: ask, evaluate, tell, repeat.
-
-The driver proposes labellings and never evaluates; workers evaluate and never write.
-This process alone writes the record, tells the driver the results and reports progress.
-A study resumes by replay: the driver runs again from its seed and receives recorded results without evaluation.
-"""
+"""Run a study of one scene with one driver and one record: ask, evaluate, tell, repeat."""
 
 from __future__ import annotations
 
@@ -30,11 +25,11 @@ from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.standing import Standing, VoidStanding
-from jld_explore.evaluation.worker_pool import HANG_SECONDS, Workers, WorkerSpec
-from jld_explore.settings import ExploreSettings
+from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
+from jld_explore.search.settings import ExploreSettings
+from jld_explore.search.state import Progress, StopReason, name_of, versions
 from jld_explore.space import SearchSpace, to_string, unpack
 from jld_explore.space.void import cut
-from jld_explore.study_state import Progress, StopReason, name_of, versions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,16 +56,7 @@ _NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of ev
 
 
 class Study:
-    """One search over labellings of a scene: call `run` once, then read the records.
-
-    The same scene, driver, seed and budget give the same recorded rows for any number of jobs.
-
-    scene, assembly, space, driver: scene with its assembly, search space and driver. folder: results folder; its record
-    is opened at once and closed by `run`. total: number of classes, if known. report: function called with `Progress`
-    after every batch. found_first: function called before the first labelling is evaluated. Until then the space may
-    turn out to be empty. make: function that makes the evaluator of each worker. deadline: deadline of the search.
-    Default: `settings.seconds` from now.
-    """
+    """One search over labellings of a scene: call `run` once, then read the records."""
 
     def __init__(
         self,
@@ -87,6 +73,9 @@ class Study:
         make: MakeEvaluator = evaluator_of,
         deadline: Deadline | None = None,
     ) -> None:
+        # A study resumes by replay: the driver runs again from its seed and receives recorded results. Equal scene,
+        # driver, seed and budget give equal rows for any number of jobs. found_first is called before the first
+        # evaluation; until then the space may turn out to be empty.
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
         self._make, self._found_first = make, found_first
@@ -151,10 +140,7 @@ class Study:
 
     @property
     def bound(self) -> float | None:
-        """Return the smallest proven upper bound on λ over the whole space; None if unknown.
-
-        It is in scene units. Bounds of earlier runs on the same record count as well.
-        """
+        """Smallest proven upper bound on λ of all layouts, scene units, of earlier runs too; None if unknown."""
         known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
         return min(known, default=None)
 
@@ -191,10 +177,7 @@ class Study:
             self.bound_by = by
 
     def run(self) -> StopReason:
-        """Search until the space, the budget or the time is exhausted, or a proof is complete.
-
-        Result: reason why the search ended. Raises Interrupted if a signal arrives; the record is closed first.
-        """
+        """Search until space, budget or time is exhausted, or a proof complete; return why it ended."""
         budget, driver = self.settings.budget, self.driver
         workers = self._workers()
         # Bounds on λ without dilation spare solves, unless another objective takes the place of λ.
@@ -209,8 +192,7 @@ class Study:
             finish_first=self.evaluation_seconds <= _SOON,
             report=self._count,
         )
-        waiting: deque[PendingEvaluations] = deque()
-        dry = False
+        waiting, dry = deque[PendingEvaluations](), False
         try:
             if driver.remembers and len(self.records):
                 self._restore()

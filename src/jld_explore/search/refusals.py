@@ -16,7 +16,7 @@ from jld_explore.drivers import Driver
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
 
 # Why a driver with conflicts of single faces refuses other crack models
 _SHARED: Final = (

@@ -42,14 +42,13 @@ class ModelSettings:
     experiment : int or None
         Number of best layouts by λ that are tested in the virtual experiment at the end.
     by_experiment : bool
-        Search by experiment at the end, starting from the best layouts by λ.
-        The number of experiments is `experiment`, default 500.
+        Search by so many experiments at the end, default 500, from the best layouts by λ.
     own_objective : callable or None
-        Function that replaces λ as the objective, see `explore`.
+        Function that replaces λ, see `explore`.
     check_fields : int
-        Number of best layouts by faces whose blocks are checked by fields at the end, where fields apply; 0 for none.
+        Number of best layouts by faces that are checked by fields at the end; 0 for none.
     reliability : int or None
-        Number of best layouts by λ that are ranked by their reliability index at the end.
+        Number of best layouts by λ that are ranked by reliability at the end.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
@@ -66,12 +65,11 @@ class ModelSettings:
         Parameters
         ----------
         objective : str or callable
-            Name of an objective, or a function of an evaluation, the assembly and the labels.
+            Its name, or a function of an evaluation, the assembly and the labels.
 
         Returns
         -------
         ModelSettings
-            Settings whose model, experiment and function belong to the objective.
 
         Raises
         ------
@@ -156,14 +154,12 @@ class SearchMethod:
     Attributes
     ----------
     driver : str, Driver or None
-        Name of a driver, a driver, or None to choose one.
+        Its name, a driver, or None to choose one.
     options : dict
         Options of a named driver.
     seed : int
-        Seed of the random numbers.
     small : int
-        Number of classes up to which a space is counted beforehand, and enumerated if no driver is named.
-        0 omits the count.
+        Number of classes up to which a space is counted, and enumerated if no driver is named; 0 omits the count.
     """
 
     driver: str | Driver | None = None
@@ -182,15 +178,15 @@ class OutputSettings:
     Attributes
     ----------
     resume : bool
-        Continue the study in the folder.
+        Continue the search in the folder.
     pictures : bool or "all"
-        Write page, front and best layout at the end; "all": the other pictures too.
+        Write page, front and best layout; "all": the other pictures too.
     certificate : Path or None
         File for the proof of the exact driver.
     strict : bool
         Treat plausibility warnings as errors.
     csv : bool
-        Write results.csv for any number of rows; False only for up to 100 000 rows.
+        Write results.csv for more than 100 000 rows too.
     """
 
     resume: bool = False

@@ -19,10 +19,10 @@ from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.race_aims import BestAim, FieldRace, FrontAim, RaceAim, RaceResult, RequirementAim
 from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
+from jld_explore.search.state import Progress, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
-from jld_explore.study import Study
-from jld_explore.study_state import Progress, StopReason
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,13 +36,7 @@ _UNSTABLE: Final = -float(np.finfo(float).tiny)
 
 
 class FieldStudy(Study):
-    """Study of a scene whose blocks may crack anywhere.
-
-    Stress fields in the blocks bound λ from below, velocity fields from above. With an exhaustive driver all layouts
-    race: they are bounded together, and only layouts that may be the strongest are refined. The exact driver refines
-    the layouts that its proof needs. Other drivers search on the coarsest mesh, and their best layouts race at the end.
-    Parameters and attributes are those of `Study`.
-    """
+    """Study of a scene whose blocks may crack anywhere."""
 
     race: RaceResult | None = None
     _complete = False
@@ -77,11 +71,7 @@ class FieldStudy(Study):
         return self._refined
 
     def run(self) -> StopReason:
-        """Search by the driver, refine what matters, and record the bounds of each layout.
-
-        Result: reason why the search ended, as `Study.run`. Raises Interrupted if a signal arrives; bounds known by
-        then are recorded first.
-        """
+        """Search by the driver, refine what matters, record all bounds; return why the search ended."""
         if isinstance(self.driver, Enumeration) and not self.settings.budget:
             return self._run_all()
         if isinstance(self.driver, FieldExact):
@@ -151,10 +141,7 @@ class FieldStudy(Study):
         self.records, self._refined = self.open_records(), None
 
     def _race(self, pool: FieldPool) -> None:
-        """Refine the layouts of a pool until the aim of the search is reached or time is up.
-
-        The result is kept in `race`. The processes of the pool are closed.
-        """
+        """Refine the layouts of a pool until the aim of the search is reached or time is up."""
         try:
             shown = partial(self._shown, pool.labellings)
             self.race = FieldRace(pool, self.gap, shown, self._aim(pool.labellings)).run()
@@ -162,11 +149,7 @@ class FieldStudy(Study):
             pool.tasks.close()
 
     def _aim(self, labellings: Bits) -> RaceAim:
-        """Return the aim of a race of labellings (k, m).
-
-        It is the best count with a required factor, the front if the driver asks for it, otherwise the strongest
-        layout.
-        """
+        """Return the aim of a race of labellings (k, m): a count, the front or the strongest layout."""
         required = self.space.search.require
         if required is not None:
             return RequirementAim(required.threshold, front_counts(self.space, labellings)[:, 0])
@@ -271,10 +254,7 @@ class FieldStudy(Study):
         return np.concatenate(parts) if parts else np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def _shown(self, labellings: Bits, low: Floats, high: Floats) -> None:
-        """Report progress of a race: the bracket, and the number of layouts weaker than the best.
-
-        labellings: (k, m) of the race. low, high: (k,) bounds on the governing factor.
-        """
+        """Report progress of a race of labellings (k, m) with bounds low, high (k,)."""
         if self.report is None:
             return
         best, bound = float(low.max(initial=-math.inf)), float(high.max(initial=-math.inf))
