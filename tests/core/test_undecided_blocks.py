@@ -17,7 +17,7 @@ from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
 from jld_core.scene import parse_scene
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.drivers.exact.context import PossibleBlocks, possible_blocks
 from jld_explore.space import search_space
 
 Rows = list[str] | tuple[int, int, int]

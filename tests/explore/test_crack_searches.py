@@ -23,8 +23,7 @@ from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, explore, read_folder
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import field_evaluation
-from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.evaluation.race_aims import FieldRace
+from jld_explore.evaluation.field_pool import FieldPool, FieldRace
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string

@@ -19,9 +19,9 @@ from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflict_generation import windows_of
+from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.report import Exploration
 from jld_explore.space import search_space

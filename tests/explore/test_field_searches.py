@@ -18,8 +18,7 @@ from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.undecided import PartialUpperBound
 from jld_explore import Exploration, ExploreSettings, explore
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
-from jld_explore.drivers.field_proof import FieldRefuter, has_conflict
-from jld_explore.drivers.field_relaxation import CommonMeshes
+from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator
 from jld_explore.evaluation.records import REFINED_FILE

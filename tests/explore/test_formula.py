@@ -11,8 +11,8 @@ from cases import grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.space import SearchSpace, count_named, search_space, values_of
 from jld_explore.space.limits import Range
 

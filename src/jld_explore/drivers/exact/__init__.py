@@ -13,20 +13,21 @@ conflicts and hand over labellings.
 
 **The data flow**, and the modules in this order:
 
-1. `context`: data that stay fixed: space, `possible_blocks`, free faces, relaxation.
-2. `driver` (largest λ, or a front) and `minimum_count` (best count that carries a required λ) are the drivers. Their
-   base `conflict_driver` owns formula, proof state and records. `targets` holds what is to be proven, `schedules`
-   chooses the next λ to refute, and when annealing seeks better labellings beside the proof.
-3. `conflict_sources` gets conflicts: from `conflict_generation` in this process or in its threads, or from
-   `cube_workers` in other processes, which refute `cubes` of the space by `worker_tasks`. `conflict_generation` draws
-   labellings from the `formula` (built of `formula_parts`), refutes them and minimises their conflicts.
+1. `context`: data that stay fixed: space, possible blocks, free faces, relaxation; when to aim at which λ, and when
+   annealing seeks better labellings beside the proof.
+2. `driver`: `ProvingDriver` holds state, check and contradictions of every proof, by fields too (`field_exact`);
+   `ConflictDriver` asks, checks and goes on; `Exact` proves the largest λ, or a front, and `minimum_count` the best
+   count that carries a required λ. `targets` holds what is to be proven.
+3. `cube_workers` gets conflicts: from `conflict_generation` in this process or in its threads, or from other
+   processes, which refute cubes of the space. `conflict_generation` draws labellings from the `formula`, refutes them
+   and minimises their conflicts.
 4. `proof_state` stores conflicts and labellings handed over, once for all threads, and on record.
-5. `block_search` takes the place of conflicts of faces where blocks are small: a branch and bound over blocks
-   (`block_tree`) with bounds from `block_bounds`. Its refuted nodes are conflicts as well, so the formula still
-   decides whether a labelling is left. In any other long proof `block_bounds` bounds all labellings once.
+5. `block_tree` takes the place of conflicts of faces where blocks are small: a branch and bound over blocks with
+   bounds from `block_bounds`. Its refuted nodes are conflicts as well, so the formula still decides whether a
+   labelling is left. In any other long proof `block_bounds` bounds all labellings once.
 6. `proof_check` derives the claims of the finished proof again, by another satisfiability solver and from the
-   mechanisms alone. Without it nothing is called proven. `certifying` writes the proof as a file, with the lemmas that
-   `trimming` keeps.
+   mechanisms alone. Without it nothing is called proven. `certifying` writes the proof as a file, with the lemmas it
+   needs.
 """
 
 from __future__ import annotations

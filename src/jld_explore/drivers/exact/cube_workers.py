@@ -1,9 +1,9 @@
 """Cube-and-conquer proof: split the search space into cubes and refute them in workers.
 
-This process keeps the formula, the bound and the records. Each worker receives a cube for a short time
-(`exact.worker_tasks`) and returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
+This process keeps the formula, the bound and the records. Each worker receives a cube for a short time and
+returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
 space and are sent to all other workers. A cube without any labelling left is **closed**. A cube that lasts is split
-in two by the most promising face (`exact.cubes`) as soon as there are too few cubes for all workers. A worker that
+in two by the most promising face as soon as there are too few cubes for all workers. A worker that
 dies loses only its current task; another worker receives the cube.
 
 The proof does not depend on the workers. Every conflict is proven by the same code wherever it is found. A closed
@@ -27,8 +27,7 @@ from jld_core.arrays import Bits
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
 from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
-from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
-from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula, split_cube
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, LeastBounds, ProofState
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
