@@ -25,8 +25,7 @@ from jld_core.limit import CaseBounds, governing
 from jld_core.refinement.cells import crack_cells
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
-from jld_explore.drivers.field_proof import FieldRefuter, has_conflict
-from jld_explore.drivers.field_relaxation import CommonMeshes
+from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, field_evaluation
 from jld_explore.evaluation.field_pool import FieldPool

@@ -15,9 +15,9 @@ from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import FLOOR_SECONDS, SolveOptions
 from jld_core.limit.case_relaxation import relaxation_of
 from jld_explore.drivers.base import Driver
+from jld_explore.drivers.exact.context import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import operators

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import threading
 import time
@@ -14,20 +15,258 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.deadline import checkpoint
 from jld_core.fields.bounds import Fields, FieldSetting
 from jld_core.fields.mesh import Mesh
-from jld_core.fields.transfer import weighed
+from jld_core.fields.transfer import FieldMechanism, weighed
+from jld_core.fields.undecided import PartialUpperBound, WeighedField
+from jld_core.limit.dual_bounds import DualBound
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.context import free_faces
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.context import PossibleBlocks, free_faces
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 from jld_explore.drivers.field_aims import ProofAim, holds
-from jld_explore.drivers.field_relaxation import CommonMeshes, FieldProblem, FieldProofContext, FieldRelaxation, raised
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.field_pool import FieldPool, FieldStep, step_of
 from jld_explore.space import SearchSpace, values_of
 from jld_explore.space.limits import Range
+
+# Relative amount by which bounds are raised on a change of units, so that they stay valid
+_ROUNDING: Final = 4.0 * float(np.finfo(float).eps)
+
+_KEPT: Final = 4  # meshes, beside those that refute, whose problems are kept in memory
+
+
+@dataclass(frozen=True)
+class FieldProblem:
+    """Mesh on which velocity fields refute load factors under one load case."""
+
+    setting: FieldSetting  # data that all meshes of the load case share
+    mesh: Mesh  # the mesh, scene units
+    required: float  # required factor of the load case
+
+
+class FieldRelaxation:
+    """Upper bounds on the governing factor of partial labellings by velocity fields.
+
+    Bounds and thresholds are governing factors in scene units. A mechanism belongs to a **problem**: a load case on one
+    mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
+    later only weigh mechanisms.
+
+    problems: problems that are asked, at least one; the attribute holds all problems, and `Mechanism.case` and
+    `DualBound.case` are their positions. solves: number of programs solved.
+    """
+
+    many = False
+    unit = 1.0
+
+    def __init__(self, problems: Sequence[FieldProblem]) -> None:
+        self.problems = list(problems)
+        self._order = list(range(len(problems)))
+        self._asked = [PartialUpperBound(one.setting.problem(one.mesh), many=True) for one in problems]
+        self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
+        self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
+
+    @property
+    def solves(self) -> int:
+        """Number of programs solved for refutations."""
+        return sum(one.solves for one in self._asked)
+
+    def restart(self) -> None:
+        """Ask the problems in their first order again.
+
+        `refute` moves successful problems to the front; after a restart its answers do not depend on earlier calls.
+        """
+        self._order = list(range(len(self._asked)))
+
+    def add(self, problem: FieldProblem) -> int:
+        """Add a problem to weigh mechanisms on, not to refute; return its position."""
+        self.problems.append(problem)
+        return len(self.problems) - 1
+
+    def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
+        """Refute a governing factor for all labellings that agree on the decided faces.
+
+        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
+        Result: mechanism of the first problem that proves it; None where no proof is found. Raises DeadlinePassed:
+        after an enforced deadline.
+        """
+        # A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
+        # succeeds is asked first the next time.
+        for place, number in enumerate(self._order):
+            checkpoint()
+            found = self._asked[number].field(labels, undecided)
+            if found is None:
+                continue
+            required = self.problems[number].required
+            bound = raised(found.bound / required)
+            if bound < threshold:
+                if place:
+                    self._order.remove(number)
+                    self._order.insert(0, number)
+                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
+                return DualBound(threshold - bound, cost, bound, found.velocity, number)
+        return None
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """Refute governing factors of many partial labellings one by one; see `refute`.
+
+        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
+        factors to refute. thorough: (k,) ignored: there is one solver. Result: one entry for each labelling.
+        """
+        return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
+
+    def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """Find the least bound for a partial labelling over the problems that are asked.
+
+        labels: (m,) True = dry, ignored where undecided. undecided: (m,). The result has an infinite excess, as no
+        threshold is given. None: no problem has a finite bound.
+        """
+        best: DualBound | None = None
+        for number, partial in enumerate(self._asked):
+            found = partial.field(labels, undecided)
+            required = self.problems[number].required
+            bound = math.inf if found is None else raised(found.bound / required)
+            if found is not None and (best is None or bound < best.bound):
+                cost = np.where(undecided, 0.0, found.mechanism.costs(labels) / required)
+                best = DualBound(math.inf, cost, bound, found.velocity, number)
+        return best
+
+    def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Compute again, without a solver, the bounds that mechanisms of one problem prove.
+
+        velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m) labels, True = dry, and faces that
+        may have either. Returns (k,): governing factors that no labelling exceeds that agrees where decided; inf where
+        a mechanism proves none. Raises ValueError if the problem does not exist.
+        """
+        if not 0 <= case < len(self.problems):
+            raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
+        required = self.problems[case].required
+        found = [self.weighed(case, velocity) for velocity in velocities]
+        rows = zip(found, labellings, undecided, strict=True)
+        return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
+
+    def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
+        """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
+
+        velocity: (t, 3, 2), scaled. None where it proves nothing. Results are stored, since several conflicts rest on
+        one mechanism.
+        """
+        key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
+        if key not in self._known:
+            self._known[key] = self._of(number).weigh(velocity)
+        return self._known[key]
+
+    def forget(self) -> None:
+        """Forget the stored results of `weighed`, so that a check computes them again."""
+        self._known.clear()
+
+    def _of(self, number: int) -> PartialUpperBound:
+        """Return the upper bounds of problem `number`."""
+        # Bounds of problems that were only added for `weigh` are kept for a while, and then set up anew.
+        if number < len(self._asked):
+            return self._asked[number]
+        if number not in self._others:
+            one = self.problems[number]
+            self._others[number] = PartialUpperBound(one.setting.problem(one.mesh))
+            while len(self._others) > _KEPT:
+                self._others.popitem(last=False)
+        return self._others[number]
+
+
+def raised(bound: float) -> float:
+    """Return a bound raised by the rounding that a change of units may cause."""
+    return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
+
+
+@dataclass(frozen=True)
+class FieldProofContext:
+    """Data that stay fixed during a proof by fields, for its check."""
+
+    relaxation: FieldRelaxation  # relaxation that refutes labellings and evaluates mechanisms
+    space: SearchSpace
+    blocks: PossibleBlocks | None  # possible blocks, where they are listed
+    free: Bools  # (m,) faces that may take either label in some labelling
+
+    @property
+    def labels(self) -> Bits:
+        """Labels (m,), True = dry, of all faces that are not free; free ones are undecided."""
+        return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
+
+
+_MOST_TIMES: Final = 32  # triangles at which the refinement ends, over those of the coarsest mesh
+
+_MOST_TRIANGLES: Final = 6000  # triangles that no mesh exceeds: a program of more takes many seconds
+
+# Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest. Of the 4 × 6
+# wall, near the bound, conflicts have 10.3 faces on the coarsest mesh, 7.0 and 5.7 on these.
+_SHARED: Final = (3.5, 8.0)
+
+
+@dataclass(frozen=True)
+class CommonBound:
+    """Bound on all labellings under one load case."""
+
+    mesh: Mesh
+    found: WeighedField  # velocity field with the factor that no labelling exceeds
+    bound: float  # governing factor that no labelling exceeds
+
+
+class CommonMeshes:
+    """Sequence of meshes of one load case, each refined where all labellings dissipate most.
+
+    `step` bounds all labellings on one mesh; `shared` chooses those on which single labellings are refuted.
+
+    required: required factor of the load case; a governing factor is λ over it. labels, undecided: (m,) labels, True =
+    dry, and the faces that may have either. meshes: meshes that were bounded, the coarsest first.
+    """
+
+    def __init__(self, setting: FieldSetting, required: float, labels: Bits, undecided: Bools) -> None:
+        self._setting, self._required = setting, required
+        self._labels, self._undecided = labels, undecided
+        self._next: Mesh | None = setting.coarse
+        self._most = min(_MOST_TRIANGLES, _MOST_TIMES * len(setting.coarse))
+        self.meshes: list[Mesh] = [setting.coarse]
+
+    @property
+    def ended(self) -> bool:
+        """True if `step` has no further mesh.
+
+        No finite bound was found, or the next mesh would be no finer or too large.
+        """
+        return self._next is None
+
+    def step(self) -> CommonBound | None:
+        """Bound all labellings on the next mesh, and refine it for another step.
+
+        None if no mesh is left, or no field with a finite bound was found; the sequence then ends.
+        """
+        mesh, self._next = self._next, None
+        if mesh is None:
+            return None
+        if len(mesh) > len(self.meshes[-1]):
+            self.meshes.append(mesh)
+        partial = PartialUpperBound(self._setting.problem(mesh))
+        found = partial.field(self._labels, self._undecided)
+        if found is None or not math.isfinite(found.bound):
+            return None
+        finer = partial.finer(mesh, found.velocity, self._labels, self._undecided)
+        if len(mesh) < len(finer) <= self._most:
+            self._next = finer
+        return CommonBound(mesh, found, raised(found.bound / self._required))
+
+    @property
+    def shared(self) -> tuple[int, ...]:
+        """Positions in `meshes` of those on which labellings are refuted, the coarsest first.
+
+        They are chosen by their numbers of triangles. Where refinement ended earlier, the last mesh stands for finer
+        ones, so that all load cases have as many. Positions may repeat.
+        """
+        sizes = np.array([len(mesh) for mesh in self.meshes])
+        least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]
+        return 0, *(min(place, len(sizes) - 1) for place in least)
 
 
 def has_conflict(conflict: Conflict, labellings: Bits, group: Ints) -> Bools:
@@ -109,7 +348,7 @@ class FieldIncumbents:
         return rows.reshape(len(stands), len(self._space.fixed)), np.array([-low for low, _ in stands])
 
 
-_KEPT: Final = 4  # number of meshes whose programs a process keeps
+_KEPT_RELAXATIONS: Final = 4  # number of meshes whose programs a process keeps
 
 # Single faces tried in vain on each mesh before a conflict is accepted. With three on the finest mesh alone the 4 × 6
 # wall of 20 kPa takes over 168 s of processor time instead of 131 s.
@@ -181,7 +420,7 @@ def _relaxation(setup: ProofSetup, level: int) -> FieldRelaxation:
     name, known = (setup.name, level), _kept.relaxations
     if name not in known:
         known[name] = FieldRelaxation(setup.problems(level))
-        while len(known) > _KEPT:
+        while len(known) > _KEPT_RELAXATIONS:
             known.popitem(last=False)
     known.move_to_end(name)
     known[name].restart()

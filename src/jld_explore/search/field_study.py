@@ -15,8 +15,15 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, field_evaluation, mesh_seconds
-from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.evaluation.race_aims import BestAim, FieldRace, FrontAim, RaceAim, RaceResult, RequirementAim
+from jld_explore.evaluation.field_pool import (
+    BestAim,
+    FieldPool,
+    FieldRace,
+    FrontAim,
+    RaceAim,
+    RaceResult,
+    RequirementAim,
+)
 from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.search.state import Progress, StopReason

@@ -19,8 +19,7 @@ from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
 from jld_core.threads import one_thread
-from jld_explore.drivers.exact.context import CheckedProof, ProofContext
-from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
+from jld_explore.drivers.exact.context import BlockTables, CheckedProof, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster

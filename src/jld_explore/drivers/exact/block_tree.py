@@ -15,9 +15,8 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
-from jld_explore.drivers.exact.context import ProofContext
+from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.space import SearchSpace
 

@@ -14,8 +14,7 @@ from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
-from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
-from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 
 _WIDTHS: Final = (1, 2, 3)  # widths of windows in slabs, tried in this order

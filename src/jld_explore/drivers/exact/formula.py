@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from pysat.card import CardEnc, EncType, ITotalizer
 from pysat.solvers import Solver
 
-from jld_core.arrays import Bits, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.deadline import checkpoint
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.context import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
@@ -428,3 +429,52 @@ class Formula:
                 touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
                 found.append((touched, labels[touched]))
         return found
+
+
+# Number of faces compared by unit propagation before a cube is split. The faces most frequent in recent conflicts are
+# compared.
+_LOOKED_AT: Final = 16
+
+
+@dataclass(frozen=True)
+class Cube:
+    """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry."""
+
+    faces: tuple[int, ...] = ()
+    labels: tuple[bool, ...] = ()
+
+    def and_face(self, face: int, *, dry: bool) -> Cube:
+        """Return the part of the cube with the label `dry` on one more face."""
+        return Cube((*self.faces, face), (*self.labels, dry))
+
+    def holds(self, labels: Bits) -> bool:
+        """Return True if a labelling (m,) lies in the cube."""
+        return bool((labels[list(self.faces)] == np.array(self.labels, dtype=bool)).all())
+
+
+EVERYTHING: Final = Cube()
+"""Cube of all labellings."""
+
+
+def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
+    """Yield the two parts of a cube.
+
+    weight: (m,) scores of the faces, high for those of recent conflicts.
+    """
+    # The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
+    # each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
+    # returned itself.
+    taken = set(cube.faces)
+    order = np.argsort(-weight, kind="stable").tolist()
+    faces = [face for face in order if formula.space.candidates[face] and face not in taken][:_LOOKED_AT]
+    best, most = None, -1
+    for face in faces:
+        parts = [cube.and_face(face, dry=dry) for dry in (True, False)]
+        derived = [formula.derived(part.faces, part.labels) for part in parts]
+        if None in derived:
+            yield from (part for part, count in zip(parts, derived, strict=True) if count is not None)
+            return
+        score = int(np.prod([1 + (count or 0) for count in derived]))
+        if score > most:
+            best, most = parts, score
+    yield from best or (cube,)

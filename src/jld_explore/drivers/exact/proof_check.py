@@ -14,9 +14,8 @@ from pysat.solvers import Solver
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_explore.drivers.exact.block_bounds import BlockConflictCheck
-from jld_explore.drivers.exact.context import CheckedProof
+from jld_explore.drivers.exact.context import CheckedProof, PossibleBlocks
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
 from jld_explore.space import SearchSpace
 from jld_explore.space.limits import Range
