@@ -26,7 +26,7 @@ from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
 from jld_explore import search_space
 from jld_explore.drivers.exact.conflict_generation import conflict_of
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.proof_state import Conflict
 
 OPEN = 5

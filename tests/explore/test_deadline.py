@@ -35,11 +35,9 @@ from jld_explore.cli.command import main
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.choice import first_layout
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import EvaluatorSettings, field_pool, raise_deferred
 from jld_explore.evaluation.field_pool import FieldPool

@@ -25,10 +25,8 @@ from jld_explore.drivers.exact.conflict_generation import windows_of
 from jld_explore.drivers.exact.context import ProofContext, possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.report import Exploration
-from jld_explore.space import count_named, search_space, values_of
+from jld_explore.evaluation import Records
+from jld_explore.space import count_named, values_of
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible

@@ -28,8 +28,7 @@ from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, field_evaluation
-from jld_explore.evaluation.field_pool import FieldPool
-from jld_explore.evaluation.race_aims import FieldRace
+from jld_explore.evaluation.field_pool import FieldPool, FieldRace
 from jld_explore.evaluation.records import REFINED_FILE
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
