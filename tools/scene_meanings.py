@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, design, fill, loads, materials, members, move, schema, search
+from jld_core.scene import cracks, design, fill, loads, materials, part as members, move, schema, search
 
 
 class Meaning(NamedTuple):

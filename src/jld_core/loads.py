@@ -12,7 +12,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.linalg.sums import without_rounding
+from jld_core.linalg.projection import without_rounding
 
 
 class Bodies(Protocol):

@@ -16,7 +16,7 @@ from jld_core.errors import ParameterError
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_core.samples.bonds import BONDS
-from jld_core.samples.corner_bonds import corner_course
+from jld_core.samples.bonds import corner_course
 
 ROOM = shapely.box(0.0, 0.0, 3.0, 2.0).difference(shapely.box(0.2, 0.2, 2.8, 1.8))
 CROSS = shapely.union(shapely.box(0.0, 0.0, 3.0, 0.2), shapely.box(1.4, -1.0, 1.6, 1.2))

@@ -21,9 +21,9 @@ import jld_practice.reactions
 from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.models import solve_by_fields
-from jld_core.views.path import PathValue
+from jld_core.views.moved_joints import PathValue
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import thrust_ranges
 from jld_practice.reactions.force_range import settle

@@ -21,7 +21,7 @@ from jld_core import (
     solve,
 )
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
-from jld_core.sub_assembly import faces_of
+from jld_core.assembly import faces_of
 from jld_core.views import facts_of_assembly, facts_of_result
 
 Document = dict[str, Any]

@@ -13,7 +13,7 @@ from studies.families import semicircular_arch
 from cases_spatial import box
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.limit import Settled
 from jld_core.scene import Scene
 from jld_practice.reactions import Settled

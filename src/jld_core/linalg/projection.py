@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.linalg.cholesky import Fronts
 
@@ -140,3 +141,13 @@ def dense_if_small(matrix: Any) -> Any:
     Result: dense up to `_FULL` entries (rows × columns), else the same matrix.
     """
     return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix
+
+
+def summed(*parts: Floats) -> Floats:
+    """Add arrays of one shape; entries that cancel up to rounding become exactly zero."""
+    return without_rounding(np.sum(parts, axis=0), np.sum(np.abs(parts), axis=0))
+
+
+def without_rounding(total: Floats, gross: Floats) -> Floats:
+    """Return sums with zero in place of those that are rounding of the summed magnitudes of their terms."""
+    return np.where(abs(total) <= tolerances.ROUNDING * gross, 0.0, total)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, labels_of
 from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
@@ -20,7 +20,6 @@ from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing,
 from jld_core.limit.options import Governing
 from jld_core.parameters import typed
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
-from jld_core.sub_assembly import labels_of
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class FieldResult(Result):
     cases: dict[str, FieldBounds | SpatialBounds]  # bounds of each load case by its name; a single load has the name ""
     seconds: dict[str, float]  # wall-clock time: total, s
 
-    shown_by: ClassVar[str] = "jld_core.views.field_notebook:FieldResultView"
+    shown_by: ClassVar[str] = "jld_core.views.notebook:FieldResultView"
     notes = ()
     forces = mechanism = instability_mechanism = None
 

@@ -6,7 +6,7 @@ import shapely
 
 from jld_core.errors import ParameterError
 from jld_core.parameters import typed
-from jld_core.samples.corner_bonds import corner_course
+from jld_core.samples.bonds import corner_course
 from jld_core.samples.stone import Stone, box, cap, check, count, scene_of
 from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
 from jld_core.scene import Scene

@@ -12,7 +12,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.samples.corner_bonds import (
+from jld_core.samples.bonds import (
     SLIVER,
     Rectangle,
     axis_of,

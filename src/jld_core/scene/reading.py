@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from jld_core.errors import InputError, ParameterError
 from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
-from jld_core.scene.spread import lowered
+from jld_core.scene.uncertain import lowered
 from jld_core.scene.units import with_numbers
 
 DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")

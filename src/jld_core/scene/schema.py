@@ -15,11 +15,11 @@ from jld_core.scene.design import Design
 from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
-from jld_core.scene.members import Member
 from jld_core.scene.move import Move
 from jld_core.scene.part import (
     Angle,
     LabelName,
+    Member,
     NonNegative,
     Pair,
     Part,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,12 +19,14 @@ from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number, stands_in_words
 from jld_core.limit.result import tensions
 from jld_core.loads import resultants
+from jld_core.models.by_fields import FieldResult
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 LARGEST: Final = 1500
 """Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
@@ -260,3 +263,27 @@ def aligned(facts: Mapping[str, str]) -> str:
     """Return facts as lines of text, the values one below another."""
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
+
+
+class FieldResultView:
+    """Notebook representation of a result by fields: stresses and cracks of its governing case, beside its facts."""
+
+    def drawing(self, thing: FieldResult) -> str | bytes | None:
+        """Return the drawing as SVG text or PNG; None above `LARGEST` elements."""
+        if len(thing.assembly.elements) > LARGEST:
+            return None
+        from jld_core.views import small_pictures
+
+        return small_pictures.drawing_of(self.figure(thing))
+
+    def figure(self, thing: FieldResult, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure of a result; in space, where fields have no picture, that of the labelled structure."""
+        from jld_core.views import field_figures, figures
+
+        if thing.assembly.dimension == 3:
+            return figures.figure_of_assembly(replace(thing.assembly, labels=thing.labels), ids=ids, values=values)
+        return field_figures.figure_of_fields(*thing.governing_case)
+
+    def html(self, thing: FieldResult, drawing: str | bytes | None) -> str:
+        """Return the HTML of a result's facts and drawing; drawing: as in `ResultView.html`."""
+        return page(thing.assembly.name, thing.facts_in_words(), drawing)

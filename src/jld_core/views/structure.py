@@ -18,9 +18,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from shapely.geometry import Polygon
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
+from jld_core.assembly import Assembly, blocks_of, faces_of
 from jld_core.geometry import area_vector
-from jld_core.sub_assembly import faces_of
 from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_core.views.quantities import typical
 
