@@ -37,12 +37,7 @@ class Fit:
 
 
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
-    """Measure the misfit of a stated straight contact and the edges of an element.
-
-    ends: (2, 2) ends of the contact, scene units. outward: (2,) unit normal of the contact, out of the element.
-    outline: (k, 2) corners of the element, counter-clockwise. Result: `beyond` is the length of the contact along which
-    the element has no edge.
-    """
+    """Measure the misfit of a stated contact (2, 2) and the edges of a polygon (k, 2); outward: (2,) unit normal."""
     # plain numbers: outlines have few corners, for which arrays take ten times as long
     (x, y), (x1, y1) = ends.tolist()
     out_x, out_y = outward.tolist()
@@ -72,12 +67,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
-    """Measure the misfit of a stated plane contact and the facets of an element.
-
-    polygon: (k, 3) corners of the contact in order, scene units. outward: (3,) unit normal of the contact, out of the
-    element. normals: (f, 3) outward unit normals of the facets. Result: `beyond` is the largest distance of a point of
-    the contact from the facets that it lies on.
-    """
+    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,) unit normal."""
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
@@ -108,11 +98,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 
 
 def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
-    """Return a warning about a stated contact that fits an element poorly, or "".
-
-    Raises InputError: the contact exceeds the faces of the element, or lies inside it, by more than the larger of
-    `tolerances.NEAR` times its size and the tolerance.
-    """
+    """Return a warning about a stated contact that fits an element poorly, or ""; raise InputError if it cannot fit."""
     allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
     whole = fit.beyond >= fit.size
     cases = (
@@ -130,10 +116,7 @@ def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: st
 
 
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
-    """Raise InputError for a stated plane contact whose outline crosses itself.
-
-    polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane.
-    """
+    """Raise InputError for a stated plane contact (k, 3) whose outline crosses itself."""
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
     whole = float(area_of(shapely.Polygon(flat)).area)
@@ -142,10 +125,7 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
 
 
 def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
-    """Raise InputError for two contacts of one pair of elements that share more than an end or an edge.
-
-    pairs: elements (a, b) of each contact. places: ends (2, 2) or corners (k, 3) of each contact.
-    """
+    """Raise InputError for two contacts of one pair of elements that share more than an end or an edge."""
     known: dict[tuple[int, int], list[int]] = {}
     for second, (a, b) in enumerate(pairs):
         others = known.setdefault((min(a, b), max(a, b)), [])
@@ -157,10 +137,7 @@ def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) 
 
 
 def _cover(one: Floats, other: Floats) -> bool:
-    """Return True if two stated contacts overlap, that is, share more than an end or an edge.
-
-    one, other: ends (2, 2) or corners (k, 3) of each contact.
-    """
+    """Return True if two stated contacts, (2, 2) or (k, 3), share more than an end or an edge."""
     size = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in (one, other))
     reach = tolerances.FACE * size
     if one.shape[1] == 2:
@@ -237,22 +214,19 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
 
 
 def _gap(miss: NearMiss, unit: str) -> str:
-    """Describe width and place of a gap, or of a joint that opens from one end."""
     if miss.angle > 0.0:
         return f"touch at one end and open by {miss.gap:.3g} {unit} ({miss.angle:.2g}°) at ({_point(miss.place)})"
     return f"are {miss.gap:.3g} {unit} apart at ({_point(miss.place)})"
 
 
 def _point(place: Floats) -> str:
-    """Format the coordinates (d,) of a point, with more digits far from the origin."""
     return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)
 
 
 def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
-    """Compute the unit normals of stated contacts, out of element a of each.
+    """Compute the unit normals (m, 3) of stated contacts, out of their elements a (m,).
 
-    a: (m,) index of the first element of each contact. where: maps the index of a contact to its key in the scene, for
-    error messages. Returns (m, 3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
+    Raises InputError for a contact without area, or one that is not plane.
     """
     # The stated polygon gives the direction. The face of a that it lies on only gives the sign.
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
@@ -272,11 +246,7 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
 
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
-    """Return the sense (m,) of each contact's normal: +1 if it points out of element a, or −1.
-
-    normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts, lengths. a: (m,) element of each
-    contact.
-    """
+    """Return +1 (m,) for normals (m, 3) that point out of element a of the contact at `place` (m, 3), else −1."""
     # The nearest face of a decides.
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
