@@ -198,11 +198,7 @@ class SchurSystem:
         return size * self._factor.solve(size * rhs)
 
     def solve(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the factored system for one right-hand side, and return x, u and W v.
-
-        p: (columns,), q: (equations,), r: (yield rows,); x, u and W v have these shapes in this order. Iterative
-        refinement continues while it halves the residual, at most three times.
-        """
+        """Return x (columns,), u (equations,) and W v (yield rows,), refined while that halves the residual."""
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
         aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
@@ -312,9 +308,9 @@ class Iterate:
         return float(self.s @ self.v) / self.tau**2 / max(1.0, abs(float(objective @ self.x) / self.tau))
 
     def progress(self, objective: Floats) -> float:
-        """Return the relative duality gap, or the complementarity of an iterate that tends to a ray.
+        """Return the relative duality gap.
 
-        objective: coefficients (columns,). The gap of a ray is divided by a τ that vanishes, so it does not decrease.
+        For an iterate that tends to a ray, whose gap grows with 1/τ, its complementarity.
         """
         return float(self.s @ self.v) if self.kappa > self.tau else self.relative_gap(objective)
 
