@@ -119,12 +119,9 @@ class BatchBlockSolver:
         return np.array(found, dtype=np.int64)
 
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
-        """Solve the linear program of each choice of allowed blocks.
+        """Solve the linear programs of choices `allowed` (k, p), least ≤ λ ≤ most (k,).
 
-        allowed: (k, p) True where a choice allows the block. thresholds: (k,) λ to reach; iterations end once λ is
-        known to stay below it. least, most: (k,) bounds on λ in each choice: the variable λ x_p lies between `least`
-        x_p and `most` x_p. Raises MemoryError: the compiled solver cannot allocate its workspace. Raises ValueError: a
-        block has too many rows (see `supports`).
+        A program ends once λ stays below its threshold (k,). Raises ValueError if a block has too many rows.
         """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)

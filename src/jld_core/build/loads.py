@@ -30,10 +30,7 @@ def body_forces(entry: BodyLoad, elements: Elements, where: str) -> Floats:
 
 
 def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Floats]:
-    """Return the element of a point load and its moment (1,) or (3,).
-
-    Raises InputError for an unknown element, a support, or a moment of the wrong length.
-    """
+    """Return the element of a point load and its moment (1,) or (3,), both checked."""
     if entry.element not in elements.index:
         raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
     index, expected = elements.index[entry.element], 1 if elements.centroid.shape[1] == 2 else 3
@@ -48,7 +45,7 @@ def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Fl
 
 
 def force_of(entry: PointLoad, index: int, elements: Elements, where: str) -> PointEntry:
-    """Return the force of a point load on an element; raise InputError for a vector of the wrong length."""
+    """Return the force of a point load on an element, checked."""
     d = elements.centroid.shape[1]
     force = _vector(entry.force or [], d, f"{where}.force")
     at = elements.centroid[index] if entry.at is None else _vector(entry.at, d, f"{where}.at")
@@ -66,12 +63,10 @@ _PLANAR: Final = 2  # number of horizontal directions of a planar structure
 
 
 def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]:
-    """Return one load case for each direction of a push.
+    """Return one load case for each direction of a push, named by its angle in degrees.
 
-    downwards: (d,) direction of the weights, a unit vector. Result: load cases in the order of the directions. Names
-    end with the angle of the direction in degrees: planar 0 or 180 where both are horizontal, spatial from the first
-    horizontal axis of the scene. Raises InputError: a planar scene has more than two horizontal directions, or a vector
-    has a wrong length, is zero or occurs twice.
+    Angles are planar 0 or 180, spatial from the first horizontal axis; downwards: (d,) unit direction of weights.
+    Raises InputError for wrong directions.
     """
     d = len(downwards)
     first = _first_axis(downwards)
@@ -93,10 +88,9 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
 
 
 def _first_axis(downwards: Floats) -> Floats:
-    """Return the unit vector (d,) from which angles of directions count.
+    """Return the unit vector (d,) of angle 0.
 
-    In the plane it is gravity turned by +90°. In space it is the horizontal part of the first axis that is not nearly
-    vertical.
+    Planar gravity turned by +90°, spatial the horizontal part of the first axis that is not nearly vertical.
     """
     if len(downwards) == 2:
         return np.array([-downwards[1], downwards[0]])
@@ -117,10 +111,7 @@ def _horizontal(count: int, first: Floats, downwards: Floats) -> list[Floats]:
 
 
 def _unit(vector: list[float], dimension: int, where: str) -> Floats:
-    """Return the unit vector (d,) of a direction.
-
-    Raises InputError for a wrong length or a zero vector.
-    """
+    """Return the unit vector (d,) of a direction; raise InputError for a wrong length or a zero vector."""
     if len(vector) != dimension:
         raise InputError(where, f"it has {len(vector)} numbers", f"{dimension} in this scene")
     length = float(np.linalg.norm(vector))
@@ -156,10 +147,9 @@ class Settlement:
 
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
-    """Return the settlements of a scene, in the scene's order.
+    """Return the settlements of a scene.
 
-    Raises InputError: an element is unknown, is no support, or touches no free element; a vector has the wrong length;
-    or nothing moves.
+    Raises InputError for elements that are no supports of free ones, wrong vectors, or no movement.
     """
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
@@ -167,10 +157,7 @@ def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
 
 
 def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
-    """Return the velocities (n, q) of all elements for one settlement.
-
-    Raises InputError as `settlements_of`.
-    """
+    """Return the velocities (n, q) of all elements for one settlement."""
     elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
     velocity = np.zeros((len(elements), q))
     faces = assembly.interfaces
@@ -200,7 +187,6 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
 
 
 def _sized(values: list[float], size: int, where: str) -> Floats:
-    """Convert a list of numbers to a vector; raise InputError unless its length is `size`."""
     if len(values) != size:
         raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
     return np.array(values, dtype=float)
@@ -216,11 +202,10 @@ class Boundary:
     backing: Backing | None = None  # fill on the structure, None without fill
 
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
-        """Return load entries of a scene as loads on elements.
+        """Return load entries as loads on elements.
 
-        Result: pressures and loads on fill are tractions on straight pieces of free boundary, in space on free faces.
-        Raises InputError for an unknown element, a support, or a vector of the wrong length; if a pressure names no
-        free boundary, or varies where it has no direction to vary along; if a load stands on fill where there is none.
+        Pressures become tractions on free edges or faces. Raises InputError for wrong elements or vectors, and for
+        pressures off the free boundary or the fill.
         """
         d = self.elements.centroid.shape[1]
         body = np.zeros((len(self.elements), d))
@@ -259,10 +244,7 @@ class Boundary:
         return tolerances.ON_OUTLINE * self.elements.size
 
     def _around(self, entry: FaceLoad, where: str) -> list[Traction]:
-        """Return the tractions of a uniform pressure on the whole free boundary of one element.
-
-        Raises InputError for a support or an unknown element, pressure that varies, or no free boundary.
-        """
+        """Return the tractions of a uniform pressure on the whole free boundary of one element."""
         name, other = entry.face.between or ("", "")
         if other != OUTSIDE or name not in self.elements.index:
             problem = f"no free face lies between {name!r} and {other!r}"
@@ -286,10 +268,7 @@ class Boundary:
         return free
 
     def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[Traction]:
-        """Return the tractions of a pressure or line load along a polyline on the free boundary.
-
-        Raises InputError for a spatial scene, coinciding points, or a part of the polyline that is no free boundary.
-        """
+        """Return the tractions of a pressure or line load along a polyline, all of which must be free boundary."""
         if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
             raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')
         points = np.array(along, dtype=float)
@@ -320,10 +299,7 @@ class Boundary:
         return found
 
     def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
-        """Yield the pieces of free boundary along one leg of a polyline.
-
-        start: (2,) first point of the leg. unit: (2,) direction.
-        """
+        """Yield the pieces of free boundary along one leg of a polyline from `start` (2,) along `unit` (2,)."""
         reach = self._reach
         ends = np.array([start, start + length * unit])
         low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
