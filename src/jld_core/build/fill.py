@@ -81,10 +81,9 @@ class Backing:
         return found
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface as vertical loads on the free elements below.
+        """Return a load on the surface as tractions on covered edges, or a force at a point for no width.
 
-        Result: one traction for each covered edge, or a force at a point for a load without width. Raises InputError:
-        no element lies below the middle of the load.
+        Raises InputError where no element lies below the middle of the load.
         """
         # The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         # falls beside free elements is left out: supports and ground carry it.

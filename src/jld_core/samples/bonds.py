@@ -23,10 +23,7 @@ _SLIVER: Final = 0.25  # shortest piece at the end of a course, in stretchers; a
 
 
 def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
-    """Return the positions of the head joints of one course, with its ends.
-
-    Raises InputError for an unknown bond.
-    """
+    """Return the positions of the head joints of one course, with its ends; raise InputError for an unknown bond."""
     # The result (k + 1,) ascends from 0 to `length` and bounds k stones.
     if bond not in BONDS:
         raise ParameterError("bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
@@ -47,11 +44,7 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
 
 
 def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
-    """Remove an interval, such as an opening, from the stones of a course.
-
-    pieces: both ends of each stone. left, right: the interval. least: length below which what is left joins its
-    neighbour.
-    """
+    """Remove an interval from the stones of a course; what is left below a length joins its neighbour."""
     before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
     after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
     if len(before) > 1 and before[-1][1] - before[-1][0] < least:
@@ -73,10 +66,7 @@ _NEAR = 1e-6  # distance, relative to the extent of a plan, up to which coordina
 def corner_course(
     plan: shapely.Polygon, number: int, bond: str, stretcher: float, name: str = "plan"
 ) -> list[Rectangle]:
-    """Return the stones of one course over a plan of walls, the quoins of courses above one another alternating.
-
-    Raises InputError for an unknown bond, or edges that are not along the axes.
-    """
+    """Return the stones of one course over a plan of walls along the axes; quoins alternate from course to course."""
     # In even courses walls along x run through the corners, in odd courses those along y: the stone at a corner belongs
     # to the one, then to the other. Head joints closer than a quarter of a stretcher to a corner or to the end of their
     # wall are left out, so that no joint runs through two courses at a corner.
@@ -110,7 +100,7 @@ def head_joints(
 ) -> list[float]:
     """Return the head joints of a bond in a part of a wall, with its ends, ascending.
 
-    Joints closer than `SLIVER` to an end or a line are left out.
+    Those closer than `SLIVER` to an end or a line are left out.
     """
     # walls along y are one course ahead: where they run through, a whole stretcher begins at their corner
     joints = bounds[along] + course(bond, number + along, bounds[along + 2] - bounds[along], stretcher)[1:-1]
@@ -120,9 +110,9 @@ def head_joints(
 
 
 def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
-    """Return a plan of one or several polygons whose nearly equal coordinates are equal.
+    """Return a plan whose nearly equal coordinates are equal.
 
-    Raises InputError for edges that are not along the axes.
+    Raise InputError for edges that are not along the axes.
     """
     points = shapely.get_coordinates(plan)
     extent = float(np.ptp(points, axis=0).max())
@@ -154,7 +144,7 @@ def snapped(values: Floats, levels: Floats) -> Floats:
 
 
 def inner_corners(plan: shapely.Polygon) -> Floats:
-    """Return the re-entrant corners (k, 2) of a plan that `squared` returns, where walls meet."""
+    """Return the re-entrant corners (k, 2) of a squared plan, where walls meet."""
     found: list[Floats] = [np.zeros((0, 2))]
     for ring in (plan.exterior, *plan.interiors):
         points = shapely.get_coordinates(ring)[:-1]
@@ -166,10 +156,7 @@ def inner_corners(plan: shapely.Polygon) -> Floats:
 
 
 def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Rectangle]:
-    """Divide a plan into walls, those along one axis running through the corners.
-
-    corners: its re-entrant corners (k, 2).
-    """
+    """Divide a plan into walls, those along one axis running through its re-entrant corners (k, 2)."""
     across = 1 - through
     levels = [plan.bounds[across], *np.unique(corners[:, across]).tolist(), plan.bounds[across + 2]]
     walls: list[list[float]] = []

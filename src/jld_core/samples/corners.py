@@ -149,8 +149,7 @@ def _opening(
 ) -> tuple[float, float, int, int]:
     """Return both jambs of an opening along its wall, its first course, and that of its lintel.
 
-    text: position, sill, width and height, as in `form`. start, length: of the wall between its corners. height: of a
-    course. Raises ParameterError for another text, or an opening that does not fit.
+    text: position, sill, width and height, as in `form`.
     """
     try:
         numbers = [float(part) for part in text.split(",")]

@@ -1,4 +1,4 @@
-"""Parts of a scene file: the common base, and members."""
+"""Parts of a scene file: the common base, and members. docs/scene_keys.md has the meaning of every key."""
 
 from __future__ import annotations
 
@@ -10,28 +10,23 @@ from jld_core.errors import InputError
 from jld_core.scene.uncertain import MaySpread, MayVary, MayVaryInSize
 
 LabelName = Literal["dry", "inner"]
-"""Name of a label."""
 
 Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
-"""Ids of two elements."""
 
 Vector = Annotated[list[float], Field(min_length=2, max_length=3)]
-"""Planar or spatial vector."""
 
 Positive = Annotated[float, Field(gt=0)]
-"""Number above 0."""
 
 NonNegative = Annotated[float, Field(ge=0)]
-"""Number of at least 0."""
 
 Value = Annotated[float, Field(ge=0), MaySpread()]
 """Material value of at least 0: a number, or an object with nominal and low value."""
 
 PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
-"""Material value above 0: a number, or an object with nominal and low value."""
+"""The same above 0."""
 
 Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
-"""Angle of friction, degrees: a number, or an object with nominal and low value."""
+"""Angle of friction, degrees, as a `Value`."""
 
 
 Weighing = Annotated[float, Field(ge=0), MayVary()]
@@ -41,7 +36,7 @@ Loading = Annotated[float, MayVary(each=False)]
 """Number of a load, or an object with its distribution."""
 
 VaryingPositive = Annotated[float, Field(gt=0), MayVary(each=False)]
-"""Number of a load above 0, or an object with its distribution."""
+"""The same above 0."""
 
 LoadVector = Annotated[list[Loading], Field(min_length=2, max_length=3), MayVaryInSize()]
 """Vector of a load, whose components or size may have distributions."""
@@ -54,7 +49,6 @@ class Part(BaseModel):
 
 
 MemberKind = Literal["tie", "tendon", "pin"]
-"""Kind of a member."""
 
 
 class Anchor(Part):
@@ -67,10 +61,8 @@ class Anchor(Part):
 class Member(Part):
     """Bar or pin that acts on two elements, in addition to the faces between them.
 
-    kind: "tie", a bar with axial force; "tendon", a bar with a stated tension; or "pin", a bolt or dowel across a face.
-    from_, to: both ends. through: points between the ends over which a tie or tendon slides without friction. tension,
-    compression: largest tension and compression, forces. Default tension: the prestress. prestress: tension that always
-    acts, force. shear: largest force across a pin. name: name in results; default: kind and position.
+    A tie or tendon slides without friction over the points `through`. tension: None for the prestress, which always
+    acts.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)

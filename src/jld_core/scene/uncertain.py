@@ -1,4 +1,4 @@
-"""Values with uncertainty, such as `{"mean": 0.6, "cov": 0.1, "kind": "lognormal"}`."""
+"""Values of a scene that are no plain numbers: with a distribution, or with a nominal and a low value."""
 
 from __future__ import annotations
 
@@ -14,10 +14,8 @@ from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
 
 KINDS: Final = ("normal", "lognormal")
-"""Kinds of distributions."""
 
 KEYS: Final = ("mean", "cov", "kind")
-"""Keys that a value with uncertainty must have."""
 
 EACH: Final = "each"
 """Optional key: true where each face or element has an independent value of its own."""
@@ -28,8 +26,7 @@ _FORM: Final = '"mean", "cov" and "kind"'
 class Uncertain(float):
     """Mean of an uncertain value, used as a float, with its distribution in the attributes.
 
-    cov: coefficient of variation, standard deviation over |mean|. kind: one of `KINDS`. each: True where each face or
-    element has an independent value.
+    cov: standard deviation over |mean|. each: True where each face or element has an independent value.
     """
 
     __slots__ = ("cov", "each", "kind")
@@ -38,7 +35,6 @@ class Uncertain(float):
     each: bool
 
     def __new__(cls, mean: float, cov: float, kind: str, each: bool = False) -> Uncertain:
-        """Make an uncertain value from its mean and its distribution."""
         self = super().__new__(cls, mean)
         self.cov, self.kind, self.each = cov, kind, each
         return self
@@ -50,7 +46,7 @@ class Uncertain(float):
 class UncertainVector(list[float]):
     """Mean of a load of certain direction and uncertain size, used as a list of numbers.
 
-    size: 1 with the distribution of the size, by which the vector is multiplied.
+    size: 1 with the distribution by which the vector is multiplied.
     """
 
     def __init__(self, mean: list[float], size: Uncertain) -> None:
@@ -67,11 +63,7 @@ def is_uncertain(value: Any) -> bool:
 
 
 def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, *, each: bool = True) -> Uncertain:
-    """Validate an object {"mean", "cov", "kind"}.
-
-    Raises InputError for missing, unknown or wrong keys, a negative coefficient of variation, and a mean of zero, of
-    which it says nothing.
-    """
+    """Validate an object {"mean", "cov", "kind"}; its mean must not be zero."""
     cov, kind, own = _distribution(value, each=each)
     mean = number(value["mean"])
     if mean == 0.0:
@@ -81,10 +73,7 @@ def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, 
 
 
 def _distribution(value: dict[str, Any], *, each: bool) -> tuple[float, str, bool]:
-    """Return coefficient of variation, kind and "each" of an object.
-
-    Raises InputError if one of them is wrong.
-    """
+    """Return coefficient of variation, kind and "each" of an object."""
     form = f"a number, or {_FORM}"
     odd = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
     if odd is not None:
@@ -123,10 +112,7 @@ def object_schema(mean: dict[str, Any], *, each: bool = True) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class MayVary:
-    """Annotation of a pydantic field whose number may have uncertainty.
-
-    each: whether each face or element may have a value of its own.
-    """
+    """Annotation of a pydantic field whose number may have uncertainty; each: for every face or element."""
 
     each: bool = True
 
@@ -224,7 +210,6 @@ class Spread(float):
     low: float
 
     def __new__(cls, nominal: float, low: float) -> Spread:
-        """Make a spread from its nominal and its low value."""
         self = super().__new__(cls, nominal)
         self.low = low
         return self
@@ -253,10 +238,7 @@ class MaySpread:
 
 
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
-    """Validate a number, an object {"nominal", "low"}, or an object with uncertainty.
-
-    Raises InputError for other keys, or a low value above the nominal one.
-    """
+    """Validate a number, an object {"nominal", "low"}, or an object with uncertainty."""
     if isinstance(value, Spread | Uncertain):
         return value
     if not isinstance(value, dict):

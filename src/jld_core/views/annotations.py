@@ -68,10 +68,7 @@ FONT: Final = 7.5
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Draw the live loads on axes, and return the points that loads and structure cover.
-
-    Result: a list of arrays (2,) or (k, 2) on paper, scene units.
-    """
+    """Draw the live loads on axes; return the points that loads and structure cover, arrays (2,) or (k, 2) on paper."""
     # Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
     # added to `drawn` as "live", "body" and "couples".
     projection = projection_of(assembly)
@@ -120,10 +117,7 @@ def arrows(
     width: float,
     hollow: bool = False,
 ) -> Quiver:
-    """Draw vectors as arrows and return the artist.
-
-    feet: (k, 2) positions, and vectors: (k, 2), both in data units.
-    """
+    """Draw vectors (k, 2) at feet (k, 2), in data units, as arrows."""
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
     look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
     head: dict[str, Any] = {"headwidth": 3.8, "headlength": 4.4, "headaxislength": 4.0, "minlength": 0.5}
@@ -132,10 +126,7 @@ def arrows(
 
 
 def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
-    """Set the limits and aspect of axes so that they show given points, and label the axes.
-
-    covered: arrays (2,) or (k, 2), data units.
-    """
+    """Set limits and aspect of axes so that they show the points `covered`, and label the axes."""
     points = np.vstack([np.atleast_2d(p) for p in covered])
     lower, upper = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * float(np.max(upper - lower))
@@ -157,10 +148,7 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
 
 
 def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
-    """Draw arrows of equal scene length along x, y, z to the left of a spatial view.
-
-    lower: (2,) lower corner of the drawing so far. Returns the lower corner (2,) with the arrows.
-    """
+    """Draw arrows along x, y, z to the left of a spatial view; return the lower corner (2,) with them."""
     size = assembly.size
     power = 10.0 ** math.floor(math.log10(0.18 * size))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.18 * size)
@@ -192,15 +180,12 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
 
 
 def _below(ax: Axes) -> float:
-    """Return the height that ticks and axis label take below the axes, in points."""
+    """Return the height that ticks and axis label take below the axes, points."""
     return 34.0 if ax.axison else 8.0
 
 
 def legend_inches(ax: Axes) -> float:
-    """Return the height that ticks and legend take below the axes, in inches.
-
-    It is estimated from the number of entries; 0.6 without a legend.
-    """
+    """Return an estimate of the height of ticks and legend below the axes, inches; 0.6 without a legend."""
     found = ax.get_legend()
     figure = ax.get_figure(root=True)
     if found is None or figure is None:
@@ -211,20 +196,15 @@ def legend_inches(ax: Axes) -> float:
 
 
 def _line(label: str, **style: Any) -> Line2D:
-    """Return a legend handle of a line."""
     return Line2D([], [], label=label, **style)
 
 
 def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
-    """Return a legend handle of a marker."""
     return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
 
 
 def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
-    """Return legend handles of dry faces, inner faces and supports.
-
-    labels: (m,) True = dry; labels that no face has are left out.
-    """
+    """Return legend handles of dry faces, inner faces and supports, as present."""
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
         if mask.any():
@@ -236,10 +216,7 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
 
 
 def block_handle(assembly: Assembly, labels: Bits) -> Artist:
-    """Return the legend handle of the blocks' tints; its text has the number of blocks.
-
-    labels: (m,) True = dry. Blocks of supports alone are not counted.
-    """
+    """Return the legend handle of the blocks' tints, with the number of blocks that are not supports alone."""
     count = len(np.unique(blocks_of(assembly, labels)[assembly.elements.free]))
     name = "1 block" if count == 1 else f"{count} blocks, by tint"
     return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
@@ -256,10 +233,7 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 
 
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
-    """Return legend handles of a figure of forces: utilisation, arrows, thrust line, loads.
-
-    forces: (m, q) those of the result.
-    """
+    """Return legend handles of a figure of forces (m, q): utilisation, arrows, thrust line, loads."""
     size = np.linalg.norm(quantities.face_vectors(result.assembly, forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
     handles: list[Artist] = []
@@ -279,10 +253,7 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
 
 
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
-    """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement.
-
-    labels: (m,) True = dry.
-    """
+    """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement."""
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color=REST, linewidth=0.6))
     for kind, style in MOVES.items():
@@ -299,11 +270,7 @@ _SEEN = 1e-3  # least pressure of fill that is drawn, in the largest force of a 
 def draw_members(
     ax: Axes, assembly: Assembly, drawn: Drawn, forces: Floats | None = None, move: Move | None = None
 ) -> None:
-    """Draw fill and members of an assembly on axes, and add them to `drawn`.
-
-    forces: (m, q) resultants of the assembly; the tension is then written beside each member, and lines grow with it.
-    move: displacement function (element, points) → points, if any.
-    """
+    """Draw fill and members on axes, and add them to `drawn`; with forces (m, q), write tensions and scale lines."""
     # The names in `drawn` are "fill" and "members", or "pressures" where all members are pressures of fill.
     members, projection = assembly.members, projection_of(assembly)
     if assembly.fill:
@@ -336,7 +303,6 @@ def draw_members(
 
 
 def _soil(outline: Floats) -> Polygon:
-    """Return the patch of an outline (k, 2) of fill."""
     return Polygon(outline, facecolor=WHITE, edgecolor=HATCH, hatch="....", linewidth=0.0, zorder=0.2)
 
 
@@ -351,7 +317,7 @@ def _written(ax: Axes, line: Floats, force: float) -> Artist:
 
 
 def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
-    """Return the legend handles of fill and members, an empty list if none were drawn."""
+    """Return the legend handles of fill and members, if any were drawn."""
     line: dict[str, Any] = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
     handles: list[Artist] = []
     if "fill" in drawn:

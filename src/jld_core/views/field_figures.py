@@ -73,8 +73,6 @@ class AveragedStresses:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One trajectory of principal stress."""
-
     points: Floats  # (k, 2) along it, scene units
     stress: Floats  # (k,) magnitude of the principal stress there
 
@@ -110,10 +108,9 @@ def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
 
 
 def principal(stress: Floats, kind: Sign) -> tuple[Floats, Floats]:
-    """Return the principal stress of one sign at points, and its direction.
+    """Return the principal stress (k,) of one sign, 0 where there is none, and its directions (k, 2).
 
-    stress: (k, 3) σx, σy, τxy, tension positive. The magnitude (k,) is 0 where no stress has that sign; the directions
-    (k, 2) are unit vectors.
+    stress: (k, 3) σx, σy, τxy, tension positive.
     """
     m, d, s = 0.5 * (stress[:, 0] + stress[:, 1]), 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 2]
     radius, angle = np.hypot(d, s), 0.5 * np.arctan2(s, d)
@@ -144,25 +141,18 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
 
 
 class _Taken:
-    """Points of the trajectories traced so far, stored by squares for fast look-up.
-
-    The side of a square is the distance between trajectories. grid: supplies the origin. apart: that distance.
-    """
+    """Points of the trajectories traced so far, in squares whose side is the distance `apart`."""
 
     def __init__(self, grid: AveragedStresses, apart: float) -> None:
         self._origin, self._apart = grid.origin, apart
         self._squares: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, points: Floats) -> None:
-        """Store the points (k, 2) of a trajectory."""
         for x, y in points.tolist():
             self._squares.setdefault(self._square(x, y), []).append((x, y))
 
     def near(self, point: Floats, share: float) -> bool:
-        """Return True if a stored point lies within `share` of the distance between trajectories.
-
-        point: (2,).
-        """
+        """Return True if a stored point lies within `share` of the distance between trajectories."""
         x, y = float(point[0]), float(point[1])
         column, row = self._square(x, y)
         limit = share * self._apart
@@ -174,7 +164,6 @@ class _Taken:
         )
 
     def _square(self, x: float, y: float) -> tuple[int, int]:
-        """Return column and row of the square that contains a point."""
         return math.floor((x - self._origin[0]) / self._apart), math.floor((y - self._origin[1]) / self._apart)
 
 
@@ -186,10 +175,7 @@ def _followed(
     least: float,
     taken: _Taken,
 ) -> Floats:
-    """Trace a trajectory from its seed in one direction; return its points (k, 2).
-
-    seed: (2,).
-    """
+    """Trace a trajectory from its seed (2,) in one direction; return its points (k, 2)."""
     # The midpoint rule is used.
     step, points, point = 0.5 * grid.spacing, [seed], seed
     ahead = sign * principal(grid.at(seed[None]), kind)[1][0]
@@ -221,10 +207,7 @@ _CRUSHED: Final = 0.02  # share of the largest dissipation per area above which 
 
 
 def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses | None) -> Drawn:
-    """Draw the trajectories of principal stresses of a layout on axes, wider with stress.
-
-    labels: (m,) True = dry.
-    """
+    """Draw the trajectories of principal stresses of a layout on axes, wider with stress."""
     # Compression is solid, tension dashed. Stresses are first averaged over about a twelfth of an element.
     base = default_ink(ax, assembly, labels)
     faded = LineStyle([INK if dry else HATCH for dry in labels], 0.7 * base.widths)
@@ -267,10 +250,7 @@ def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> L
 
 
 def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities | None) -> Drawn:
-    """Draw the displaced triangles of a velocity field, and where velocity jumps, on axes.
-
-    labels: (m,) True = dry.
-    """
+    """Draw the displaced triangles of a velocity field, and where velocity jumps, on axes."""
     base = default_ink(ax, assembly, labels)
     if velocities is None:
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements))
@@ -300,10 +280,7 @@ def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velociti
 
 
 def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, moved: Floats) -> Drawn:
-    """Draw supports and displaced triangles in the tints of blocks; shade deforming ones.
-
-    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners. Artists are returned by name.
-    """
+    """Draw supports and displaced triangles (t, 3, 2) in the tints of blocks; shade deforming ones."""
     mesh, tints = velocities.mesh, tints_of(assembly, labels)
     fills = [tints[cell] for cell in mesh.cell]
     support = assembly.elements.support
@@ -327,11 +304,7 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
 
 
 def strain_power(velocities: Velocities) -> Floats:
-    """Return the integral (t,) of the rate of deformation over each triangle of a mesh.
-
-    The rate is that of largest shear plus that of dilation, where velocities give the live load power 1. Figures shade
-    the triangles in which it is large.
-    """
+    """Return the integral (t,) of the rates of shear and dilation over each triangle, for a live load of power 1."""
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
     shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
@@ -339,11 +312,9 @@ def strain_power(velocities: Velocities) -> Floats:
 
 
 def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
-    """Compute the displaced sides of dry joints and cracks, a mask of joints, and their jumps.
+    """Compute the displaced sides of dry joints and cracks (k, 2, 2, 2.
 
-    labels: (m,) True = dry. moved: (t, 3, 2) displaced corners of triangles. faces: number m of faces. Returns sides
-    (k, 2, 2, 2), with axes edge, side, end and coordinate; mask (k,); largest velocity jump (k,) of each edge. A
-    support does not move.
+    Edge, side, end, coordinate), a mask (k,) of joints, and their largest jumps (k,). A support does not move.
     """
     mesh, e = velocities.mesh, velocities.mesh.edges
     face = np.where(e.tag < faces, e.tag, -1)
@@ -361,7 +332,6 @@ def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, face
 
 
 def _crack_handles(drawn: Drawn, thick: float) -> list[Any]:
-    """Return legend handles of a figure of cracks."""
     handles: list[Any] = []
     if "joints" in drawn:
         handles.append(Line2D([], [], color=INK, linewidth=thick, label="dry joint (thick: opens or slides)"))
@@ -374,10 +344,7 @@ def _crack_handles(drawn: Drawn, thick: float) -> list[Any]:
 
 
 def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> Figure:
-    """Return a figure of labels, stress trajectories and cracks of one layout under one load.
-
-    labels: (m,) True = dry.
-    """
+    """Return a figure of labels, stress trajectories and cracks of one layout under one load."""
     figure, axes = figure_for(assembly, 3)
     draw_assembly(axes[0], assembly, labels)
     draw_stresses(axes[1], assembly, labels, bounds.stresses)
@@ -387,10 +354,7 @@ def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> F
 
 
 def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]], titles: Sequence[str]) -> Figure:
-    """Return a figure of layouts side by side, stress trajectories above cracks.
-
-    layouts: for each an assembly under one load, its labels (m,), True = dry, and its bounds.
-    """
+    """Return a figure of layouts side by side, stress trajectories above cracks."""
     count = len(layouts)
     figure, axes = figure_for(layouts[0][0], 2 * count, columns=count)
     for k, ((assembly, labels, bounds), title) in enumerate(zip(layouts, titles, strict=True)):

@@ -1,7 +1,6 @@
-"""Figures of an assembly, its forces and its mechanism, on any matplotlib axes.
+"""Figures of an assembly, its forces and its mechanism, on any matplotlib axes, without pyplot state.
 
-No function uses pyplot state or a display. The same functions draw planar scenes and, in an axonometric view, spatial
-ones. Each draw function returns a dict of artist lists by their meaning.
+Each draw function returns artist lists by their meaning.
 """
 
 from __future__ import annotations
@@ -57,10 +56,7 @@ def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = N
 
 
 def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
-    """Set sizes in inches from the space for data, ticks, titles and the longest legend.
-
-    span: (2,) extent of the data.
-    """
+    """Set sizes in inches from the extent (2,) of the data, ticks, titles and the longest legend."""
     stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
     width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
     height = width * float(span[1] / span[0])
@@ -112,11 +108,9 @@ NO_MECHANISM: Final = {
 
 
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
-    """Draw an assembly on axes: blocks in tints, dry and inner faces, supports, live loads.
+    """Draw an assembly on axes.
 
-    labels: (m,) True = dry, default the assembly's own. Returns artists by name: "elements", "supports", "outlines",
-    "dry", "inner", "ticks", "live", "body", "couples", as present. Raises ValueError for labels of another length than
-    the interfaces.
+    Blocks in tints, dry and inner faces, supports, live loads. labels: (m,), default the assembly's own.
     """
     # Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. In space faces and elements are in
     # "elements" and "supports", in the order in which they are painted.
@@ -137,11 +131,7 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
-
-    Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
-    "yield inner", "thrust", as present.
-    """
+    """Draw the forces on the faces of a result on axes, with utilisation and thrust line."""
     # Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
     # turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
     # left out. Without forces the title says so.
@@ -176,10 +166,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
 
 
 def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> list[Floats]:
-    """Draw arrows and couples of face forces, and return the points (k, 2) that they cover.
-
-    forces: (m, q) resultants.
-    """
+    """Draw arrows and couples of face forces (m, q); return the points (k, 2) that they cover."""
     assembly, projection = result.assembly, projection_of(result.assembly)
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
@@ -225,10 +212,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: D
 
 
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
-    """Mark each face at yield by a symbol on the half opposite to its centre of pressure.
-
-    forces: (m, q) resultants. used: (m,) utilisation.
-    """
+    """Mark each face at yield by a symbol on the half opposite to its centre of pressure; used: (m,) utilisation."""
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
     at = quantities.pressure_points(result.assembly, forces)[0]
@@ -242,11 +226,7 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Draw the mechanism of a result on axes: displaced elements over the outline at rest.
-
-    Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
-    for the kinds of movement present.
-    """
+    """Draw a share of the mechanism of a result on axes: displaced elements over the outline at rest."""
     result = result_of_faces(result)
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
@@ -262,11 +242,9 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     velocity, scale = result.mechanism, quantities.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
-        """Return the points of an element displaced by the drawn share."""
         return np.asarray(points + share * scale * displacement(assembly, velocity, element, points))
 
     def fully(element: int, points: Floats) -> Floats:
-        """Return the points of an element at full displacement."""
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
@@ -289,7 +267,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
 
 def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Draw thin outlines of the free elements at rest on axes; return the one artist."""
+    """Draw thin outlines of the free elements at rest; return the one artist."""
     projection, rings = projection_of(assembly), []
     for k in assembly.elements.free:
         shape = projection(assembly.elements.shape[k])
@@ -313,10 +291,7 @@ def figure_of_assembly(assembly: Assembly, *, ids: bool = False, values: bool = 
 
 
 def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
-    """Return a figure of the mechanism of a result, and its axes for an animation.
-
-    The title has name, λ and status.
-    """
+    """Return a figure of the mechanism of a result, titled by name, λ and status, and its axes for an animation."""
     figure, axes = figure_for(result.assembly, 1)
     draw_mechanism(axes[0], result)
     name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
@@ -356,10 +331,7 @@ def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[s
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file that ends in .png, .svg or .pdf, completely or not at all.
-
-    Equal figures give equal bytes. Raises InputError for another ending.
-    """
+    """Write a figure to a .png, .svg or .pdf file, completely or not at all; equal figures give equal bytes."""
     ending = Path(path).suffix.lower()
     undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     if ending not in undated:
@@ -369,10 +341,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 
 def svg_of(figure: Figure) -> str:
-    """Return a figure as SVG text that can stand in an HTML page, without an XML header.
-
-    Equal figures give equal text.
-    """
+    """Return a figure as SVG text that can stand in an HTML page; equal figures give equal text."""
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "jld"}), as_written(figure):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -389,9 +358,6 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
-    """Return the fill colour (#rrggbb) of each element: by block, and grey for supports.
-
-    labels: (m,) True = dry.
-    """
+    """Return the fill colour (#rrggbb) of each element: by block, and grey for supports."""
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

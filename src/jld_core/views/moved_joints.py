@@ -24,10 +24,7 @@ _LONGEST: Final = 0.8  # length of the longest arrow, relative to a typical elem
 
 
 def draw_vertex_vectors(ax: Axes, assembly: Assembly, places: Floats, vectors: Floats, *, true: bool = False) -> None:
-    """Draw vectors at vertices as arrows on axes.
-
-    places, vectors: (v, d), scene units. Vectors below 1 % of the longest, or NaN, are left out.
-    """
+    """Draw vectors (v, d) at vertices (v, d) as arrows on axes, without those below 1 % of the longest, or NaN."""
     sizes = np.linalg.norm(np.nan_to_num(vectors), axis=1)
     largest = float(sizes.max(initial=0.0))
     shown = sizes > SMALL * largest
@@ -50,8 +47,8 @@ def figure_of_move(
 ) -> Figure:
     """Return a figure of a structure before and after a move of its joints.
 
-    labels: (m,) True = dry. places: (v, 2) vertices after the move. moved: (v, 2) their displacements, drawn as arrows.
-    Both are in scene units. first: (m,) labels before the move; None for the same.
+    places: (v, 2) vertices after the move, and their displacements `moved`. first: (m,) labels before the move; None
+    for the same.
     """
     figure, axes = figure_for(before, 2)
     pairs = ((before, labels if first is None else first), (after, labels))
@@ -64,11 +61,7 @@ def figure_of_move(
 
 
 def figure_of_vertex_rates(assembly: Assembly, labels: Bits, places: Floats, rates: Floats) -> Figure:
-    """Return a figure of the derivatives of λ by the positions of vertices, as arrows.
-
-    labels: (m,) True = dry. places: (v, d) vertices, scene units. rates: (v, d) derivatives, 1/length; NaN where
-    unknown. Each arrow points to where λ grows.
-    """
+    """Return a figure of the derivatives of λ by vertices (v, d), as arrows to where λ grows; NaN: unknown."""
     figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly, labels)
     draw_vertex_vectors(axes[0], assembly, places, rates)
@@ -140,7 +133,6 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
 
 
 def figure_of_path(assembly: Assembly, values: list[PathValue]) -> Figure:
-    """Return a figure of λ along the paths of moving loads."""
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     draw_path(ax, values, assembly.units[0])

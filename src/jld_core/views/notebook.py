@@ -1,7 +1,4 @@
-"""Notebook representations of assemblies and results: a table of facts and a drawing.
-
-The facts are those of the command line. matplotlib is imported only when a drawing is made.
-"""
+"""Notebook representations: a table of facts and a drawing; matplotlib is imported only when it draws."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ if TYPE_CHECKING:
 
 
 LARGEST: Final = 1500
-"""Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
+"""Largest number of elements that a notebook draws unasked; larger drawings take megabytes and many seconds."""
 
 
 _MEMBERS: Final = 6  # largest number of members whose tension the facts of a result name
@@ -166,10 +163,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _range(extra: dict[str, Any]) -> dict[str, str]:
-    """Describe the lowest and highest λ found without dilation, and the lower bound.
-
-    Empty where these were not sought.
-    """
+    """Describe the lowest and highest λ found without dilation, and the lower bound; empty if not sought."""
     if extra.get("lowest_found") is None:
         return {}
     ends = (
@@ -201,7 +195,6 @@ class AssemblyView:
     """Notebook representation of an assembly: structure, labels and loads, beside its facts."""
 
     def drawing(self, thing: Assembly) -> str | bytes | None:
-        """Return the drawing of an assembly as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.elements) > LARGEST:
             return None
         from jld_core.views import figures, small_pictures
@@ -209,13 +202,11 @@ class AssemblyView:
         return small_pictures.drawing_of(figures.figure_of_assembly(thing))
 
     def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure of an assembly, of any size; options as in `figure_of_assembly`."""
         from jld_core.views import figures
 
         return figures.figure_of_assembly(thing, ids=ids, values=values)
 
     def html(self, thing: Assembly, drawing: str | bytes | None) -> str:
-        """Return the HTML of an assembly's facts and drawing."""
         return page(thing.name, facts_of_assembly(thing), drawing)
 
 
@@ -223,7 +214,6 @@ class ResultView:
     """Notebook representation of a result: labels, forces and mechanism, beside its facts."""
 
     def drawing(self, thing: LimitAnalysisResult) -> str | bytes | None:
-        """Return the drawing of a result as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_core.views import figures, small_pictures
@@ -231,13 +221,11 @@ class ResultView:
         return small_pictures.drawing_of(figures.figure_of_result(thing))
 
     def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure of a result, of any size; options as in `figure_of_result`."""
         from jld_core.views import figures
 
         return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | bytes | None) -> str:
-        """Return the HTML of a result's facts and drawing."""
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
@@ -255,7 +243,6 @@ def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tab
 
 
 def _shown(value: float | None) -> str:
-    """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"
 
 
@@ -269,7 +256,6 @@ class FieldResultView:
     """Notebook representation of a result by fields: stresses and cracks of its governing case, beside its facts."""
 
     def drawing(self, thing: FieldResult) -> str | bytes | None:
-        """Return the drawing as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_core.views import small_pictures
@@ -285,5 +271,4 @@ class FieldResultView:
         return field_figures.figure_of_fields(*thing.governing_case)
 
     def html(self, thing: FieldResult, drawing: str | bytes | None) -> str:
-        """Return the HTML of a result's facts and drawing; drawing: as in `ResultView.html`."""
         return page(thing.assembly.name, thing.facts_in_words(), drawing)
