@@ -69,9 +69,9 @@ newest:
 	$(PYTHON) -m venv $(NEWEST)
 	JLD_COMPILED_APART=1 $(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
 		--upgrade -e '.[parquet,reference]' pytest hypothesis
-	$(NEWEST)/bin/python -m pytest -q tests/core/test_silent_solvers.py tests/core/test_result_json.py \
-		tests/core/test_wide_brackets.py tests/validation/test_hard_cases.py tests/explore/test_enumeration.py \
-		tests/explore/test_tables_on_disk.py
+	$(NEWEST)/bin/python -m pytest -q tests/core/test_libraries.py tests/core/test_result_json.py \
+		tests/core/test_bracket.py tests/validation/test_hard_cases.py tests/explore/test_enumeration.py \
+		tests/explore/test_records.py
 
 # the tests of pages use the system's Chromium, and skip where there is none
 browser:

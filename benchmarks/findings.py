@@ -473,7 +473,7 @@ ROWS: Final[dict[str, tuple[str, str, str, Callable[[], Answer]]]] = {
         "stated weights without gravity",
         "a bound too low accepted",
         "refused by both checkers",
-        held("tests/explore/test_certificate_page.py::test_both_refuse_a_bound_that_forgets_weights"),
+        held("tests/explore/test_verification.py::test_both_refuse_a_bound_that_forgets_weights"),
     ),
     "V2": (
         "headline of the studio",
@@ -491,7 +491,7 @@ ROWS: Final[dict[str, tuple[str, str, str, Callable[[], Answer]]]] = {
         "order of laying",
         "stones 3, 7, 11, 15 in a tower",
         "grows by courses",
-        held("tests/assembly_sequence/test_start_of_laying.py::test_a_wall_with_a_window_grows_by_courses"),
+        held("tests/assembly_sequence/test_assembly_sequence.py::test_a_wall_with_a_window_grows_by_courses"),
     ),
     "R1": (
         "copies of copies in SVG",
@@ -527,7 +527,7 @@ ROWS: Final[dict[str, tuple[str, str, str, Callable[[], Answer]]]] = {
         "limits on sawing, certificate",
         "refused",
         "written and verified",
-        held("tests/explore/test_certificate_page.py::test_the_checker_agrees_with_verify[sawing]"),
+        held("tests/explore/test_verification.py::test_the_checker_agrees_with_verify[sawing]"),
     ),
     "P": ("plot in a fresh process", "KeyError", "drawn", p1),
 }

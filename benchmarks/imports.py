@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
@@ -33,9 +34,7 @@ def _walls(count: int) -> Callable[[Path], None]:
     """Cells of lines beside a closed outline, on a support."""
 
     def write_wall(path: Path) -> None:
-        import ezdxf
-
-        document = ezdxf.new(units=6)
+        document = import_module("ezdxf").new(units=6)
         space = document.modelspace()
         for i in range(count + 1):
             for j in range(count):
@@ -50,10 +49,10 @@ def _walls(count: int) -> Callable[[Path], None]:
 
 
 def _solids(kind: str) -> Callable[[Path], None]:
-    """1 728 cubes in a file that `jld export` writes."""
+    """1 000 cubes in a file that `jld export` writes."""
 
     def write_cubes(path: Path) -> None:
-        scene = cubes(12)
+        scene = cubes(10)
         assembly = build_assembly(scene)
         export(Layout(scene, assembly, np.ones(len(assembly.interfaces), bool)), kind, path, cells=True)
 
@@ -74,13 +73,11 @@ def read(path: Path, out: Path, *options: str) -> tuple[float, float, int, str]:
 def main() -> None:
     """Read every file, and write the table."""
     sys.path.insert(0, str(ROOT / "tests"))
-    from files.bombs import bombs
-    from files.make import shelf
-
+    bombs, shelf = import_module("files.bombs").bombs, import_module("files.make").shelf
     files: list[tuple[str, str, Callable[[Path], None]]] = [("bomb", name, one) for name, (one, _) in bombs().items()]
     files += [("large", f"wall_{count}x{count}.dxf", _walls(count)) for count in (30, 100)]
     kinds = {"obj": "obj", "stl": "stl", "ply": "ply", "step": "step", "ifc": "ifc", "3dm": "3dm", "compas": "json"}
-    files += [("large", f"1728_cubes.{ending}", _solids(kind)) for kind, ending in kinds.items()]
+    files += [("large", f"1000_cubes.{ending}", _solids(kind)) for kind, ending in kinds.items()]
     rows, shelf_times = [], []
     with tempfile.TemporaryDirectory() as folder:
         for group, name, make in files:

@@ -25,9 +25,9 @@ from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation.ranking import evaluation_of
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.settings import ExploreSettings
+from jld_explore.search.study import Study
 from jld_explore.space import search_space, unpack
-from jld_explore.study import Study
 
 
 @dataclass(frozen=True)

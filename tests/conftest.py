@@ -50,14 +50,14 @@ class _Unsynced(sqlite3.Connection):
 
 os.fsync = lambda _: None  # optuna's journal, at every trial
 for module in (sqlite3, sqlite3.dbapi2):
-    module.connect = partial(module.connect, factory=_Unsynced)  # type: ignore[attr-defined]
+    module.connect = partial(module.connect, factory=_Unsynced)
 
 
 # files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments
 # stand together, so that one process compiles the time steps
 LONG = (
-    *("test_moving_geometry.py", "test_experiments_of_a_study.py", "test_planar_experiment.py"),
-    *("test_spatial_experiment.py", "test_studies_of_the_experiment.py", "test_interruption.py", "test_deadline.py"),
+    *("test_moving_geometry.py", "test_studies_of_the_experiment.py", "test_planar_experiment.py"),
+    *("test_interruption.py", "test_deadline.py"),
     *("test_documentation.py", "test_studio.py", "test_hard_cases.py", "test_studies.py", "test_door.py"),
 )
 

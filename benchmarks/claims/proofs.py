@@ -354,7 +354,7 @@ def _stop_and_resume(
 def _threads_for_processes() -> Iterator[None]:
     """Put threads in the place of worker processes, which take a second each to start, and lend cubes but briefly."""
     with (
-        patch("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1)),
+        patch("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor),
         patch("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0),
     ):
         yield

@@ -223,7 +223,7 @@ def case(seed: int, tally: Tally) -> str:
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
         # processes would take a second each to start
-        threads = patch("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+        threads = patch("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
         with (
             tempfile.TemporaryDirectory() as folder,
             threads,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import joblib
 import numpy as np
 
 from jld_core.assembly import Assembly
@@ -17,13 +16,13 @@ from jld_core.errors import InputError
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
+from jld_explore import Exploration, ExploreSettings, Step, StepContext
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, Pool
 from jld_explore.evaluation.protocol import Evaluator
-from jld_explore.report import Exploration, csv_of
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import csv_of
 from jld_explore.space import SearchSpace, from_string, to_string
-from jld_explore.steps import Step, StepContext, with_entries
+from jld_explore.steps.step import with_entries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +50,7 @@ class Experiments:
 
     def __post_init__(self) -> None:
         """Read the experiments on disk; raise InputError if the file is damaged."""
+        self.pool = Pool(self.jobs, cluster=True)
         import pandas as pd  # Imported here and below because pandas is slow to import and only tables need it.
 
         path = self.folder / FILE
@@ -73,9 +73,7 @@ class Experiments:
         for part in _portions(fresh, self.jobs):
             if self.late:
                 return
-            found = joblib.Parallel(n_jobs=min(self.jobs, len(part)))(
-                joblib.delayed(one_experiment)(self.assembly, name, value) for name, value in part
-            )
+            found = self.pool.run(one_experiment, [(self.assembly, name, value) for name, value in part])
             self.rows |= {row["labelling"]: row for row in found}
             write_text(self.folder / FILE, csv_of(self.table()))
 
@@ -201,10 +199,11 @@ class ExperimentStep(Step):
         settings = context.settings
         experiments = Experiments(done.assembly, done.folder, settings.jobs, context.deadline)
         count = settings.experiment or DEFAULT
-        if settings.by_experiment:
-            search_by_experiment(experiments, done, context.space, settings.model, count, settings.seed)
-        else:
-            experiments.run(best_by_load_factor(done, count))
+        with experiments.pool:
+            if settings.by_experiment:
+                search_by_experiment(experiments, done, context.space, settings.model, count, settings.seed)
+            else:
+                experiments.run(best_by_load_factor(done, count))
         return with_experiments(done, experiments, settings.by_experiment)
 
 

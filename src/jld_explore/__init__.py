@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from jld_explore.evaluation import Evaluation
     from jld_explore.explore import explore
     from jld_explore.report import Exploration, Summary, read_folder
-    from jld_explore.settings import (
+    from jld_explore.search.settings import (
         BudgetSettings,
         ExploreSettings,
         ModelSettings,
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
         ParallelSettings,
         SearchMethod,
     )
+    from jld_explore.search.state import Progress, StopReason
     from jld_explore.space import SearchSpace, search_space
-    from jld_explore.steps import Step, StepContext
-    from jld_explore.study_state import Progress, StopReason
+    from jld_explore.steps.step import Step, StepContext
 
 __all__ = [
     "BudgetSettings",
@@ -71,7 +71,7 @@ export_lazily(
         "evaluation": ["Evaluation"],
         "explore": ["explore"],
         "report": ["Exploration", "Summary", "read_folder"],
-        "settings": [
+        "search.settings": [
             "BudgetSettings",
             "ExploreSettings",
             "ModelSettings",
@@ -80,7 +80,7 @@ export_lazily(
             "SearchMethod",
         ],
         "space": ["SearchSpace", "search_space"],
-        "steps": ["Step", "StepContext"],
-        "study": ["Progress", "StopReason"],
+        "steps.step": ["Step", "StepContext"],
+        "search.state": ["Progress", "StopReason"],
     },
 )

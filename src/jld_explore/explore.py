@@ -5,50 +5,61 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from jld_core.assembly import Assembly, with_members
 from jld_core.build import build_assembly, build_robust
-from jld_core.deadline import Deadline
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.limit import Model
-from jld_core.models import require_memory
+from jld_core.models import cost_estimate, require_memory
 from jld_core.parameters import near, require_kind, typed
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
-from jld_explore.driver_choice import CLASSES, affordable_settings, choose_driver
 from jld_explore.drivers import Driver, driver_kinds
+from jld_explore.drivers.choice import bound_of_all, first_layout
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import MakeEvaluator, evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
-from jld_explore.evaluation.process_settings import deferred_signals, on_cluster
+from jld_explore.evaluation.pool import deferred_signals, on_cluster
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.field_check import add_check, plan_check, time_for
-from jld_explore.field_study import FieldStudy
-from jld_explore.refusals import refuse_beside_void, refuse_together, refuse_unfit
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report
 from jld_explore.report import folder as folders
-from jld_explore.report.folder import check_certificate_file, write_tables
-from jld_explore.settings import ExploreSettings, Objective
+from jld_explore.report.folder import check_certificate_file, save_tables, write_tables
+from jld_explore.search.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
+from jld_explore.search.field_study import FieldStudy
+from jld_explore.search.refusals import refuse_beside_void, refuse_together, refuse_unfit
+from jld_explore.search.settings import ExploreSettings, Objective
+from jld_explore.search.state import Interrupted, Progress, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import SearchSpace, from_string, search_space
-from jld_explore.steps import Step, StepContext, run_steps, steps_of
-from jld_explore.study import Study
-from jld_explore.study_run import STOPPING, run_study
-from jld_explore.study_state import Interrupted, Progress
-from jld_explore.uncut import add_uncut
-from jld_explore.writing_time import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
+from jld_explore.space.labelling import orbit_sizes
+from jld_explore.steps.field_check import FieldCheck, plan_check
+from jld_explore.steps.step import Step, StepContext, run_steps, steps_of
+from jld_explore.steps.time_limit import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
+from jld_explore.steps.uncut import Uncut
+
+# Expected time of the bound on all labellings, as a multiple of the time of one labelling. The bound is omitted if it
+# would be late.
+_BOUNDING: Final = 5.0
+
+# Seconds after the end of a search for the bound on all labellings. After an interrupt it also limits the solves for
+# the page, which shows forces of the best layout unless solving it takes long.
+_STOPPING: Final = 0.5
+
+_FOUND: Final = 1.2  # time to find and evaluate a first layout after a signal, s
 
 
 @typed
@@ -79,8 +90,6 @@ def explore(
 ) -> Exploration:
     """Search the labellings of a scene and write all results (docs/scene.md) into a folder.
 
-    Each keyword that is given replaces the field of that name in `settings`.
-
     Parameters
     ----------
     scene : str, Path, dict or Scene
@@ -88,47 +97,25 @@ def explore(
     out : str or Path, optional
         Results folder, new or empty unless `resume` is set. Default: a new temporary folder, which the result names.
     settings : ExploreSettings, optional
-        Settings of the search, from which the keywords take their defaults.
-    report : callable, optional
-        Function called with each `Progress`.
-    announce : callable, optional
-        Function called with messages, for example the name of the chosen driver.
+        Settings of the search; keywords below that are given replace its fields.
+    report, announce : callable, optional
+        Called with each `Progress`, and with messages such as the name of the chosen driver.
     driver : str or Driver, optional
-        Name of a driver, or a driver made for the scene's space. Default: one that proves where a proof is in reach.
+        Its name, or one made for the scene's space. Default: one that proves where a proof is in reach.
     objective : str or callable, optional
         "associative" (default), "zero-dilation", "zero-dilation-floor", "experiment" or "reliability"; or a function of
-        an `Evaluation` with λ, the assembly and the labels (m,), which returns the number to be maximised. Layouts
-        without λ are not ranked then, nothing is proven, and a search has neither the exact driver, certificates, low
-        material values, experiments, omitted cells nor a required load factor.
-    seconds : float, optional
-        Time limit, s.
-    budget : int, optional
-        Largest number of classes to evaluate.
-    jobs : int, optional
-        Number of worker processes, default 1.
-    seed : int, optional
-        Seed of the driver, default 0.
+        an `Evaluation` with λ, the assembly and the labels (m,), whose value is maximised. Then nothing is proven.
+    seconds, budget : float, int, optional
+        Time limit, s, and largest number of classes to evaluate.
+    jobs, seed : int, optional
+        Number of worker processes, default 1, and seed of the driver, default 0.
     model : Model, optional
         Crack model, model and solver; the objective sets `friction`, `range` and `floor_seconds`.
-    options : mapping of str to object, optional
-        Options of a named driver, which may also be given as keywords of their own.
-    robust : bool, optional
-        Rank by λ at the low values of materials.
-    experiment : int, optional
-        Number of best layouts that are tested in the virtual experiment at the end.
-    resume : bool, optional
-        Continue the search in the folder.
-    pictures : bool or "all", optional
-        Write page, front and best layout at the end, default True; "all": the other pictures too.
-    certificate : str or Path, optional
-        File for the proof of the exact driver.
-    cluster : str, optional
-        URL of a dask scheduler whose workers evaluate.
-    strict : bool, optional
-        Treat plausibility warnings as errors.
+    robust, experiment, resume, pictures, certificate, cluster, strict : optional
+        As the fields of `ExploreSettings`.
     started : float, optional
         Start of the time limit on the clock `time.perf_counter`, s. Default: now.
-    **driver_options
+    options, **driver_options
         Options of a named driver, as in ``driver="genetic", population=50``.
 
     Returns
@@ -220,11 +207,10 @@ def _search(
 ) -> Exploration:
     """Run a search with complete settings, see `explore`."""
     deadline = Deadline(settings.seconds, started)
+    check_folder(folder, settings.resume)
     if settings.cluster is not None:
-        check_folder(folder, settings.resume)
         with on_cluster(settings.cluster):
             return _search(scene, folder, replace(settings, cluster=None), report, announce, deadline.started)
-    check_folder(folder, settings.resume)
     if settings.certificate is not None:
         check_certificate_file(settings.certificate, folder)
     require_memory(scene)  # before contacts are built, which may take minutes
@@ -239,12 +225,13 @@ def _search(
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
-    steps = steps_of(settings, scene, space.assembly)
-    kind, make = _makers(scene, assembly, settings)
     if space.void is not None:
         refuse_beside_void(settings, chosen)
-        assembly, make = space.assembly, VoidCellsEvaluator
-    checked = plan_check(scene, assembly, space, settings)
+        assembly = space.assembly
+    kind, make = _makers(scene, assembly, settings, void=space.void is not None)
+    plan = plan_check(scene, assembly, space, settings)
+    tabled: list[Step] = [] if plan is None else [FieldCheck(plan)]  # results are written with its columns
+    steps = steps_of(settings, scene, space.assembly, [Uncut()])
 
     def say() -> None:
         """Announce the messages, each once."""
@@ -252,31 +239,29 @@ def _search(
             announce(said.pop(0))
 
     until = search_deadline(deadline, settings, assembly, fields=isinstance(scene.cracks, FieldCracks))
-    study = kind(
-        scene,
-        assembly,
-        space,
-        chosen,
-        folder,
-        settings,
-        total=total,
-        report=report,
-        found_first=say,
-        deadline=until.earlier(time_for(checked, settings) + sum(step.seconds(settings) for step in steps)),
-        make=make,
-    )
+    own = until.earlier(sum(step.seconds(settings) for step in [*tabled, *steps]))
+    known: dict[str, Any] = {"total": total, "report": report, "found_first": say, "make": make, "deadline": own}
+    study = kind(scene, assembly, space, chosen, folder, settings, **known)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
-    reason = run_study(study, deadline)
+    reason = _run_study(study, deadline)
+    context = StepContext(space, settings, until)
     try:
         with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, later(deadline, settings, TABLES), alone=checked is None)
+            done = write_tables(study, reason, later(deadline, settings, TABLES))
             say()  # of a resumed search without a new layout
-            done = done if checked is None else add_check(done, study.space, checked, until, settings)
-        return _completed(study, done, steps, deadline, until, announce)
+            for step in tabled:
+                done = step.run(done, context)
+            save_tables(done, csv=settings.csv)
+        if settings.certificate is not None and isinstance(chosen, Exact):
+            _certify(chosen, scene, settings.certificate, done)
+        done = run_steps(done, steps, context)
+        if settings.pictures:
+            _draw(done, deadline, settings, announce)
+        return done
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
-                write_report(done, patience=STOPPING, deadline=Deadline(0.0))
+                write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
         stop.done = done
         raise
 
@@ -284,11 +269,8 @@ def _search(
 def _driver_of(
     scene: Scene, space: SearchSpace, settings: ExploreSettings, deadline: Deadline, folder: Path
 ) -> tuple[Driver, int | None]:
-    """Choose the driver of a search and count the classes of its space if it is small, see `choose_driver`.
-
-    A search that goes on without a named driver keeps the one on record: what counts as a small space depends on the
-    time limit.
-    """
+    """Choose the driver of a search, and count the classes of its space if it is small."""
+    # a search that goes on without a named driver keeps the one on record: what is small depends on the time limit
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
@@ -298,31 +280,8 @@ def _driver_of(
     return found
 
 
-def _completed(
-    study: Study,
-    done: Exploration,
-    steps: Sequence[Step],
-    deadline: Deadline,
-    late: Deadline,
-    announce: Callable[[str], None] | None,
-) -> Exploration:
-    """Add certificate, λ without cuts, steps, page and pictures to the tables of a search, as far as asked."""
-    settings = study.settings
-    if settings.certificate is not None and isinstance(study.driver, Exact):
-        _certify(study.driver, study.scene, settings.certificate, done)
-    done = add_uncut(done, study.space, settings, late)
-    done = run_steps(done, steps, StepContext(study.space, settings, late))
-    if settings.pictures:
-        _draw(done, deadline, settings, announce)
-    return done
-
-
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
-    """Return the space of the given driver, else that of the scene.
-
-    Raises InputError for a driver of another scene, or whose space has symmetries that the objective may not have, and
-    as `search_space`.
-    """
+    """Return the space of the given driver, else that of the scene; InputError if they do not fit."""
     # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
     own, driver = settings.own_objective, settings.driver
     apart = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
@@ -344,26 +303,21 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
     certify(driver, scene, path, found, done.summary.bound)
 
 
-def _makers(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> tuple[type[Study], MakeEvaluator]:
-    """Return the class of the study and the maker of its evaluators.
-
-    They depend on the crack model of the scene. With an objective of the user, evaluators compute this objective.
-    """
-    kind, make = _by_cracks(scene, assembly)
-    if settings.own_objective is not None:
-        make = partial(OwnObjectiveEvaluator, settings.own_objective)
-    return kind, make
-
-
-def _by_cracks(scene: Scene, assembly: Assembly) -> tuple[type[Study], MakeEvaluator]:
-    """Return the class of the study and the maker of its evaluators for a crack model."""
-    if isinstance(scene.cracks, CellCracks):
+def _makers(
+    scene: Scene, assembly: Assembly, settings: ExploreSettings, *, void: bool
+) -> tuple[type[Study], MakeEvaluator]:
+    """Return the class of the study and the maker of its evaluators, for crack model, cells left out and objective."""
+    kind: type[Study] = Study
+    make: MakeEvaluator = evaluator_of
+    if isinstance(scene.cracks, FieldCracks):
+        kind, make = FieldStudy, FieldEvaluator
+    elif isinstance(scene.cracks, CellCracks):
         cells = crack_cells(scene, assembly, scene.cracks.cell)
         # where no element is larger than a cell, the evaluators of the joint grid are the same and faster
-        return Study, evaluator_of if cells.fine is assembly else MakeCellEvaluator(cells)
-    if isinstance(scene.cracks, FieldCracks):
-        return FieldStudy, FieldEvaluator
-    return Study, evaluator_of
+        make = evaluator_of if cells.fine is assembly else MakeCellEvaluator(cells)
+    if settings.own_objective is not None:
+        make = partial(OwnObjectiveEvaluator, settings.own_objective)
+    return kind, VoidCellsEvaluator if void else make
 
 
 def _draw(
@@ -387,3 +341,64 @@ def _draw(
         write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
+
+
+def _run_study(study: Study, deadline: Deadline) -> StopReason:
+    """Run a study and bound all labellings if no other bound is known; return why it ended."""
+    # If the search is interrupted, its tables are written before the exception continues.
+    try:
+        reason = study.run()
+        cost = _BOUNDING * cost_estimate(study.assembly).seconds
+        if len(study.records) and reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
+            _bound_all(study, in_time=cost < deadline.remaining() + _STOPPING)
+    except BaseException as stop:
+        # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
+        study.records.close()
+        apart = False
+        if isinstance(stop, Interrupted):
+            study.records = study.open_records()
+            apart = _solve_first(study)
+            study.records.close()
+        _bound_all(study, in_time=_BOUNDING * cost_estimate(study.assembly).seconds < _STOPPING)
+        done = save_tables(write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING)), csv=study.settings.csv)
+        if study.settings.pictures:
+            write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
+        if apart:
+            study.records = study.open_records()
+            study.records.forget_evaluations()
+            study.records.close()
+        if isinstance(stop, Interrupted):
+            stop.done = done
+            if not len(done.results):
+                stop.words = "stopped before a layout was solved; --resume begins with the first"
+        raise
+    if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
+        # The space, too large to count beforehand, is empty, or no labelling was found in time.
+        for path in (study.records.path, study.folder / "scene.json"):
+            path.unlink(missing_ok=True)
+        if not any(study.folder.iterdir()):
+            study.folder.rmdir()
+        raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
+    return reason
+
+
+def _solve_first(study: Study) -> bool:
+    """Evaluate one layout without the driver if none is on record, and record it; return True if it was."""
+    # The record must be open. Nothing happens where one layout is not found and evaluated within a second. The caller
+    # forgets the layout again, so that the search resumes as if it had not been stopped.
+    left = _FOUND - study.evaluation_seconds
+    if len(study.records) or left <= 0.0:
+        return False
+    with suppress(DeadlinePassed), Deadline(left).enforced():
+        found = first_layout(study.space, study.settings.seed)
+        evaluations = study.worker_spec.evaluator().evaluate_all(found)
+        study.records.append(found, orbit_sizes(found, study.space.group).tolist(), evaluations)
+    return len(study.records) > 0
+
+
+def _bound_all(study: Study, *, in_time: bool) -> None:
+    """Record a bound on λ of all labellings if the study has none and there is time for it."""
+    study.records = study.open_records()
+    if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
+        study.keep_bound(bound_of_all(study.space, study.settings.model), "faces")
+    study.records.close()

@@ -266,6 +266,14 @@ def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
         raise InputError("", f"it is not JSON (line {error.lineno}, column {error.colno})", "COMPAS JSON") from None
     except RecursionError:
         raise InputError("", "it is nested too deeply", "COMPAS JSON") from None
+    return solids_of(document, path.stem, notes)
+
+
+def solids_of(document: Any, title: str, notes: Notes) -> Solids:
+    """Return the blocks, supports, interfaces and the first problem of a COMPAS document; title: name without another.
+
+    Raises InputError for a document that holds no assembly.
+    """
     try:
         document = _as_assembly(document)
         model, problems = model_and_problems(document)
@@ -287,7 +295,7 @@ def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
         ) from error
     kind = model.get("dtype", "?") if isinstance(model, dict) else "?"
     notes.found.append(f"{kind} of {len(parts)} blocks")
-    name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or path.stem)
+    name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or title)
     if facts.get("interfaces"):
         contacts = []
     keys = stated | {key: value for key, value in facts.items() if key in STORED - {"name", "elements", "thickness"}}

@@ -32,20 +32,20 @@ def dem_text(layout: Layout, *, cells: bool) -> str:
     Without an analysis of the layout there are no results. Raises InputError for a scene whose joints differ in
     friction or shear strength.
     """
-    file = _Dem(layout, cells)
+    file = Dem(layout, cells)
     document: dict[str, Any] = {"analysis": file.analysis()}
     if layout.result is not None:
         document["results"] = file.results()
     return json.dumps(document, indent=1) + "\n"
 
 
-class _Dem:
-    """Objects of one file."""
+class Dem:
+    """Objects of one file; nodes: node of the graph of each solid, by name, by default in their order."""
 
-    def __init__(self, layout: Layout, cells: bool) -> None:
+    def __init__(self, layout: Layout, cells: bool, nodes: dict[str, str] | None = None) -> None:
         self._layout, self._cells = layout, cells
         self._solids = list(solids_of(layout, cells=cells))
-        self._number = {name: k for k, (name, _, _) in enumerate(self._solids)}
+        self._number = nodes or {name: str(k) for k, (name, _, _) in enumerate(self._solids)}
         self._name = layout.assembly.name
         self._faces = list(named_faces(layout, cells))
 
@@ -85,7 +85,7 @@ class _Dem:
             nodes[str(k)] = {"element": block["guid"]}
         edges: dict[str, dict[str, Any]] = {key: {} for key in nodes}
         for a, b, points, face in self._faces:
-            entry = edges[str(self._number[a])].setdefault(str(self._number[b]), {"contacts": []})
+            entry = edges[self._number[a]].setdefault(self._number[b], {"contacts": []})
             entry["contacts"].append(self._contact(points, face))
         graph = {
             "attributes": {},
@@ -229,7 +229,7 @@ class _Dem:
                 continue
             if "face" in entry:
                 raise InputError(f"loads of {name!r}", "a pressure has no place in this file", "forces")
-            block = self._number[entry["element"]]
+            block = int(self._number[entry["element"]])
             moment, force, at = entry.get("moment"), entry.get("force") or [0.0, 0.0, 0.0], entry.get("at")
             loads = [(force, None, at)] if any(force) else []
             if moment is not None and np.any(moment):
@@ -269,7 +269,7 @@ class _Dem:
         result = self._layout.result
         if result is None:
             raise ValueError("the layout has no analysis")
-        nodes = {str(k): {"transformation": self._moved(k)} for k in range(len(self._solids))}
+        nodes = {self._number[name]: {"transformation": self._moved(k)} for k, (name, _, _) in enumerate(self._solids)}
         edges: dict[str, dict[str, Any]] = {}
         for a, b, points, face in self._faces:
             if result.forces is None:
@@ -280,10 +280,24 @@ class _Dem:
             known = edges.setdefault(f"{self._number[a]},{self._number[b]}", {"resultant_global": [0.0, 0.0, 0.0]})
             known["resultant_global"] = (np.array(known["resultant_global"]) + force).tolist()
             known["force_magnitude"] = float(np.linalg.norm(known["resultant_global"]))
-            known["face_contact"] = True
             # a pair with several contacts keeps the first one here; the model holds all of them
-            known.setdefault("contact_points", points.tolist())
-            known.setdefault("contact_data", self._contact(points, face))
+            if "contact_data" not in known:
+                contact = self._contact(points, face)
+                forces = contact["data"]["forces"]
+                corners = {"points": contact["data"]["points"]}
+                known |= {
+                    "face_contact": True,
+                    "edge_contact": False,
+                    "point_contact": False,
+                    "contact_points": points.tolist(),
+                    "contact_polygon": {"dtype": "compas.geometry/Polygon", "data": corners},
+                    "contact_data": contact,
+                    "contact_frame": contact["data"]["frame"],
+                    "resultant_local": [v1, v2, normal],
+                    "force_normal": [one["c_np"] - one["c_nn"] for one in forces],
+                    "force_tangent1": [one["c_u"] for one in forces],
+                    "force_tangent2": [one["c_v"] for one in forces],
+                }
         low, high = result.bracket
         metadata = {
             "program": "jld",

@@ -327,10 +327,7 @@ def shaped_scene(
 
 
 def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[shapely.Polygon]]:
-    """Return the cells of each element after its joints got a shape: its body, what lies beside keys, its teeth.
-
-    Raises InputError for a tooth that does not fit.
-    """
+    """Return the cells of each element after its joints got a shape: body, pieces beside keys, teeth."""
     # All outlines are one network of lines on a grid: whatever cells share a corner, they have the same numbers there.
     elements, faces = assembly.elements, assembly.interfaces
     outlines = [shapely.Polygon(outline) for outline in elements.shape]
@@ -343,7 +340,8 @@ def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[s
             across = -across
         axes = np.array([last - first, across])
         for outline, side in shape.teeth():
-            owners.append((int(faces.a[face]), int(faces.b[face]))[:: 1 if side > 0 else -1])
+            pair = int(faces.a[face]), int(faces.b[face])
+            owners.append(pair if side > 0 else (pair[1], pair[0]))
             teeth.append(shapely.Polygon(first + outline @ axes))
             if isinstance(shape, Key):
                 ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
@@ -380,7 +378,8 @@ def _first_around(shapes: list[shapely.Polygon], points: Any) -> list[int]:
     found = np.full(len(points), len(shapes))
     number, shape = shapely.STRtree(shapes).query(points, predicate="within")
     np.minimum.at(found, number, shape)
-    return np.where(found < len(shapes), found, -1).tolist()
+    first: list[int] = np.where(found < len(shapes), found, -1).tolist()
+    return first
 
 
 def _corners(cell: shapely.Polygon) -> list[list[float]]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import joblib
 import numpy as np
 import pandas as pd
 
@@ -27,13 +26,14 @@ from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
 from jld_core.scene.move import Move
 from jld_core.threads import one_thread
+from jld_explore import Exploration, ExploreSettings
+from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
-from jld_explore.report import Exploration, csv_of
-from jld_explore.settings import ExploreSettings
+from jld_explore.report import csv_of
+from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string, search_space, to_string
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
-from jld_explore.writing_time import busy_factor
+from jld_explore.steps.time_limit import busy_factor
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.moved_scene import MovedScene
@@ -192,7 +192,8 @@ def explore_and_move(
     rounds: list[Exploration] = []
     found: list[MovedLayout] = []
     try:
-        stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep)
+        with Pool(settings.jobs) as pool:
+            stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep, pool)
     except Interrupted as signal:
         if rounds and found:
             signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=rank_key), "interrupted")
@@ -212,6 +213,7 @@ def _in_rounds(
     say: Callable[[str], None],
     announce: Callable[[str], None] | None,
     keep: Callable[[list[MovedLayout]], None] | None,
+    pool: Pool,
 ) -> str:
     """Search labels and move joints in rounds until a deadline; return the reason of the end."""
     while True:
@@ -231,17 +233,16 @@ def _in_rounds(
         tasks = _chosen(done, layouts, own=number == 1)
         say(f"round {number}: the joints of {len(tasks)} layouts move")
         before = found[0].low if found else -math.inf
-        workers = joblib.Parallel(n_jobs=settings.jobs)
         each = _SLACK * _TASKS * share / max(math.ceil(len(tasks) / settings.jobs), 1) if deadline.limited else math.inf
-        found += workers(
-            joblib.delayed(move_one)(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks
+        found += pool.run(
+            move_one, [(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks]
         )
         if keep is not None:
             keep(sorted(found, key=rank_key))
         left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
-        found[:] = _refined(found, workers, settings.jobs, min(left, deadline.remaining()), gap)
+        found[:] = _refined(found, pool, settings.jobs, min(left, deadline.remaining()), gap)
         if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
-            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
         if not found or found[0].low == -math.inf:
             raise InputError("move", "no layout of the search stands by fields", "a scene that stands, or more time")
         if keep is not None:
@@ -252,18 +253,16 @@ def _in_rounds(
                 continue
             return "time limit"
         if deadline.limited and deadline.remaining() > _LEAST:
-            found[:] = _refined(found, workers, settings.jobs, deadline.remaining(), gap)
+            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
         return "nothing improves"
 
 
-def _refined(
-    found: list[MovedLayout], workers: joblib.Parallel, count: int, seconds: float, gap: float
-) -> list[MovedLayout]:
+def _refined(found: list[MovedLayout], pool: Pool, count: int, seconds: float, gap: float) -> list[MovedLayout]:
     """Refine the bounds of layouts that may still be best, greatest upper bounds first; rank all."""
     most = max((one.low for one in found), default=-math.inf)
     open_ones = [one for one in found if one.high > most + gap * abs(most)]
     promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]
-    refined = workers(joblib.delayed(refine_one)(one, _SLACK * seconds, gap) for one in promising)
+    refined = pool.run(refine_one, [(one, _SLACK * seconds, gap) for one in promising])
     return sorted([*(one for one in found if one not in promising), *refined], key=rank_key)
 
 

@@ -27,7 +27,7 @@ from jld_explore.cli.options import AsJson, Cracks, Rank, Source, refuse_itself,
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say, warn
 from jld_explore.report import csv_of
-from jld_explore.study_state import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints

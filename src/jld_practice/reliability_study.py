@@ -13,10 +13,10 @@ from jld_core.errors import ParameterError
 from jld_core.files import write_text
 from jld_core.limit import Status
 from jld_core.scene import Scene
-from jld_explore.report import Exploration, csv_of
-from jld_explore.settings import ExploreSettings
+from jld_explore import Exploration, ExploreSettings, Step, StepContext
+from jld_explore.report import csv_of
 from jld_explore.space import from_string
-from jld_explore.steps import Step, StepContext, with_entries
+from jld_explore.steps.step import with_entries
 
 FILE: Final = "reliability.csv"  # table of reliability indices in a results folder
 

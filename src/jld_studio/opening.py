@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from jld_core.build import build_assembly
+from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.exchange import Imported, ImportOptions, Report, import_file
-from jld_core.exchange.options import LAYER_ROLES
+from jld_core.exchange.options import LAYER_ROLES, in_words, measure, several
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_core.scene.cracks import CellCracks
 from jld_core.scene.reading import NeedsImport
@@ -35,8 +36,7 @@ class OpenedFile:
     """Scene of a file, with the report of its import."""
 
     scene: Scene  # scene of the file, its name that of the file where the file has none
-    # sentences of the import, each after its kind, as "found" or "skipped"; empty for a scene file
-    report: tuple[tuple[str, str], ...] = ()
+    report: tuple[tuple[str, str], ...]  # what was read in sentences, each after its kind, as "found" or "skipped"
     unit: str = ""  # length unit of the file, in which tolerances are given; "" for a scene file
 
 
@@ -79,7 +79,10 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
     """Return the scene of a scene file, drawing or file of solids; raise InputError for none."""
     scene = stated_scene(path)
     if scene is not None:
-        return OpenedFile(scene)
+        entries = [one.model_dump(mode="json", exclude_defaults=True) for one in build_geometry(scene).entries]
+        measured = measure(entries)
+        counted = f"{several(measured.free, 'element')} and {several(len(entries) - measured.free, 'support')}"
+        return OpenedFile(scene, (("found", f"{counted}, {in_words(measured, scene.units.length)}"),))
     found = import_file(path, options)
     said = tuple((kind, on_page(text)) for kind, text in sentences(found.report))
     return OpenedFile(scene_of(found, path), said, found.unit)

@@ -134,7 +134,7 @@ def opened(
             understood(source, options or ImportOptions(), {})
             announce(f"not opened   {error}")
             return parse_scene(START), source.with_name(f"{source.stem}_studio"), None
-        if not plain and not found.report:
+        if not plain and not found.unit:
             raise InputError(str(source), "it is a scene, which is read as it is", "a drawing, or no options of layers")
         for kind, text in found.report:
             announce(f"{kind:<12} {text}")

@@ -34,6 +34,8 @@ _MOST_FACES: Final = 6_000  # number of faces above which the page draws solids 
 
 _REMEDY: Final = re.compile(r"--(hole|unit|up|tolerance) (.+)")  # what the sentence of a report advises
 
+_LACKING: Final = "it has no support"  # problem of a file that stands on nothing
+
 _Y_UP: Final = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # rows by which y becomes z
 
 _BOX: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -47,6 +49,7 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
     option that is advised, and "undesigned", why no design can start; "commands", those of the command line. Raises
     InputError for a file or options that cannot be read, or not in time.
     """
+    reader_of(path)  # there is such a file
     seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
     with reading(path):
         found: dict[str, Any] = in_own_process(_understood, path.absolute(), options, settings, seconds=seconds)
@@ -62,8 +65,8 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
         if options.skip or options.layer:  # some readers leave out what is not to be read
             drawn = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
     found, tried, refused = _tried(path, content, options, notes, feet=False)
-    undesigned: InputError | None = None
-    if refused is not None:
+    undesigned = refused
+    if refused is not None and _LACKING in refused.problem:  # a design adds supports
         found, again, undesigned = _tried(path, content, options, notes, feet=True)
         tried = again if undesigned is None else tried
     if "design" not in entry_points("jld.commands"):
@@ -83,7 +86,7 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
         "unit": facts.get("unit", drawn.unit or "m"),
         "options": stated(options),
         "commands": {
-            "import": shlex.join(["jld", "import", path.name, "-o", f"{path.stem}.json", *flags(options)]),
+            "import": shlex.join(["jld", "import", path.name, "-o", f"{path.stem}_scene.json", *flags(options)]),
             "design": shlex.join(design_command(path.name, f"{path.stem}_design", options, settings)),
         },
     }
@@ -146,7 +149,7 @@ def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the option that a sentence advises, as {"option", "value"}, None without one."""
     advice = _REMEDY.search(text)
     if advice is None:
-        return {"option": "support", "value": "lowest"} if "has no support" in text else None
+        return {"option": "support", "value": "lowest"} if _LACKING in text else None
     option, value = advice[1], advice[2].split()[0].rstrip(".,;:")
     if option == "hole":
         return {"option": option, "value": advice[2]} if advice[2] in layers else None
@@ -251,10 +254,8 @@ def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> d
         _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
         for one in entries
     ]
-    marks = [
-        _mark(mark, *((mark.at @ turn, None) if mark.tail is None else (mark.tail @ turn, mark.at @ turn)), options)
-        for mark in drawn.marks
-    ]
+    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
+    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in arrows]
     return {"shapes": shapes + feet, "elements": [], "marks": marks}
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from browser_visits import Open, Visit, looks_like
+from command import SCENES
 from jld_core import build_assembly, load_scene, samples, solve
 from jld_explore.report.page_data import asset
 from jld_studio.notebook import NotebookPage
-from paths import SCENES
 
 MODEL = """<script type="module">
 %s

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from browser_visits import Open, Visit, looks_like
+from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
+from command import SCENES
 from jld_core import build_assembly, load_scene, parse_scene
 from jld_core.assembly import blocks_of
 from jld_core.views import look, quantities
@@ -17,8 +19,6 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page_data as joined
 from jld_explore.report import page_of_study, show_page
 from jld_explore.report.page_of_study import scene_page
-from paths import SCENES
-from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from browser_visits import Open, Visit, looks_like
+from cases import HOSTILE, small_scene, spatial_scene
 from command import running
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_explore import ExploreSettings, explore
-from scenes_of_pages import HOSTILE, small_scene, spatial_scene
 
 
 @contextmanager
@@ -424,10 +424,10 @@ def test_a_dropped_drawing_is_asked_about_by_hand_and_by_keys(visit: Open, addre
         )
 
     found.page.locator("#asking >> text=F is an opening").click()
-    says("-o wand.json --hole F")
+    says("-o wand_scene.json --hole F")
     found.page.locator("svg.understood [data-layer=erde] path.touch").click(position={"x": 60, "y": 15})
     found.page.locator("#asking-bar button:has-text('ground')").click()
-    says("-o wand.json --support erde --hole F")
+    says("-o wand_scene.json --support erde --hole F")
     assert found.page.locator("#asking-bar button:has-text('ground')").get_attribute("aria-pressed") == "true"
     looks_like(found, "studio_asking")
     by_keys = found.page.get_by_label("layer MAUERWERK is", exact=True)
@@ -435,7 +435,7 @@ def test_a_dropped_drawing_is_asked_about_by_hand_and_by_keys(visit: Open, addre
     by_keys.select_option("skip")
     found.page.wait_for_selector("#asking .warning")  # nothing is left
     found.page.keyboard.press("Control+z")
-    says("-o wand.json --support erde --hole F")
+    says("-o wand_scene.json --support erde --hole F")
     assert found.page.evaluate("() => document.activeElement.getAttribute('aria-label')") == "layer MAUERWERK is"
     for name in ("thickness", "tolerance"):
         found.page.locator(f"#asking [data-option={name}]").fill("0,3" if name == "thickness" else "wide")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from paths import ROOT
+from command import ROOT
 
 METHOD = ROOT / "docs" / "method.md"
 NUMBER = re.compile(r"\((\d+\.\d+)\)")

@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from cases import grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial
+from cases import box, grid_document
+from cases import scene_in_space as spatial
 from command import Command
 
 Document = dict[str, Any]

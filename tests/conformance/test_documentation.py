@@ -12,7 +12,7 @@ import pytest
 import jld_core
 import jld_experiment
 import jld_explore
-from paths import ROOT
+from command import ROOT
 
 DOCS = ROOT / "docs"
 GUIDE = sorted(DOCS.glob("guide/*.md"))

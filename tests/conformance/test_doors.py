@@ -22,7 +22,6 @@ import jld_core as jc
 import jld_experiment
 from cases import dry_and_inner
 from jld_core import Result
-from jld_core.limit import Result
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import ExploreSettings, explore
@@ -738,7 +737,7 @@ SAMPLED = 6
 def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
     """Return the scenes that a door is asked, by key."""
     if every or door not in DEAR:
-        return [(key, document) for key, row in ROWS.items() for document in row]
+        return [*{json.dumps(document): (key, document) for key, row in ROWS.items() for document in row}.values()]
     return [(key, row.after) for key, row in [*ROWS.items()][DEAR[door] :: SAMPLED]]
 
 
@@ -935,7 +934,6 @@ def test_what_rigid_blocks_prove_unstable_has_its_mechanism() -> None:
     found = jc.solve(scene)
     assert found.status is jc.Status.UNSTABLE
     assert any("rigid" in step for step in found.solve_log)
-    assert found.instability_mechanism is not None
     weight = found.assembly.dead[:, :3] + 0.0
     assert float((weight * found.instability_mechanism).sum()) > 0.0
 

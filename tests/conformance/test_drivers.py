@@ -12,20 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
-from jld_core.arrays import Bits
-from jld_core.deadline import Deadline
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
+from jld_explore.search.state import Interrupted
+from jld_explore.search.study import Study
 from jld_explore.space import keys
 from jld_explore.space.labelling import canonical
 from jld_explore.space.search_space import feasible
-from jld_explore.study import Study
-from jld_explore.study_state import Interrupted
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
@@ -76,7 +73,7 @@ class Table:
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self.weight = np.random.default_rng(3).normal(size=len(assembly.interfaces))
 
-    def evaluate(self, labels: Bits, *_: object) -> Evaluation:
+    def evaluate(self, labels: np.ndarray, *_: object) -> Evaluation:
         """λ = 5 + w·labels; every eleventh class has no number."""
         type(self).calls += 1
         if Table.after is not None:
@@ -88,9 +85,7 @@ class Table:
             return Evaluation(status, np.nan, np.nan, np.nan)
         return Evaluation(Status.COLLAPSE, value, value, value)
 
-    def evaluate_all(
-        self, labellings: Bits, floors: object = None, deadline: Deadline | None = None
-    ) -> list[Evaluation]:
+    def evaluate_all(self, labellings: np.ndarray, floors: object = None, deadline: Any = None) -> list[Evaluation]:
         """One after the other, up to the deadline."""
         found = []
         for labels in labellings:
@@ -152,7 +147,7 @@ def talk(driver: Driver, found: Case, budget: int, portion: int | None = None) -
 )
 def test_all_of_a_small_space_and_nothing_else_or_twice(name: str, scene: str) -> None:
     found = case(scene)
-    every = {key for rows, _ in Enumeration(found.space).batches() for key in keys(rows)}
+    every = set(keys(every_layout(found.space)))
     driver = driver_of(name, found.space, 0)
     asked = talk(driver, found, len(every) + 100)
     assert len(asked) == len(set(asked))

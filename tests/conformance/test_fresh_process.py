@@ -14,7 +14,7 @@ import pytest
 import jld_core
 import jld_experiment
 import jld_explore
-from paths import ROOT
+from command import ROOT
 
 PAGES = sorted((ROOT / "docs" / "guide").glob("*.md"))
 START = "import jld_core as jc\n"
@@ -44,7 +44,13 @@ def _run(program: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-@pytest.mark.parametrize("program", SHORT.values(), ids=SHORT)
+OFTEN = ("plot of a result", "notebook output of an assembly", "plot of a search", "table of many")
+"""What each kind of object is asked first; the others wait for `make bench`."""
+
+
+@pytest.mark.parametrize(
+    "program", [pytest.param(SHORT[n], id=n, marks=[] if n in OFTEN else pytest.mark.long) for n in SHORT]
+)
 def test_first_use(program: str, tmp_path: Path) -> None:
     _run(program, tmp_path)
 

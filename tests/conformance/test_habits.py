@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from command import ROOT
 from jld_core import __version__
-from paths import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yaml"))
 
@@ -78,7 +78,6 @@ def test_citation_and_changelog_name_the_version() -> None:
     assert found["version"] == __version__
     # a version in the making is "(unreleased)", and its citation has no date
     first = re.search(r"^## (\S+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
-    assert first is not None
     released = found.get("date-released")
     assert first.groups() == (__version__, released.isoformat() if released else "unreleased")
 

@@ -312,10 +312,7 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / RECORDS_FILE).write_bytes(b"")
-    outcome = jld(
-        *(*EXPLORE, scene, "--out", folder, "--resume"),
-        *("--jobs", "1", "--budget", "5", "--json"),
-    )
+    outcome = jld(*(*EXPLORE, scene, "--out", folder, "--resume"), *("--jobs", "1", "--budget", "5", "--json"))
     assert outcome.code == 0, outcome.err
     assert json.loads(outcome.out)["solved"] == 5
 

@@ -14,12 +14,11 @@ import pytest
 
 import jld_core as jc
 import jld_explore as je
+from command import ROOT, SCENES, install
 from jld_core import plugins
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import registered, unregister
-from paths import ROOT, SCENES
-from plugged_in import install
 
 SCENE = SCENES / "flat_beam_arch.json"
 

@@ -11,8 +11,8 @@ from tools.scene_form import json_schema, parts
 from tools.scene_format import files
 from tools.scene_meanings import MEANINGS
 
+from command import ROOT
 from jld_core import InputError, parse_scene
-from paths import ROOT
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 SCENES = sorted((ROOT / "scenes").glob("*.json"))

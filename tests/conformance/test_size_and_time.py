@@ -17,8 +17,8 @@ from cases import grid_document
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry.planar_contacts import certain_contacts
-from jld_core.threads import memory_limit
 from jld_core.models import cost_estimate, costs
+from jld_core.threads import memory_limit
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import ending
 from jld_explore.drivers import DRIVERS
@@ -38,7 +38,7 @@ def test_a_search_with_hardly_any_time_has_a_result(driver: str, tmp_path: Path)
 def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers that answer nothing in time: the labelling that is owed is evaluated by the search itself."""
     monkeypatch.setenv("JLD_KERNEL", "off")
-    monkeypatch.setattr("jld_explore.evaluation.process_settings.GRACE", 0.0)
+    monkeypatch.setattr("jld_explore.evaluation.pool.GRACE", 0.0)
     scene = parse_scene(SCENE)
     settings = ExploreSettings(driver="random", seconds=0.0, jobs=2, pictures=False)
     done = explore(scene, tmp_path / "out", settings)

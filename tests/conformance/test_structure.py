@@ -29,15 +29,9 @@ ORDER = [
     ["jld_explore.cli"],
     ["jld_explore"],
     ["jld_explore.explore"],
-    ["jld_explore.study_run"],
-    ["jld_explore.driver_choice", "jld_explore.refusals", "jld_explore.writing_time"],
-    ["jld_explore.field_check", "jld_explore.uncut"],
     ["jld_explore.steps"],
     ["jld_explore.report"],
-    ["jld_explore.field_study"],
-    ["jld_explore.study"],
-    ["jld_explore.study_state"],
-    ["jld_explore.settings"],
+    ["jld_explore.search"],
     ["jld_explore.drivers"],
     ["jld_explore.evaluation"],
     ["jld_explore.space"],
@@ -210,7 +204,7 @@ def _wrong_imports(node: ast.ImportFrom, here: str) -> Iterator[str]:
 def test_the_tool_finds_the_home_of_a_name() -> None:
     """What to run after a merge that fails the test above."""
     text = "from jld_core.limit import Relaxation, Status\nfrom jld_core.scene.schema import Scene, Dry\n"
-    assert rewritten(text, "jld_explore.study").splitlines() == [
+    assert rewritten(text, "jld_explore.search.study").splitlines() == [
         "from jld_core.limit import Status",
         "from jld_core.limit.case_relaxation import Relaxation",
         "from jld_core.scene import Scene",
@@ -240,7 +234,7 @@ def test_no_circle_of_files() -> None:
         done |= free
 
 
-PROVING = ("fields", "limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "study", "report")
+PROVING = ("fields", "limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "search", "report")
 
 
 def test_tolerances_that_others_may_use_stand_in_one_place() -> None:

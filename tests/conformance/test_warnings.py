@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import dry_and_inner, grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
-from command import Command
+from cases import assembly_in_space as spatial_assembly
+from cases import box, dry_and_inner, grid_document
+from command import SCENES, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_core.build.plausibility import resultant
-from paths import SCENES
 
 
 def with_(path: str, value: object) -> dict[str, Any]:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_scene
-from cases_spatial import box
+from cases import box, grid_scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
 from jld_core.tolerances import GAP

@@ -14,19 +14,17 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-import cases_spatial
-from cases import CASES, grid_assembly
-from cases_spatial import SPATIAL
+import cases
+from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
-from jld_core.arrays import Bits
 from jld_core.batch import ConflictRequest, build, library
 from jld_core.batch import library as settings
 from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
 from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
 from jld_core.limit.case_relaxation import Relaxation
-from kernel_proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
+from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
 PLANAR = list(CASES)
 EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
@@ -69,7 +67,7 @@ def analysis_of(name: str) -> LimitAnalysis:
     return LimitAnalysis(grid_assembly(rows, **options))
 
 
-def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
+def labellings(assembly: Assembly, count: int, seed: int = 0) -> np.ndarray:
     dice = np.random.default_rng(seed)
     return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
 
@@ -107,7 +105,6 @@ def test_mechanisms_open_every_face_without_rounding(kernels: dict[str, str], na
     asked = labellings(analysis.assembly, 40, seed=7)
     for path in kernels.values():
         found = lanes_of(analysis, path).solve(asked, vectors=True)
-        assert found.velocity is not None
         for k in np.flatnonzero(np.isfinite(found.high)):
             assert exact_margin(analysis, found.velocity[k], asked[k]) >= 0
 
@@ -145,7 +142,7 @@ def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, exp
     assert int((found.verdict != OPEN).sum()) >= expected
 
 
-def answers(kernel: BatchSolver, asked: Bits) -> list[np.ndarray]:
+def answers(kernel: BatchSolver, asked: np.ndarray) -> list[np.ndarray]:
     found = kernel.solve(asked, vectors=True)
     assert found.forces is not None
     assert found.velocity is not None
@@ -186,7 +183,6 @@ def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -
     assert (found.low > thresholds).all()
     assert (found.low <= whole + 1e-6 * abs(whole)).all()
     assert found.iterations.sum() < known.iterations[known.verdict == PROVEN].sum()
-    assert found.forces is not None
     for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
         state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
         assert state.admissible
@@ -204,7 +200,7 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
     free, how = np.ones(asked.shape[1], dtype=bool), MinimizationOptions(tries=3, inner=True)
 
-    def shrunk(rows: Bits) -> list[np.ndarray]:
+    def shrunk(rows: np.ndarray) -> list[np.ndarray]:
         found = made.minimize_conflicts(ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
         return [found.fate, found.decided, found.velocity, found.relaxations]
 
@@ -259,7 +255,6 @@ def test_many_cells_need_one_pass(kernel: str) -> None:
     dice = np.random.default_rng(0)
     orders = np.array([dice.permutation(len(inner)) for _ in range(64)])
     joined = Joining(faces.a[inner], faces.b[inner], cells, 1, 4, 0, kernel).parts(orders, np.full(64, len(inner)))
-    assert joined is not None
     asked = np.ones((64, len(faces)), dtype=bool)
     asked[:, inner] = joined[0][:, faces.a[inner]] != joined[0][:, faces.b[inner]]
     made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
@@ -303,11 +298,9 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
 
 def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     angles = np.arange(17) * 2.0 * np.pi / 17.0
-    round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
+    round_hull = LimitAnalysis(cases.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
     crushed = LimitAnalysis(
-        cases_spatial.stools(
-            [cases_spatial.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}}
-        )
+        cases.stools([cases.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}})
     )
     for other in (round_hull, crushed):
         assert not fits(other.template)
@@ -390,15 +383,11 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
     monkeypatch.setenv(library.SWITCH, "off")
     plain = Relaxation(analysis).refute_all(asked, loose, everything)
     for k, (one, other) in enumerate(zip(together, plain, strict=True)):
-        assert one is not None
-        assert other is not None
         assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
         alone = relaxation.refute(asked[k], loose[k], 1e12)
-        assert alone is not None
         assert alone.bound == one.bound
         assert relaxation.refute(asked[k], loose[k], 0.9 * other.bound) is None
         refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
-        assert refuted is not None
         assert refuted.bound <= 1.1 * other.bound
 
 
@@ -410,7 +399,6 @@ def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None
     labels = dice.random((50, 20)) < dice.random((50, 1))
     for path in kernels.values():
         found = Graph(12, a, b, always, path).blocks(labels)
-        assert found is not None
         for row, names in zip(labels, found, strict=True):
             ends = np.concatenate([always, np.column_stack([a, b])[~row]])
             matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
@@ -440,12 +428,10 @@ def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None
     ends = np.array(pairs).T
     for path in kernels.values():
         found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
-        assert found is not None
         for row, count, names in zip(order, wanted, found[0], strict=True):
             parts = joined([pairs[k] for k in row[:count]], sizes, most)
             assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
         mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
-        assert mended is not None
         assert mended[1].any()
         assert not found[1].all()
         cells = [np.bincount(names, weights=sizes) for names in mended[0]]

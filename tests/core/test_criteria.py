@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases import grid_document
-from cases_spatial import box, scene
-from command import Command
+from cases import box, grid_document
+from cases import scene_in_space as scene
+from command import SCENES, Command
 from jld_core import InputError, Status, build_assembly, load_scene, parse_scene, plugins, solve, solve_many
 from jld_core.batch.rows import rows_of_sets
 from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, maps_criteria, scaling_of, yield_set
 from jld_core.mechanics.compiled_rows import row_yield
 from jld_explore import explore, search_space
-from paths import SCENES
 
 SOURCES = Path(__file__).parents[1] / "plugin" / "src"
 EXAMPLES = {"ribbed": "Ribbed", "hoek_brown": "HoekBrown", "orthotropic": "Orthotropic"}
@@ -127,8 +126,6 @@ def test_rows_have_the_coefficients_of_the_batch_solver(scene_name: str) -> None
     assembly = build_assembly(load_scene(SCENES / f"{scene_name}.json"))
     scaling, size = scaling_of(assembly), (len(assembly.interfaces), assembly.dimension)
     closed, rows = (rows_of_sets(one(assembly, scaling), *size) for one in (yield_set, row_yield))
-    assert closed is not None
-    assert rows is not None
     assert rows.rows == pytest.approx(closed.rows, rel=0.0, abs=1e-15)
     assert np.array_equal(rows.keep, closed.keep)
 
@@ -232,10 +229,7 @@ def _sliding(weight: float, area: float) -> float:
 
 @pytest.mark.parametrize(
     ("name", "parameters"),
-    [
-        ("ribbed", {**STRENGTHS, "ratio": 3.0}),
-        ("hoek_brown", {"uniaxial_strength": 4e3, "m": 8.0}),
-    ],
+    [("ribbed", {**STRENGTHS, "ratio": 3.0}), ("hoek_brown", {"uniaxial_strength": 4e3, "m": 8.0})],
 )
 def test_a_proof_equals_the_best_of_all_labellings(name: str, parameters: dict[str, float]) -> None:
     """An asymmetric section on a symmetric arch: classes that symmetry would merge are kept apart."""

@@ -10,11 +10,10 @@ import pytest
 from typer import Context
 from typer.main import get_command
 
-from command import Command
+from command import ROOT, Command
 from jld_core import InputError, SolveOptions
 from jld_core.errors import ParameterError
 from jld_explore.cli.ending import in_flags
-from paths import ROOT
 
 
 @pytest.mark.parametrize(
@@ -36,7 +35,7 @@ from paths import ROOT
 )
 def test_parameters_become_flags(options: dict[str, object], in_python: str, on_command_line: str) -> None:
     with pytest.raises(InputError) as caught:
-        SolveOptions(**options)  # type: ignore[arg-type]
+        SolveOptions(**options)
     assert caught.value.parameter == next(iter(options))
     assert str(caught.value).startswith(in_python)
     assert in_flags(caught.value).startswith(on_command_line)

@@ -11,6 +11,8 @@ import pytest
 from benchmarks.claims.converged import _bonded, _left, drawn
 from numpy.typing import NDArray
 
+from cases import ROUTE
+from command import SCENES
 from jld_core import (
     Assembly,
     LimitAnalysis,
@@ -26,10 +28,6 @@ from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models.central_path import CentralPath, barrier_weights, load_axes
 from jld_core.models.moving_rows import MovingRows, area_derivatives, areas_under, frozen_areas
-from jld_core.strengths import Route
-from paths import SCENES
-
-ROUTE = Route("a test")
 
 Array = NDArray[np.float64]
 

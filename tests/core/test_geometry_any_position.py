@@ -10,7 +10,8 @@ import shapely
 from benchmarks.claims import geometry, laying
 from numpy.typing import NDArray
 
-from cases_spatial import box, prism, rotation, scene
+from cases import box, prism, rotation
+from cases import scene_in_space as scene
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.clean_regions import clean_parts, intersections

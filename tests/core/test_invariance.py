@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 
-from cases import grid_document
+from cases import as_elements, grid_document, in_units, mirrored, renumbered, rotated
+from command import SCENES
 from jld_core import Status, build_assembly, load_scene, parse_scene, solve
-from paths import SCENES
-from transforms import as_elements, in_units, mirrored, renumbered, rotated
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]

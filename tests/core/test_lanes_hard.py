@@ -17,7 +17,7 @@ from jld_core.batch import chosen
 from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN
 from jld_core.batch.rows import fits
 from jld_core.models import limit_analysis
-from kernel_proofs import assert_proven, lanes_of
+from proofs import assert_proven, lanes_of
 
 SCENES = SEGMENTED | HARD | SPATIAL
 FEW = 6

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
 from jld_core.limit import CaseBounds, governing
@@ -114,7 +114,6 @@ def test_a_bound_of_any_case_bounds_the_factor() -> None:
             decided = np.zeros(count, dtype=bool)
             assert relaxation.refute(labels, decided, found.load_factor * (1.0 - 1e-6)) is None
             proof = relaxation.refute(labels, decided, found.load_factor * (1.0 + 1e-5))
-            assert proof is not None
             assert proof.bound >= found.load_factor * (1.0 - 1e-7)
     assert relaxation.bound(np.ones(count, dtype=bool), free) >= max(values) * (1.0 - 1e-9)
 
@@ -170,3 +169,41 @@ def test_the_solver_must_support_every_load_case(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("jld_core.solvers.highs.HighsSolver.require", refuse_second)
     with pytest.raises(InputError, match="solver: the second case is too much"):
         require_model(assembly, SolveOptions(solver="highs"), assembly.labels)
+
+
+# Load cases of a scene that cracks by cells, whose sizes may be texts with a unit.
+
+
+SCENE: dict[str, Any] = {
+    "grid": {"cell": [1.0, 1.0], "thickness": 0.5, "rows": ["abc", "#.#"]},
+    "materials": dry_and_inner(2000, 0.6, 1e5, 1.5e5),
+    "loads": {
+        "cases": [
+            {"name": "down", "live": [{"element": "c1r0", "force": [0, -1e4], "at": [1.5, 2.0]}]},
+            {"name": "side", "live": [{"body": [1, 0]}]},
+        ]
+    },
+    "members": [
+        {
+            "kind": "tendon",
+            "from": {"element": "c0r0", "at": [0.5, 1.5]},
+            "to": {"element": "c2r0", "at": [2.5, 1.5]},
+            "prestress": 4e4,
+        }
+    ],
+}
+CELLS: dict[str, Any] = {**SCENE, "cracks": {"kind": "cells", "cell": 0.5}}
+
+
+def test_each_case_says_by_which_cracks_its_load_factor_is() -> None:
+    found = solve(CELLS)
+    assert {name: one.cracks for name, one in found.cases.items()} == dict.fromkeys(("down", "side"), found.cracks)
+    assert all(one["cracks"] == {"kind": "cells", "cell": 0.5} for one in found.to_json()["cases"].values())
+    assert not any("along the faces drawn alone" in words for one in found.cases.values() for words in one.warnings)
+
+
+@pytest.mark.parametrize("length", ["50 cm", "500 mm", "0.5 m"])
+def test_sizes_of_cells_may_have_a_unit(length: str) -> None:
+    grid = {**CELLS["grid"], "cell": ["100 cm", "1 m"]}
+    found = solve({**CELLS, "grid": grid, "cracks": {"kind": "cells", "cell": length}, "tolerance": "0.1 mm"})
+    assert found.load_factor == pytest.approx(solve(CELLS).load_factor, rel=1e-9)

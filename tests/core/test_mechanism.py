@@ -8,25 +8,22 @@ import numpy as np
 import pytest
 from studies.by_scheme import solve_zero_dilation
 
-import cases_spatial
-from balances import flow_rule, work_balance
+import cases
 from cases import CASES, grid_assembly
+from command import SCENES
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.limit.mechanism import Movement, face_jumps, face_motions
-from paths import SCENES
+from proofs import flow_rule, work_balance
 
 
 def on_ground(friction: float, live: list[dict[str, Any]], **inner: float) -> LimitAnalysisResult:
     """A cube of weight 1 on a larger ground, spatial, its base dry or, with strengths, inner."""
-    elements = [
-        cases_spatial.box("cube", [0, 0, 0], [1, 1, 1]),
-        cases_spatial.box("ground", [-1, -1, -1], [2, 2, 0], support=True),
-    ]
+    elements = [cases.box("cube", [0, 0, 0], [1, 1, 1]), cases.box("ground", [-1, -1, -1], [2, 2, 0], support=True)]
     materials: dict[str, Any] = {"dry": {"friction_coefficient": friction}}
     if inner:
         materials["inner"] = inner
     labels = {"default": "inner" if inner else "dry", "inner": [["cube", "ground"]] if inner else []}
-    return solve(cases_spatial.assembly(elements, live=live, materials=materials, labels=labels))
+    return solve(cases.assembly_in_space(elements, live=live, materials=materials, labels=labels))
 
 
 PUSH: list[dict[str, Any]] = [{"body": [1, 0, 0]}]

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import inspect
+import json
+import pkgutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
 
+import jld_core.views
+import jld_practice.laying
+import jld_practice.reactions
+from cases import dry_and_inner, grid_document, small_scene
+from command import SCENES, Command
 from jld_core import (
     Assembly,
     InputError,
@@ -21,11 +35,16 @@ from jld_core import (
     build_assembly,
     load_scene,
     parse_scene,
+    samples,
     solve,
 )
 from jld_core.assembly import Elements, Interfaces
+from jld_core.build.loads import settlements_of
 from jld_core.loads import Loads
+from jld_core.models import solve_by_fields
+from jld_core.samples import box
 from jld_core.strengths import FaceStrengths, Strengths
+from jld_core.views import animation, quantities
 from jld_core.views import quantities as marks
 from jld_core.views.annotations import legend_inches
 from jld_core.views.figures import (
@@ -37,10 +56,13 @@ from jld_core.views.figures import (
     save_figure,
     svg_of,
 )
-from jld_core.views.look import TINTS
+from jld_core.views.look import TINTS, rules
+from jld_core.views.moved_joints import PathValue
 from jld_core.views.structure import painter_order, projection_of
-
-SCENES = Path(__file__).parents[2] / "scenes"
+from jld_core.views.writing import write_numbers
+from jld_practice.laying import assembly_order
+from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions.force_range import settle
 
 
 def axes() -> Axes:
@@ -168,14 +190,14 @@ def test_layout_tells_dry_from_inner_without_colour_and_hatches_supports(beam: L
     ax = axes()
     drawn = draw_assembly(ax, beam.assembly)
     dry, inner = drawn["dry"][0], drawn["inner"][0]
-    assert len(dry.get_segments()) == 2  # type: ignore[attr-defined]
-    assert len(inner.get_segments()) == 22  # type: ignore[attr-defined]
-    assert min(dry.get_linewidth()) > 2.0 * max(inner.get_linewidth())  # type: ignore[attr-defined]
-    assert dry.get_linestyle()[0][1] is None  # type: ignore[attr-defined]
-    assert inner.get_linestyle()[0][1] is not None  # type: ignore[attr-defined]
-    assert len(drawn["ticks"][0].get_segments()) == 2  # type: ignore[attr-defined]
-    assert drawn["supports"][0].get_hatch()  # type: ignore[attr-defined]
-    assert len(drawn["elements"][0].get_paths()) == 15  # type: ignore[attr-defined]
+    assert len(dry.get_segments()) == 2
+    assert len(inner.get_segments()) == 22
+    assert min(dry.get_linewidth()) > 2.0 * max(inner.get_linewidth())
+    assert dry.get_linestyle()[0][1] is None
+    assert inner.get_linestyle()[0][1] is not None
+    assert len(drawn["ticks"][0].get_segments()) == 2
+    assert drawn["supports"][0].get_hatch()
+    assert len(drawn["elements"][0].get_paths()) == 15
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
     assert ax.get_aspect() == 1.0
 
@@ -184,23 +206,23 @@ def test_point_loads_stand_at_their_points_and_body_loads_beside(
     beam: LimitAnalysisResult, wall: LimitAnalysisResult
 ) -> None:
     live = draw_assembly(axes(), beam.assembly)["live"][0]
-    assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))  # type: ignore[attr-defined]
-    assert live.V[1] == pytest.approx(2.0 * live.V[0])  # type: ignore[attr-defined]
-    assert live.pivot == "tip"  # type: ignore[attr-defined]
+    assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))
+    assert live.V[1] == pytest.approx(2.0 * live.V[0])
+    assert live.pivot == "tip"
     drawn = draw_assembly(axes(), wall.assembly)
     assert "live" not in drawn
     body = drawn["body"][0]
-    assert body.U[0] > 0.0  # type: ignore[attr-defined]
-    assert body.V[0] == pytest.approx(0.0)  # type: ignore[attr-defined]
-    assert body.get_offsets()[0][0] < wall.assembly.elements.lower[:, 0].min()  # type: ignore[attr-defined]
+    assert body.U[0] > 0.0
+    assert body.V[0] == pytest.approx(0.0)
+    assert body.get_offsets()[0][0] < wall.assembly.elements.lower[:, 0].min()
 
 
 def test_a_live_couple_is_drawn_the_way_it_turns() -> None:
     for moment, marker in ((1.0, "left"), (-1.0, "right")):
         drawn = draw_assembly(axes(), block_on_ground([{"element": "c0r0", "moment": moment}]))
         (mark,) = drawn["couples"]
-        assert marker in str(mark.get_marker())  # type: ignore[attr-defined]
-        assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])  # type: ignore[attr-defined]
+        assert marker in str(mark.get_marker())
+        assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])
 
 
 def test_labels_of_another_length_are_refused(beam: LimitAnalysisResult) -> None:
@@ -213,15 +235,14 @@ def test_arrow_of_a_rocking_block_stands_at_its_toe() -> None:
     assert result.load_factor == pytest.approx(80.0 / 3.0, rel=1e-6)
     drawn = draw_forces(axes(), result)
     arrow = drawn["press"][0]
-    assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)  # type: ignore[attr-defined]
+    assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)
     # what the block does to the ground: its weight down, the push to the right
-    assert arrow.U[0] / arrow.V[0] == pytest.approx(-(80.0 / 3.0) / 80.0, rel=1e-5)  # type: ignore[attr-defined]
+    assert arrow.U[0] / arrow.V[0] == pytest.approx(-(80.0 / 3.0) / 80.0, rel=1e-5)
     assert "yield dry" in drawn
 
 
 def test_force_at_the_centre_of_pressure_has_the_moment_of_the_face(wall: LimitAnalysisResult) -> None:
     assembly, forces = wall.assembly, wall.forces
-    assert forces is not None
     points, on_face = marks.pressure_points(assembly, forces)
     arm, vector = points - assembly.interfaces.origin, marks.face_vectors(assembly, forces)
     moment = arm[:, 0] * vector[:, 1] - arm[:, 1] * vector[:, 0]
@@ -255,14 +276,14 @@ def test_a_couple_without_thrust_and_tension_are_marked() -> None:
     assert "tension" in pulled
     assert "press" not in pulled
     (turn,) = pulled["couples on faces"]
-    assert turn.get_xydata()[0] == pytest.approx([1.0, 4.0])  # type: ignore[attr-defined]
+    assert turn.get_xydata()[0] == pytest.approx([1.0, 4.0])
 
 
 def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnalysisResult) -> None:
     column = solve(block_on_ground(PUSH_ON_TOP, angle=45.0, rows=("a", "b", "c", "#")))
     pieces = draw_forces(axes(), column)["thrust"]
     assert len(pieces) == 2
-    ends = [line.get_xydata() for line in pieces]  # type: ignore[attr-defined]
+    ends = [line.get_xydata() for line in pieces]
     low = max(float(end[:, 0].max()) for end in ends)
     assert low == pytest.approx(2.0, abs=1e-5)
     assert "thrust" not in draw_forces(axes(), wall)
@@ -270,11 +291,10 @@ def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnaly
 
 def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisResult) -> None:
     assembly, velocity = wall.assembly, wall.mechanism
-    assert velocity is not None
     drawn = draw_mechanism(axes(), wall)
     scale = marks.mechanism_scale(assembly, velocity)
     free = assembly.elements.free
-    paths = drawn["elements"][0].get_paths()  # type: ignore[attr-defined]
+    paths = drawn["elements"][0].get_paths()
     moved = np.array([path.vertices[:4].mean(axis=0) for path in paths]) - assembly.elements.centroid[free]
     assert moved == pytest.approx(scale * velocity[free, :2], abs=1e-9)
     assert float(np.sum(moved * assembly.live[free, :2])) == pytest.approx(scale, rel=1e-6)
@@ -288,7 +308,7 @@ def test_rocking_sliding_and_cracking_are_distinguished(beam: LimitAnalysisResul
     assert kinds == (marks.MovementSign.HINGE,)
     assert places[0] == pytest.approx([2.0, 4.0])
     (hinge,) = draw_mechanism(axes(), rocking)["hinge"]
-    assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)  # type: ignore[attr-defined]
+    assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)
     sliding = solve(block_on_ground(PUSH, angle=10.0))
     assert marks.movements(sliding)[0] == (marks.MovementSign.SLIDE,)
     lifted = outcome(block_on_ground(PUSH), mechanism=np.array([[0.1, 1.0, 0.0], [0.0, 0.0, 0.0]]))
@@ -318,7 +338,6 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
     whole = figure.bbox
     for ax in figure.axes:
         legend = ax.get_legend()
-        assert legend is not None
         box = legend.get_window_extent()
         assert not box.overlaps(ax.bbox)
         assert whole.x0 <= box.x0 < box.x1 <= whole.x1
@@ -326,8 +345,6 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
         assert legend_inches(ax) > 0.5
     for left, right in zip(figure.axes[:-1], figure.axes[1:], strict=True):
         one, other = left.get_legend(), right.get_legend()
-        assert one is not None
-        assert other is not None
         assert one.get_window_extent().x1 < other.get_window_extent().x0
 
 
@@ -398,7 +415,7 @@ def test_spatial_arrows_stand_at_centres_of_pressure() -> None:
     result = outcome(assembly, forces)
     arrow = draw_forces(axes(), result)["press"][0]
     expected = projection_of(assembly)(np.array([[1.5, 0.25, 0.0], [1.5, 0.5, 1.0]]))
-    assert arrow.get_offsets() == pytest.approx(expected)  # type: ignore[attr-defined]
+    assert arrow.get_offsets() == pytest.approx(expected)
     # lower face: x1 at 0.5 of 1, x2 at 0.25 of 0.5, shear 0.3 of 0.5 · 3
     assert marks.utilisation(result) == pytest.approx([0.5, 0.2])
 
@@ -418,4 +435,284 @@ def test_spatial_mechanism_and_figure() -> None:
     drawn = draw_assembly(axes(), assembly)
     assert [len(drawn[name]) for name in ("supports", "elements")] == [1, 1]
     # of each box three faces look to the eye; of each contact all four edges are there
-    assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4  # type: ignore[attr-defined]
+    assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4
+
+
+# Every drawing is made of planar and of spatial structures: a function without a row here fails.
+
+
+SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+SIDES = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+
+
+def tower(dimension: int) -> dict[str, Any]:
+    """Three stones on a support, with a tie, a settlement and a push."""
+
+    def shape(level: float) -> dict[str, Any]:
+        """Return the outline of a stone."""
+        if dimension == 2:
+            return {"polygon": [[x, level + y] for x, y in SQUARE]}
+        return {"vertices": [[x, y, level + z] for z in (0, 1) for x, y in SQUARE], "faces": SIDES}
+
+    down = [0.0] * (dimension - 1) + [-1.0]
+    middle = [0.5] * (dimension - 1)
+    return {
+        "name": f"tower {dimension}",
+        "elements": [{"id": "ground", "support": True, **shape(-1)}, *({"id": f"s{k}", **shape(k)} for k in range(3))],
+        "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
+        "loads": {"live": [{"element": "s2", "force": [1.0] + [0.0] * (dimension - 1)}]},
+        "members": [
+            {
+                "kind": "tie",
+                "from": {"element": "s1", "at": [*middle, 1.6]},
+                "to": {"element": "s2", "at": [*middle, 2.4]},
+                "tension": 50.0,
+            }
+        ],
+        "settlements": [{"name": "down", "supports": [{"elements": ["ground"], "move": down}]}],
+    }
+
+
+def drawings() -> dict[str, Any]:
+    """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
+    found = {}
+    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
+    for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
+        code = import_module(f"{package.__name__}.{module.name}")
+        for name, one in vars(code).items():
+            made = inspect.isfunction(one) and one.__module__ == code.__name__ and not name.startswith("_")
+            if made and name.startswith(("figure_of", "save_")):
+                found[f"{module.name}.{name}"] = one
+    return found
+
+
+class Made:
+    """What the drawings of one structure need, each computed once."""
+
+    def __init__(self, dimension: int) -> None:
+        document = tower(dimension)
+        self.scene = parse_scene(document)
+        self.assembly = build_assembly(self.scene)
+        self.result = solve(self.assembly)
+        document.pop("members")  # which an order of laying does not know, nor do fields
+        self.bare = parse_scene(document)
+        self.plain = build_assembly(self.bare)
+        self.laying = assembly_order(self.plain, self.plain.labels)
+        self.vertices = np.unique(np.concatenate(self.plain.elements.shape), axis=0)
+        self.ranges = thrust_ranges(self.plain)
+        self.settled = settle(self.plain, settlements_of(self.bare, self.plain)[0])
+
+    @cached_property
+    def fields(self) -> Any:
+        """Return assembly, labels and bounds by fields of a coarse mesh."""
+        return solve_by_fields(self.plain, gap=0.5, seconds=0.0).governing_case
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=["planar", "spatial"])
+def made(request: pytest.FixtureRequest) -> Made:
+    return Made(request.param)
+
+
+PATH = [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
+CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
+    "animation.save_animation": lambda draw, made, folder: draw(made.result, folder / "motion.gif"),
+    "animation.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
+    "figures.figure_of_assembly": lambda draw, made, _: draw(made.assembly, ids=True, values=True),
+    "figures.figure_of_mechanism": lambda draw, made, _: draw(made.result)[0],
+    "figures.figure_of_result": lambda draw, made, _: draw(made.result, ids=True, values=True),
+    "figures.figure_of_layouts": lambda draw, made, _: draw([made.result] * 2, ["one", "other"]),
+    "figures.save_figure": lambda draw, made, folder: draw(made.result.plot(), folder / "result.svg"),
+    "field_figures.figure_of_fields": lambda draw, made, _: draw(*made.fields),
+    "field_figures.figure_of_field_layouts": lambda draw, made, _: draw([made.fields], ["one"]),
+    "moved_joints.figure_of_move": lambda draw, made, _: draw(
+        made.plain, made.plain, made.plain.labels, made.vertices, 0.1 * made.vertices, ("before", "after")
+    ),
+    "moved_joints.figure_of_vertex_rates": lambda draw, made, _: draw(
+        made.plain, made.plain.labels, made.vertices, made.vertices
+    ),
+    "path.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
+    "settled_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
+    "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
+    "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
+    "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
+}
+
+
+def test_every_drawing_has_a_row() -> None:
+    assert set(CALLS) == set(drawings())
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_core.views.animation.FRAMES", 2)
+    try:
+        figure = CALLS[name](drawings()[name], made, tmp_path)
+    except InputError:
+        assert (name.partition(".")[0], made.assembly.dimension) == ("field_figures", 3)
+        return
+    if figure is None:
+        assert [file.stat().st_size > 1000 for file in tmp_path.iterdir()] == [True]
+        return
+    assert isinstance(figure, Figure)
+    figure.savefig(tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_pictures_of_a_laying_by_command(dimension: int, jld: Command, tmp_path: Path) -> None:
+    document = tower(dimension)
+    document.pop("members")
+    (tmp_path / "scene.json").write_text(json.dumps(document))
+    out = tmp_path / "out"
+    done = jld("assembly", tmp_path / "scene.json", "-o", out, "--stages", "--animation")
+    assert done.code == 0
+    written = {file.name for file in out.iterdir()}
+    assert {"assembly.csv", "assembly.png", "assembly.gif", "stage-1.png", "stage-3.png"} <= written
+
+
+# Ids, values and movement on pictures, for who asks for them.
+
+
+WALL = SCENES / "ferris_tinloi_1.json"
+
+
+def texts(axes: object) -> list[str]:
+    return [artist.get_text().strip() for artist in axes.findobj(Text)]
+
+
+def test_ids_are_written_on_request_and_as_they_are() -> None:
+    document = small_scene()
+    base = {"id": "ground", "polygon": [[0, -1], [3, -1], [3, 0], [0, 0]], "support": True}
+    block = {"id": "$\\frac{1}{2}$ <b>", "polygon": [[0, 0], [3, 0], [3, 1], [0, 1]]}
+    document = {**document, "elements": [base, block], "loads": {"live": [{"body": [1, 0]}]}}
+    del document["grid"]
+    assembly = build_assembly(parse_scene(document))
+    assert block["id"] not in texts(figure_of_assembly(assembly))
+    figure = figure_of_assembly(assembly, ids=True)
+    assert {"ground", block["id"]} <= set(texts(figure))
+    figure.canvas.draw()  # a formula that is none would raise here
+
+
+def test_values_of_loads_and_forces_are_those_of_the_result() -> None:
+    assembly = build_assembly(parse_scene(small_scene()))
+    result = solve(assembly)
+    assert result.forces is not None
+    written = texts(figure_of_result(result, values=True))
+    assert "100 N × λ" in written
+    total = quantities.body_load(assembly)
+    assert total is not None
+    assert f"{np.linalg.norm(total):.3g} N × λ" in written
+    largest = np.linalg.norm(quantities.face_vectors(assembly, result.forces), axis=1).max()
+    assert f"{largest:.3g}" in written
+    assert not any("× λ" in text and "N" in text.split() for text in texts(figure_of_result(result)))
+
+
+def test_a_mechanism_moves_from_rest_one_way_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(animation, "FRAMES", 8)
+    result = solve(build_assembly(parse_scene(small_scene())))
+    animation.save_animation(result, tmp_path / "m.gif")
+    with Image.open(tmp_path / "m.gif") as film:
+        assert film.n_frames == animation.FRAMES
+        frames = []
+        for k in range(animation.FRAMES):
+            film.seek(k)
+            frames.append(np.asarray(film.convert("L"), dtype=float))
+    away = [float(abs(frame - frames[0]).mean()) for frame in frames]
+    half = animation.FRAMES // 2
+    assert away[half] == max(away) > 0.2
+    assert away[1] < away[2] < away[half]
+    assert away[1] == pytest.approx(away[-1], rel=1e-6)  # the same way back, never through one another
+
+
+def test_an_animation_needs_an_ending_and_a_mechanism(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = solve(build_assembly(parse_scene(small_scene())))
+    with pytest.raises(InputError, match=r"\.gif or \.mp4"):
+        animation.save_animation(result, tmp_path / "m.avi")
+    monkeypatch.setattr(animation.shutil, "which", lambda name: None)
+    with pytest.raises(InputError, match="ffmpeg"):
+        animation.save_animation(result, tmp_path / "m.mp4")
+    document = small_scene()
+    document["loads"]["live"] = [{"body": [0, -1]}]
+    with pytest.raises(InputError, match="no mechanism"):
+        animation.save_animation(solve(build_assembly(parse_scene(document))), tmp_path / "m.gif")
+    assert not (tmp_path / "m.gif").exists()
+
+
+def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
+    monkeypatch.setattr(animation, "FRAMES", 2)
+    for ending, begins in (("svg", b"<?xml"), ("html", b"<!doctype html>")):
+        target = tmp_path / f"wall.{ending}"
+        assert jld("plot", WALL, "--out", target, "--ids", "--values").code == 0
+        assert target.read_bytes().startswith(begins)
+    monkeypatch.chdir(tmp_path)  # a picture of a scene is drawn where one stands
+    scene = tmp_path / "small.json"
+    scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
+    assert jld("plot", scene, "--format", "gif").code == 0
+    assert (tmp_path / "small.gif").read_bytes().startswith(b"GIF8")
+    wrong = jld("plot", WALL, "--out", tmp_path / "wall.bmp")
+    assert wrong.code == 2
+    assert ".html" in wrong.err
+
+
+def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
+    """One place: what a page is told is what matplotlib draws with."""
+    from jld_core.views import annotations, structure
+
+    found = rules()
+    wall = load_scene(WALL)
+    figure = figure_of_assembly(build_assembly(wall))
+    drawn = {c for patch in figure.axes[0].collections for c in map(tuple, patch.get_facecolor()[:, :3].round(3))}
+    tints = {tuple(round(int(t[k : k + 2], 16) / 255, 3) for k in (1, 3, 5)) for t in found["tints"]}
+    assert len(drawn & tints) >= 4
+    assert structure.DOTTED[1] == tuple(found["inner_dash"])
+    for kind, style in annotations.MOVES.items():
+        assert style["color"] == found["movements"][str(kind)]["fill"]
+        assert annotations.MEANING[kind] == found["movements"][str(kind)]["meaning"]
+
+
+def test_numbers_in_space_stand_on_visible_parts_of_their_blocks() -> None:
+    """A cube is numbered on one of its faces; a small one behind it, which it hides, has no number."""
+    document = samples.corner().model_dump(mode="json", exclude_defaults=True)
+    document["elements"] = [
+        box("near", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)),
+        box("behind", (0.3, 1.05, 0.0), (0.4, 1.15, 0.05)),
+        box("ground", (-1.0, -1.0, -1.0), (3.0, 3.0, 0.0), support=True),
+    ]
+    assembly = build_assembly(parse_scene(document))
+    project = projection_of(assembly)
+    assert project.toward == pytest.approx([0.43, -0.81, 0.41], abs=0.01)  # the viewer looks from the side of −y
+    (written,) = write_numbers(Figure().add_subplot(), assembly, [[0], [1]], assembly.elements.centroid[:2])
+    assert written.get_text() == "1"
+    outline = shapely.MultiPoint(project(assembly.elements.shape[0])).convex_hull
+    assert outline.contains(shapely.Point(written.get_position()))
+    apart = document | {
+        "elements": [document["elements"][0], box("aside", (2, 0, 0), (2.5, 0.5, 0.5)), document["elements"][2]]
+    }
+    both_seen = build_assembly(parse_scene(apart))
+    both = write_numbers(Figure().add_subplot(), both_seen, [[0, 2], [1]], both_seen.elements.centroid[:2])
+    assert [one.get_text() for one in both] == ["1", "2"]
+    assert outline.contains(shapely.Point(both[0].get_position()))  # not on the support joined to it
+
+
+def test_numbers_in_the_plane_stand_at_the_centroids_of_blocks() -> None:
+    assembly = build_assembly(samples.grid(columns=3, rows=1))
+    ax = Figure().add_subplot()
+    free = assembly.elements.free.tolist()
+    centroid = assembly.elements.centroid
+    places = [centroid[free[:2]].mean(axis=0), centroid[free[2]]]
+    written = write_numbers(ax, assembly, [free[:2], free[2:]], places)
+    assert np.array([text.get_position() for text in written]) == pytest.approx(np.array(places), rel=1e-12)
+
+
+def test_the_number_of_an_angle_stands_within_it() -> None:
+    """The centroid of an L of thin legs lies in its hollow; its number stands where both legs meet."""
+    document = grid_document(["a...", "a...", "aaaa", "####"])
+    assembly = build_assembly(parse_scene(document))
+    own = assembly.elements.free.tolist()
+    weight = assembly.elements.volume[own]
+    centroid = weight @ assembly.elements.centroid[own] / weight.sum()
+    (written,) = write_numbers(Figure().add_subplot(), assembly, [own], [centroid])
+    whole = shapely.union_all([shapely.Polygon(assembly.elements.shape[k]) for k in own])
+    assert not whole.contains(shapely.Point(centroid))
+    assert whole.boundary.distance(shapely.Point(written.get_position())) > 0.04
+    assert whole.contains(shapely.Point(written.get_position()))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-import cases_spatial
+import cases
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
-from jld_core.limit.proof_attempt import ProofAttempt
+from jld_core.limit.fallbacks import FALLBACKS, insert_before
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram
@@ -45,12 +45,11 @@ def test_a_solver_is_handed_in(condense: str) -> None:
 
 
 def test_a_result_has_the_options_of_its_model() -> None:
-    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    assembly = cases.assembly_in_space(cases.wall_in_space(3, 2))
     given = {"contact": "concave", "inner_bending": "kern", "condense": "off", "gap": 1e-5}
     found = solve(assembly, **given)
-    assert found.model == SolveOptions(**given)  # type: ignore[arg-type]
+    assert found.model == SolveOptions(**given)
     assert (found.contact, found.friction) == ("concave", "associative")
-    assert found.forces is not None
     assert found.forces.shape == (len(assembly.interfaces), 6)
 
 
@@ -91,14 +90,12 @@ def test_a_solver_that_is_not_installed_is_refused_and_not_advised(monkeypatch: 
 )
 def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptions) -> None:
     """Forces balance the loads at their λ, and the mechanism does one unit of live work: sums in scene units."""
-    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    assembly = cases.assembly_in_space(cases.wall_in_space(3, 2))
     analysis = limit_analysis(assembly, options)
     proof = solve_labelling(analysis, assembly.labels, options, stands=True)
     assert proof.status is Status.COLLAPSE
     assert proof.stands is True
     held = proof.found or proof.state
-    assert held is not None
-    assert proof.motion is not None
     template = analysis.template
     left = template.matrix @ held.forces.ravel() + template.dead + held.load * template.live
     assert abs(left).max() <= 1e-8
@@ -130,8 +127,8 @@ def test_no_repair_after_a_proof() -> None:
     analysis = LimitAnalysis(assembly)
     asked: list[tuple[str, Status]] = []
 
-    def watched(fallback: Fallback) -> Fallback:
-        def run(attempt: ProofAttempt) -> None:
+    def watched(fallback: Any) -> Any:
+        def run(attempt: Any) -> None:
             asked.append((fallback.name, attempt.proof.status))
             fallback.run(attempt)
 

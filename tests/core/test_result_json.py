@@ -7,9 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from cases import grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, grid_document
 from jld_core import Assembly, build_assembly, parse_scene, solve
 
 
@@ -29,7 +28,7 @@ def spatial() -> Assembly:
 
 @pytest.mark.parametrize("make", [planar, spatial])
 def test_forces_and_frames_balance_the_loads(make: object) -> None:
-    assembly = make()  # type: ignore[operator]
+    assembly = make()
     result = solve(assembly)
     found = json.loads(json.dumps(result.to_json()))
     assert [face["index"] for face in found["faces"]] == list(range(len(assembly.interfaces)))

@@ -11,7 +11,7 @@ from cases import CASES, grid_assembly
 from jld_core import InputError, LimitAnalysis, LimitAnalysisResult, Status, solve
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
-from reference_planar import reference_load_factor
+from proofs import reference_load_factor
 
 ASSEMBLIES = {name: grid_assembly(rows, **options) for name, (rows, options) in CASES.items()}
 ANALYSES = {name: LimitAnalysis(assembly) for name, assembly in ASSEMBLIES.items()}

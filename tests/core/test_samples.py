@@ -10,12 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases import ROUTE
 from command import Command
 from jld_core import InputError, Status, build_assembly, load_scene, samples, solve
 from jld_core.samples import bonds
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)

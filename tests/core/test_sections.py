@@ -182,7 +182,4 @@ def test_idle_corners_are_dropped() -> None:
 
 def test_stacks_by_corner_count() -> None:
     stacks = list(polygons.by_corner_count([PENTAGON, TRIANGLE, PENTAGON + 1.0]))
-    assert [(list(chosen), stack.shape) for chosen, stack in stacks] == [
-        ([1], (1, 3, 2)),
-        ([0, 2], (2, 5, 2)),
-    ]
+    assert [(list(chosen), stack.shape) for chosen, stack in stacks] == [([1], (1, 3, 2)), ([0, 2], (2, 5, 2))]

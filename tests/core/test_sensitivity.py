@@ -6,19 +6,16 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from benchmarks.claims.converged import drawn
 
-from cases import grid_assembly, grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, grid_assembly, grid_document
 from command import Command
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
-from jld_core.arrays import Bits
 from jld_core.models import sensitivities
 from jld_core.models.sensitivity import Sensitivity, _parameters
-
-ARCH = ["#aabbc#", "#.....#"]
 
 
 def test_a_block_that_slides() -> None:
@@ -37,11 +34,11 @@ def test_a_block_that_slides_as_soon_as_it_tilts() -> None:
     assert found.to_json()["derivative"] is None
 
 
-def load_factor(assembly: Assembly, labels: Bits) -> float:
+def load_factor(assembly: Assembly, labels: np.ndarray) -> float:
     return LimitAnalysis(assembly, gap=1e-9).solve(labels, stands=False).load_factor
 
 
-def hold_against_differences(assembly: Assembly, labels: Bits | None = None, rel: float = 1e-4) -> None:
+def hold_against_differences(assembly: Assembly, labels: np.ndarray | None = None, rel: float = 1e-4) -> None:
     result = solve(assembly, labels)
     found = sensitivities(result)
     changes = _parameters(assembly, result.labels)
@@ -91,10 +88,7 @@ def test_crushing_bends_but_has_no_kink(rows: list[str], crush: float) -> None:
 
 
 def test_of_the_case_that_governs() -> None:
-    cases = [
-        {"name": "a", "live": [{"body": [1, 0]}], "required": 2.0},
-        {"name": "b", "live": [{"body": [0, 1]}]},
-    ]
+    cases = [{"name": "a", "live": [{"body": [1, 0]}], "required": 2.0}, {"name": "b", "live": [{"body": [0, 1]}]}]
     assembly = build_assembly(parse_scene({**grid_document(["a", "#"], friction=0.6), "loads": {"cases": cases}}))
     result = solve(assembly)
     assert result.governing == "a"

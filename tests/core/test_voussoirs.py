@@ -13,20 +13,19 @@ import shapely
 from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.arrays import Floats
 from jld_core.refinement import refine
 from jld_core.refinement.voussoirs import find_arcs
 
 MATERIALS = dry_and_inner(2000.0, 0.6, 3e5, 5e5)
 
 
-def arc(centre: tuple[float, float], radius: float, start: float, end: float, chords: int) -> Floats:
+def arc(centre: tuple[float, float], radius: float, start: float, end: float, chords: int) -> np.ndarray:
     """Corners of an arc, angles in degrees."""
     angles = np.radians(np.linspace(start, end, chords + 1))
     return np.asarray((np.array(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])).round(12))
 
 
-def wall(chords: int = 24, rise: float = 0.0) -> Floats:
+def wall(chords: int = 24, rise: float = 0.0) -> np.ndarray:
     """Outline of a wall of 2 × 1.2 m over a semicircular opening of radius 0.7 m, on jambs."""
     jamb = [[1.7, 0.0]] if rise else []
     left = [[0.3, 0.0]] if rise else []
@@ -39,7 +38,7 @@ def box(x: float, y: float, width: float, height: float) -> list[list[float]]:
     return [[x, y], [x + width, y], [x + width, y + height], [x, y + height]]
 
 
-def scene(outline: Floats, supports: list[Any], turn: float = 0.0, scale: float = 1.0) -> Scene:
+def scene(outline: np.ndarray, supports: list[Any], turn: float = 0.0, scale: float = 1.0) -> Scene:
     """Scene of one outline with supports, turned with its gravity and scaled."""
     c, s = np.cos(turn), np.sin(turn)
     frame = scale * np.array([[c, s], [-s, c]])
@@ -90,7 +89,7 @@ def test_arcs_are_found_in_any_position_and_size(turn: float) -> None:
     ids=["ring", "flat", "wall", "jambs"],
 )
 def test_voussoirs_keep_area_and_share_corners(
-    outline: Floats, supports: list[Any], voussoirs: int, rings: int, cells: int | None
+    outline: np.ndarray, supports: list[Any], voussoirs: int, rings: int, cells: int | None
 ) -> None:
     """Area is kept to 1e-12, no corner moves to meet another, and turned, scaled scenes have the same cells."""
     found = []
@@ -131,7 +130,7 @@ def test_a_flat_arch_converges_where_its_sides_meet() -> None:
     outline = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0 * 1.9 / 1.5, 0.4], [-1.0 * 1.9 / 1.5, 0.4]])
     own = scene(outline, [box(-1.0, -0.1, 2.0, 0.1)])
     for how in ({}, {"centre": (0.0, -1.5)}):
-        new = build_assembly(refine(own, voussoirs=5, **how).scene)  # type: ignore[arg-type]
+        new = build_assembly(refine(own, voussoirs=5, **how).scene)
         expected = np.sort(sample.elements.volume[~sample.elements.support])
         assert np.sort(new.elements.volume[~new.elements.support]) == pytest.approx(expected, rel=1e-9)
 
@@ -252,7 +251,7 @@ def whole_opening() -> float:
     return 0.5 * 24 * 0.7**2 * float(np.sin(np.pi / 24))
 
 
-def corners(shape: shapely.Polygon) -> Floats:
+def corners(shape: shapely.Polygon) -> np.ndarray:
     """Corners of a polygon, each once."""
     return np.asarray(shape.exterior.coords)[:-1]
 

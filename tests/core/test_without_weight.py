@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from tests.cases_spatial import box
 
-from cases import all_inner
+from cases import all_inner, box
 from jld_core import build_assembly, parse_scene, solve
 
 AREA = 0.01
@@ -47,10 +46,7 @@ MATERIALS: dict[str, tuple[dict[str, Any], str, list[float], float]] = {
 @pytest.mark.parametrize("name", MATERIALS)
 def test_bracket_without_dead_load(name: str, dimension: int, how: str) -> None:
     materials, label, direction, expected = MATERIALS[name]
-    document: dict[str, Any] = {
-        "name": name,
-        "materials": {"density": 1400, **materials, how: 0},
-    }
+    document: dict[str, Any] = {"name": name, "materials": {"density": 1400, **materials, how: 0}}
     if dimension == 2:
         document["grid"] = {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["a", "#"]}
         document["loads"] = {"live": [{"element": "c0r0", "force": direction, "at": [0.05, 0.1]}]}
@@ -81,10 +77,7 @@ def test_gap_without_dead_load_does_not_depend_on_units() -> None:
         stress = force / length**2
         document = {
             "grid": {"cell": [0.1 * length, 0.1 * length], "thickness": 0.1 * length, "rows": ["#abc#"]},
-            "materials": {
-                "density": 0,
-                "dry": {"friction_coefficient": 0.7, "compressive_strength": 2e4 * stress},
-            },
+            "materials": {"density": 0, "dry": {"friction_coefficient": 0.7, "compressive_strength": 2e4 * stress}},
             "loads": {"live": [{"element": "c2r0", "force": [0.0, -1.0]}]},
         }
         result = solve(build_assembly(parse_scene(document)))

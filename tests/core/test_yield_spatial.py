@@ -16,14 +16,15 @@ from benchmarks.common import random_segmentations
 from benchmarks.scenes import cubes
 from numpy.typing import NDArray
 
-from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
+from cases import ELL, IRREGULAR, OBLONG, TRIANGLE, box, stools
+from cases import assembly_in_space as assembly
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import InnerBending, scaling_of
-from jld_core.mechanics.standard import StandardYield, standard_yield
+from jld_core.mechanics.standard import standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, RawStatus
-from reference_spatial import face_constraints, load_factor, make_face
+from proofs import face_constraints, load_factor_in_space, make_face
 
 Array = NDArray[np.float64]
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -52,10 +53,7 @@ MATERIALS: dict[str, dict[str, dict[str, float]]] = {
             "compressive_strength": 3.0,
         },
     },
-    "no shear": {
-        "dry": {"friction_coefficient": 0.0},
-        "inner": {"tensile_strength": 0.5, "shear_strength": 0.0},
-    },
+    "no shear": {"dry": {"friction_coefficient": 0.0}, "inner": {"tensile_strength": 0.5, "shear_strength": 0.0}},
 }
 CASES = [(name, bending) for name in MATERIALS for bending in ("uncoupled", "kern")]
 
@@ -65,7 +63,7 @@ COPIES = 20
 
 
 @cache
-def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, StandardYield]:
+def faces_under(name: str, bending: InnerBending, copies: int = 1) -> tuple[Assembly, Any]:
     """Prisms of every shape on a slab; rectangles only where dry faces can be crushed."""
     shapes = [OBLONG, TURNED, 0.3 * OBLONG] if name == "crushable" else SHAPES
     built = stools(shapes * copies, materials=MATERIALS[name])
@@ -76,14 +74,14 @@ def labellings(count: int) -> list[NDArray[np.bool_]]:
     return [np.ones(count, dtype=bool), np.zeros(count, dtype=bool), np.arange(count) % 2 == 0]
 
 
-def random_forces(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
+def random_forces(rng: np.random.Generator, sets: Any, labels: NDArray[np.bool_]) -> Array:
     """Forces on either side of the boundary, dropped resultants zero."""
     forces = rng.normal(size=(len(labels), 6)) * rng.uniform(0.02, 0.6, size=6)
     forces[:, 0] = rng.uniform(-0.3, 2.5, size=len(labels))
     return forces * sets.active(labels)
 
 
-def random_jumps(rng: np.random.Generator, sets: StandardYield, labels: NDArray[np.bool_]) -> Array:
+def random_jumps(rng: np.random.Generator, sets: Any, labels: NDArray[np.bool_]) -> Array:
     """Jumps of finite dissipation, some of them just."""
     jumps = rng.normal(size=(len(labels), 6)) * rng.choice([0.0, 1.0], p=[0.2, 0.8], size=(len(labels), 6))
     short = sets.margin(jumps, labels)
@@ -92,7 +90,7 @@ def random_jumps(rng: np.random.Generator, sets: StandardYield, labels: NDArray[
     return jumps
 
 
-def row_slacks(sets: StandardYield, forces: Array, labels: NDArray[np.bool_]) -> Array:
+def row_slacks(sets: Any, forces: Array, labels: NDArray[np.bool_]) -> Array:
     """(m,) least s = h − G y of the rows of each face, cones as s0 − |s1…|, extra variables at their best."""
     p = sets.pattern
     best = [np.hypot(forces[:, 1], forces[:, 2])[~sets.point]]
@@ -273,7 +271,7 @@ def test_published_assemblies(name: str, tolerance: float, direction: str, given
     values = solved(built), solved(points)
     assert values == pytest.approx((convex, concave), abs=tolerance)
     if given:
-        reference = load_factor(scene), load_factor(scene, concave=True)
+        reference = load_factor_in_space(scene), load_factor_in_space(scene, concave=True)
         assert reference == pytest.approx((convex, concave), abs=tolerance)
         # the file's coordinates are single precision, and its rectangles are not quite
         assert values == pytest.approx(reference, rel=1e-6)
@@ -311,7 +309,7 @@ def test_program_equals_second_statement(variant: str) -> None:
     """Every kind of face in a solve, obliquely loaded; 1e-7 relative."""
     scene, bending = variant_document(variant), VARIANTS[variant][3]
     value = solved(build_assembly(parse_scene(scene)), bending)
-    assert value == pytest.approx(load_factor(scene, kern=bending == "kern"), rel=1e-7)
+    assert value == pytest.approx(load_factor_in_space(scene, kern=bending == "kern"), rel=1e-7)
 
 
 def test_structures_that_stand_by_strength_fall_without_it() -> None:
@@ -319,7 +317,7 @@ def test_structures_that_stand_by_strength_fall_without_it() -> None:
     built = build_assembly(parse_scene(variant_document("glued")))
     assert ClarabelSolver().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE
     with pytest.raises(AssertionError, match="infeasible"):
-        load_factor(variant_document("glued"), kern=True)
+        load_factor_in_space(variant_document("glued"), kern=True)
     soft, softer = (solved(build_assembly(parse_scene(variant_document(name)))) for name in ("soft", "softer"))
     hard = variant_document("soft")
     del hard["materials"]["dry"]["compressive_strength"]

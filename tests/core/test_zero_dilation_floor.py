@@ -1,13 +1,14 @@
 """The bound below every solution without dilation: controls in closed form, small walls, certificates that refuse.
 
 Two cubes rock at 1/2 (Iannuzzo et al. 2024, section 3.2b); walls whose ground course slides do so at μ = 0.65; the
-lowest value of the wall of 2 × 5 bricks is where a search from every side ends (test_zero_dilation_range.py), and this
+lowest value of the wall of 2 × 5 bricks is where a search from every side ends (test_zero_dilation.py), and this
 bound meets it from below by another route.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,31 +17,21 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
+from jld_dilation import ProximalOptions
 from jld_dilation.certificate import Certifier
-from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
-from jld_dilation.modes import (
-    BoundedModes,
-    Modes,
-    Statics,
-    bound_velocities,
-    face_loops,
-    has_opening,
-    modes_of,
-)
+from jld_dilation.modes import BoundedModes, Statics, bound_velocities, face_loops, has_opening, modes_of
 from jld_dilation.range import LowerBoundSearch
-from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, Region, RltOptions, solve_rlt
+from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, solve_rlt
 from jld_dilation.sweep import BlockSweep, MultiStartSearch
-from nondilatant import block
+from proofs import block
 
 
-def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound, float]:
+def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Any, float]:
     """Lowest found, the floor (scaled), and the scale of λ."""
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     found = side.search(thorough=False)
-    assert found.lowest is not None
     assert side.modes is not None
     search = LowerBoundSearch(analysis, assembly.labels, side.modes, LowerBoundProblem(found.lowest_load, seconds))
     return found.lowest.state.load, search.search(), analysis.template.scaling.load
@@ -59,7 +50,7 @@ def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound,
     ids=["two cubes", "1x1", "1x2", "2x2", "flat arch", "2x5"],
 )
 def test_the_lowest_found_is_the_lowest_there_is(assembly: object, value: float) -> None:
-    lowest, floor, scale = below(build_assembly(assembly))  # type: ignore[arg-type]
+    lowest, floor, scale = below(build_assembly(assembly))
     assert lowest * scale == pytest.approx(value, rel=1e-7)
     assert floor.closed
     assert floor.tolerance == 0.0
@@ -118,9 +109,8 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
 # --- the certificate ------------------------------------------------------------------------------------------------
 
 
-def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Modes, Region, BoundedModes, Certifier]:
+def certifier(assembly: Assembly, high: float, slack: float = 1e-8) -> tuple[Any, Any, BoundedModes, Certifier]:
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    assert modes is not None
     none = np.zeros(len(modes.rows), dtype=bool)
     bounded = BoundedModes.up_to(modes, high)
     region = bounded.region(0.0, high, none, none)
@@ -133,7 +123,6 @@ def test_certificate_of_a_false_bound_is_refused() -> None:
     modes, region, bounded, check = certifier(assembly, 0.66 / scale)
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
     relaxed = solve_rlt(bounded, region, RltOptions(pairs, 1e-8))
-    assert relaxed is not None
     true = check.bound(relaxed.multipliers)
     assert true * scale == pytest.approx(0.65, rel=1e-6)
     # a bound that is raised is lowered again or refused, never believed
@@ -153,12 +142,10 @@ def test_blocks_agree_with_the_library() -> None:
     modes, region, bounded, _ = certifier(assembly, 0.41 / scale, 1e-6)
     everything = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
     other = solve_rlt(bounded, region, RltOptions(everything, 1e-6))
-    assert other is not None
     bounds = []
     for distance in (None, 9, 1):
         options = RltOptions(everything, 1e-6, 60.0, distance)
         own = solve_rlt_by_matrix_blocks(bounded, region, options)
-        assert own is not None
         blocks = BlockCertifier(bounded, region, 1e-6, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
@@ -196,7 +183,7 @@ def test_walls_with_openings_have_a_floor() -> None:
     assert "branch 1" not in floor.solve_log
 
 
-def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
+def solutions(assembly: Assembly) -> tuple[Any, list[np.ndarray]]:
     """Every certified mechanism that a search from every side keeps, as (u, t) with t = max(0, −s)."""
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
@@ -204,8 +191,6 @@ def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
     assert side.modes is not None
     out = []
     for pair in (found.lowest, found.highest):
-        assert pair is not None
-        assert pair.motion is not None
         slips = pair.motion.jumps[:, 1]
         out.append(np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)]))
     return side.modes, out
@@ -253,7 +238,6 @@ def test_loops_of_a_bond_tie_slides_to_the_joint_between() -> None:
     s_g⁺ ≤ s_f⁺ ≤ s_g⁺ + z and the same of s⁻ the other way round: coefficients are ±1."""
     assembly = build_assembly(halved_bond(1, 2))
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    assert modes is not None
     values = modes.loops[modes.loops != 0.0]
     assert abs(values) == pytest.approx(np.ones(len(values)), abs=1e-9)
 
@@ -266,7 +250,6 @@ def test_a_false_loop_proves_nothing() -> None:
     assert check.loop_errors.max() < 1e-10
     pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
     relaxed = solve_rlt(bounded, region, RltOptions(pairs, 1e-8))
-    assert relaxed is not None
     assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.65, rel=1e-6)
     wrong = replace(modes)
     vars(wrong)["loops"] = np.where(modes.loops > 0.0, 0.99 * modes.loops, modes.loops)
@@ -282,14 +265,10 @@ def test_velocities_stay_within_their_reach() -> None:
     analysis = LimitAnalysis(assembly)
     side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     found = side.search()
-    assert side.modes is not None
     most = 1.01 * found.highest.state.load if found.highest is not None else 0.0
     statics = Statics(side.modes, 0.0, most, np.zeros(len(side.modes.rows), dtype=bool))
     limit = bound_velocities(statics)
-    assert limit is not None
     for pair in (found.lowest, found.highest):
-        assert pair is not None
-        assert pair.motion is not None
         width = len(side.modes.dead)
         slips = pair.motion.jumps[:, 1]
         w = np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)])
@@ -304,7 +283,6 @@ def test_velocities_stay_within_their_reach() -> None:
 def test_bounds_of_statics_hold_for_random_states() -> None:
     assembly = build_assembly(random_wall(1))
     modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
-    assert modes is not None
     statics = Statics(modes, 0.0, 0.2, np.zeros(len(modes.rows), dtype=bool))
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -164,7 +164,7 @@ def test_the_weaker_of_both_crack_models_governs(jld: Command, tmp_path: Path) -
 
 def test_a_verified_design_is_verified_by_both_crack_models(jld: Command, tmp_path: Path) -> None:
     path = tmp_path / "arch.json"
-    materials = {**ARCH["materials"], "inner": {"tensile_strength": 2e6, "shear_strength": 6e6}}  # type: ignore[dict-item]
+    materials = {**ARCH["materials"], "inner": {"tensile_strength": 2e6, "shear_strength": 6e6}}
     path.write_text(json.dumps({**ARCH, "materials": materials}))
     told = json.loads(jld("check-design", path, "--json", "--seconds", 20).out)
     assert told["verified"] is told["by_drawn"]["verified"] is told["anywhere"]["verified"] is True

@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from command import call
+from cases import ROUTE
+from command import SCENES, call
 from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import Layout, export, import_file
 from jld_core.limit import displacement
-from jld_core.strengths import Route
-from paths import SCENES
-
-ROUTE = Route("a test")
 
 PROBLEM = Path(__file__).parent / "data" / "compas_dem_problem.json"
 """Written by compas_dem 0.6: three blocks on one another, loads of every kind, and a support that sinks."""

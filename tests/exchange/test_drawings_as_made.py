@@ -387,3 +387,27 @@ def test_a_block_in_the_hole_of_another_comes_back(tmp_path: Path) -> None:
         assert sorted(back.elements.ids) == sorted(assembly.elements.ids)
         assert int(back.labels.sum()) == int(assembly.labels.sum())
         assert len(back.interfaces) == len(assembly.interfaces)
+
+
+@pytest.mark.parametrize("ground", [(0.5, 0.2, 1.0, 0.6), (0.2, 0.1, 1.8, 0.3)])
+def test_a_wall_around_its_support_is_no_frame(ground: tuple[float, float, float, float], tmp_path: Path) -> None:
+    document = ezdxf.new(units=6)
+    square(document.modelspace(), 0, 0, 3, 2, "WALL")
+    square(document.modelspace(), *ground, "APPUI")
+    document.saveas(tmp_path / "a.dxf")
+    read = import_file(tmp_path / "a.dxf")
+    x0, y0, x1, y1 = ground
+    assert read.facts()["area"] == pytest.approx(6.0 - (x1 - x0) * (y1 - y0))
+    assert not any("frame" in words for words in read.report.skipped)
+
+
+def test_an_outline_around_a_wall_is_asked_about_by_design_too(tmp_path: Path) -> None:
+    from jld_practice.design.options import DesignOptions
+    from jld_practice.design.outline import read_outline
+
+    document = ezdxf.new(units=6)
+    square(document.modelspace(), -1, -1, 7, 4.3)
+    square(document.modelspace(), 0, 0, 3, 2)
+    document.saveas(tmp_path / "a.dxf")
+    said = read_outline(tmp_path / "a.dxf", DesignOptions()).assumed
+    assert any("lies within" in words and "an opening?" in words for words in said)

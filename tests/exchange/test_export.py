@@ -13,21 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_scene
-from command import call
+from cases import ROUTE, box, grid_document
+from cases import scene_in_space as spatial_scene
+from command import SCENES, call
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.build import build_robust
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.geometry.congruence import alike
 from jld_core.geometry.outlines import Outline
 from jld_core.geometry.unions import extrude, union_outlines
-from jld_core.strengths import Route
 from jld_explore import ExploreSettings, explore, read_folder
-from paths import SCENES
-
-ROUTE = Route("a test")
 
 pytest.importorskip("ezdxf")
 meshio = pytest.importorskip("meshio")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cases_spatial import box, scene
+from cases import box
+from cases import scene_in_space as scene
 from command import Command
 
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from command import call
+from command import SCENES, call
 from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import ImportOptions, Layout, export, import_file
-from paths import SCENES
 
 rhino = pytest.importorskip("rhino3dm")
 

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
-from cases_spatial import box
-from cases_spatial import scene as pile
-from command import call
+from cases import box, grid_document
+from cases import scene_in_space as pile
+from command import SCENES, call
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.errors import ParameterError
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
-from paths import SCENES
 
 
 def layout(scene: Scene, solved: bool = False) -> Layout:

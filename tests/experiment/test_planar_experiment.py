@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
 import numpy as np
 import pytest
 from benchmarks.experiment import beam_arch, far_plateau
+from scipy.spatial.transform import Rotation
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from cases import grid_document
+from cases import ROUTE, as_elements, grid_document, in_units, renumbered, rotated
+from command import SCENES
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
-from jld_core.arrays import Bits, Floats
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from jld_core.strengths import Route
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.driving import scout
 from jld_experiment.report import summary
-from paths import SCENES
-from transforms import as_elements, in_units, renumbered, rotated
-
-ROUTE = Route("a test")
+from jld_experiment.subcontacts import sub_contacts
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
 NO_DILATION = Joints(dilation=0.0, inner="plastic")
@@ -113,8 +113,7 @@ def test_walls_with_dilation(number: int, expected: float, tolerance: float, len
 
 
 @pytest.mark.parametrize(
-    ("number", "expected", "length"),
-    [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)],
+    ("number", "expected", "length"), [(1, 0.6413, 10.0), pytest.param(4, 0.2638, 8.0, marks=pytest.mark.long)]
 )
 def test_walls_without_dilation(number: int, expected: float, length: float) -> None:
     """An earlier engine's end from gravity, at 20 000 periods; never above the associative λ (limit theorem)."""
@@ -139,7 +138,7 @@ and are tested on walls as well."""
 def test_flat_arch(inner: str, dilation: float | str, expected: float) -> None:
     """Brittle peaks are as sharp as the records are short. The ramp, which demands rest at every step, agrees."""
     assembly = build_assembly(leonardo_flat_arch())
-    joints = Joints(normal_stiffness=1e9, dilation=dilation, inner=inner)  # type: ignore[arg-type]
+    joints = Joints(normal_stiffness=1e9, dilation=dilation, inner=inner)
     settings = Settings(periods=400.0, length=12.0, hasten=4.0)
     curve = run_experiment(assembly, joints=joints, settings=settings)
     assert curve.rates_agree
@@ -165,7 +164,7 @@ def test_static_proof_of_a_state_at_rest() -> None:
     assert 0.99 * exact.load_factor <= found.rests <= exact.load_factor * (1.0 + 1e-6)
 
 
-def outside(assembly: Assembly, labels: Bits, forces: Floats) -> float:
+def outside(assembly: Assembly, labels: np.ndarray, forces: np.ndarray) -> float:
     """Largest violation of METHOD's planar yield sets, written down anew: a force, or a moment over l/2."""
     n, v, m = forces.T
     arm = assembly.interfaces.l1 / 2.0
@@ -204,7 +203,7 @@ def test_weaker_when_cracks_are_brittle() -> None:
     assert 0.0 < curve.cracked.max() <= 1.0
 
 
-def strongest() -> Bits:
+def strongest() -> np.ndarray:
     """The proven best layout of the beam-arch, as in docs/images/best.png."""
     return np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])
 
@@ -273,3 +272,118 @@ def test_agreement_of_two_rates_is_not_called_accuracy() -> None:
     assert facts["rate_error"] < 5e-3
     assert facts["accuracy"] == 0.01
     assert abs(facts["ratio"] - 1.0) <= facts["accuracy"]
+
+
+# The spatial experiment against closed forms, limit analysis and the planar experiment.
+
+
+LIMIT_IN_SPACE = Settings(scheme="limit", gaps="plastic", periods=100.0)
+
+
+TWO_CUBES = [(0.9, 3.0, 0.2), (0.25, 3.0, 0.6), (0.9, 0.0, 0.6), (0.9, 4.0, 0.9)]
+"""Friction, tension and shear strength; each pair fails in another way."""
+
+
+# all ways to fail in one direction askew, one of them in the other directions
+@pytest.mark.parametrize(
+    ("friction", "tension", "shear", "degrees"),
+    [
+        *((*each, 30.0) for each in TWO_CUBES),
+        *((*TWO_CUBES[0], degrees) for degrees in (0.0, 45.0)),
+        *(pytest.param(*each, degrees, marks=pytest.mark.long) for each in TWO_CUBES[1:] for degrees in (0.0, 45.0)),
+    ],
+)
+def test_two_cubes_in_any_direction(friction: float, tension: float, shear: float, degrees: float) -> None:
+    """The corners of a dry rectangle, and points at a third of them of an inner one, are the uncoupled yield sets of
+    the paper as long as nothing twists: the experiment gives λ."""
+    assembly = build_assembly(
+        stacked_cubes(2, friction=friction, tension=tension, shear=shear, direction=float(np.radians(degrees)))
+    )
+    curve = run_experiment(assembly, joints=Joints(inner="plastic"), settings=LIMIT_IN_SPACE)
+    assert curve.rates_agree
+    assert curve.collapse_load == pytest.approx(solve(assembly).load_factor, rel=3e-3)
+
+
+def prism(sides: int, live: dict[str, Any]) -> dict[str, Any]:
+    """A regular prism of unit radius on a base of the same shape, weight 5, μ = 0.4."""
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+
+    def solid(low: float, high: float) -> dict[str, Any]:
+        ring = [[float(np.cos(a)), float(np.sin(a))] for a in turn]
+        vertices = [[*p, low] for p in ring] + [[*p, high] for p in ring]
+        walls = [[k, (k + 1) % sides, sides + (k + 1) % sides, sides + k] for k in range(sides)]
+        return {"vertices": vertices, "faces": [[*range(sides)][::-1], [*range(sides, 2 * sides)], *walls]}
+
+    return {
+        "elements": [
+            {"id": "prism", "weight": 5.0, **solid(0.0, 0.5)},
+            {"id": "base", "support": True, **solid(-0.5, 0.0)},
+        ],
+        "materials": {"dry": {"friction_coefficient": 0.4}},
+        "loads": {"live": [{"element": "prism", **live}]},
+    }
+
+
+@pytest.mark.parametrize("sides", [4, pytest.param(6, marks=pytest.mark.long)])
+def test_torsion_of_a_prism(sides: int) -> None:
+    """MT = μ N c_T under a pressure that stays even; polygons by a fan of triangles, rectangles by a product."""
+    document = prism(sides, {"force": [0, 0, 0], "moment": [0, 0, 1]})
+    assembly = build_assembly(parse_scene(document))
+    settings = Settings(scheme="midpoint", segments=16, periods=60.0)
+    curve = run_experiment(assembly, joints=Joints(inner="plastic"), settings=settings)
+    faces = assembly.interfaces
+    assert curve.collapse_load == pytest.approx(0.4 * 5.0 * float(faces.c_t[0]), rel=5e-3)
+
+
+@pytest.mark.parametrize("scheme", ["trapezoid", "simpson", "midpoint", "limit"])
+@pytest.mark.parametrize("sides", [3, 4, 5])
+def test_sub_contacts_of_a_polygon(scheme: str, sides: int) -> None:
+    """Areas are positive, add up, and leave the centroid where it is; Simpson's give the second moments exactly."""
+    assembly = build_assembly(parse_scene(prism(sides, {"force": [1, 0, 0]})))
+    points = sub_contacts(assembly, assembly.labels, scheme, 3)
+    x1, x2, area = points.place.T
+    assert area.min() > 0.0
+    assert area.sum() == pytest.approx(assembly.interfaces.area[0], rel=1e-12)
+    assert abs(x1 @ area) + abs(x2 @ area) < 1e-12
+    exact = sides / 8.0 * np.sin(2 * np.pi / sides) * (2.0 + np.cos(2 * np.pi / sides)) / 3.0
+    found = np.array([(x1 * x1) @ area, (x2 * x2) @ area])
+    if scheme == "simpson":
+        assert found == pytest.approx(exact, rel=1e-9)
+    elif scheme != "limit":
+        assert found == pytest.approx(exact, rel=0.25)
+
+
+def turned(document: dict[str, Any], rotation: Rotation) -> dict[str, Any]:
+    """The scene turned about the origin, with its loads."""
+    changed = copy.deepcopy(document)
+    for element in changed["elements"]:
+        element["vertices"] = rotation.apply(np.array(element["vertices"])).tolist()
+    changed["materials"]["gravity"] = rotation.apply([0.0, 0.0, -9.81]).tolist()
+    for entry in changed["loads"]["live"]:
+        for key in ("force", "moment"):
+            if key in entry:
+                entry[key] = rotation.apply(np.array(entry[key], dtype=float)).tolist()
+    return changed
+
+
+def test_invariance_to_a_turn_in_space() -> None:
+    document = prism(6, {"force": [0.3, 0.1, 0.0], "moment": [0.0, 0.0, 0.6]})
+    base = run_experiment(build_assembly(parse_scene(document)), joints=Joints(inner="plastic"))
+    moved = turned(document, Rotation.from_rotvec([0.3, -1.1, 0.7]))
+    other = run_experiment(build_assembly(parse_scene(moved)), joints=Joints(inner="plastic"))
+    assert base.rates_agree
+    assert other.collapse_load == pytest.approx(base.collapse_load, rel=1e-3)
+
+
+def test_forces_at_rest_are_in_equilibrium() -> None:
+    """The batch solver's resultants against the equilibrium of limit analysis, which is built elsewhere."""
+    assembly = build_assembly(stacked_cubes(3, friction=0.5, tension=1.0, shear=0.5, direction=0.4))
+    specimen = specimen_of(assembly, assembly.labels, Joints(inner="plastic"), Settings())
+    settled, standing = specimen.settle()
+    assert standing is Standing.RESTS
+    factor = 0.1
+    specimen.march(settled, round(20 * specimen.system.period), load_factor=(0.0, factor))
+    assert specimen.rest(settled, factor) is Standing.RESTS
+    dead, live = load_vectors(assembly)
+    residual = equilibrium_matrix(assembly) @ specimen.resultants(settled).ravel() + dead + factor * live
+    assert np.abs(residual).max() < 1e-6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,13 @@ from studies import brittle_front, cracking_units, distinct_elements, leonardo_s
 from studies.report import SCENES
 from studies.scenes import stacked_cubes
 
-from jld_core import build_assembly, load_scene, solve
+from cases import dry_and_inner
+from command import SCENES as SCENES_of_command
+from command import Command
+from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
+from jld_experiment import experiments as module
+from jld_experiment.experiments import FILE, Experiments, with_experiments
+from jld_explore import ExploreSettings, explore
 
 STRONGEST = "iiidididddddiididdidiiid"
 """The proven best layout of the beam-arch by λ."""
@@ -94,3 +101,169 @@ def test_runs_of_the_study_go_on_where_they_stopped(tmp_path: Path, monkeypatch:
 
 def _row(case: distinct_elements.Case) -> distinct_elements.Row:
     return distinct_elements.started(case, 0, "cells", "", "plastic", "friction")
+
+
+# `jld explore --experiment K` and `--objective experiment`: a column more, once each, and what bounds what.
+
+
+DOCUMENT = {
+    "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": ["aaaa", "aaaa", "#..#"]},
+    "materials": {
+        "density": 1400,
+        "dry": {"friction_angle": 30},
+        "inner": {"tensile_strength": 2e5, "shear_strength": 1e5},
+    },
+    "loads": {"live": [{"element": "c1r0", "force": [0, -100], "at": [0.2, 0.3]}]},
+    "search": {"block_cells": [2, 4]},
+}
+
+
+def scene() -> Scene:
+    return parse_scene(DOCUMENT)
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
+    """K experiments, at most λ each; gone on with, none is run again and the column stays."""
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(DOCUMENT), "utf-8")
+    out = tmp_path / "out"
+    options = ("--experiment", "3", "--jobs", "1", "--json")
+    done = jld("explore", path, "--out", out, *options)
+    assert done.code == 0, done.err
+    table = pd.read_csv(out / "results.csv", dtype={"labelling": str})
+    assert table["experiment"].notna().tolist() == [True] * 3 + [False] * (len(table) - 3)
+    best = table.head(3)
+    assert (best["experiment"] <= best["load_factor_associative"] * (1.0 + 2e-3)).all()
+    facts = json.loads(done.out)["experiment"]
+    assert facts["runs"] == 3
+    assert facts["best"] == pytest.approx(best["experiment"].max())
+    kept = (out / FILE).read_bytes()
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("run again")
+
+    monkeypatch.setattr(module, "one_experiment", refuse)
+    again = jld("explore", path, "--out", out, *options, "--resume")
+    assert again.code == 0, again.err
+    assert (out / FILE).read_bytes() == kept
+    assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3
+
+
+@pytest.mark.long
+def test_search_by_experiment(tmp_path: Path) -> None:
+    """The genetic driver by experiments finds what experiments on all layouts whose λ is above it cannot better."""
+    settings = ExploreSettings(by_experiment=True, experiment=30, pictures=False)
+    found = explore(scene(), tmp_path / "search", settings)
+    facts = found.summary.facts["experiment"]
+    assert facts["searched"]
+    assert 10 <= facts["runs"] <= 30
+    every = explore(scene(), tmp_path / "all", ExploreSettings(experiment=10_000, pictures=False))
+    assert every.summary.facts["experiment"]["none_better"]
+    assert facts["best"] == pytest.approx(every.summary.facts["experiment"]["best"], rel=1e-9)
+    carried = every.results[every.results["status"] == "collapse"]
+    assert len(carried) > facts["runs"]
+
+
+def test_a_claim_by_experiment_states_its_assumption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """λ of untested layouts bounds them only by assumption; one tested layout above its λ ends the claim."""
+    carried = {"share": 0.999}
+
+    def made_up(_: object, name: str, load_factor: float) -> dict[str, object]:
+        row = dict.fromkeys(module.COLUMNS, 0.0) | {"labelling": name, "load_factor": load_factor}
+        return row | {"experiment": carried["share"] * load_factor, "status": "collapse", "stands": True}
+
+    monkeypatch.setattr(module, "one_experiment", made_up)
+
+    def facts(name: str, count: int) -> dict[str, object]:
+        found = explore(scene(), tmp_path / name, ExploreSettings(experiment=count, pictures=False, check_fields=0))
+        return found.summary.facts["experiment"]
+
+    some = facts("some", 12)
+    assert some["none_better"]
+    assert some["none_better_assumes"] == module.ASSUMPTION
+    assert some["most_over_load_factor"] == pytest.approx(0.999)
+    carried["share"] = 1.02
+    above = facts("above", 12)
+    assert not above["none_better"]
+    assert above["none_better_assumes"] is None
+    # With all layouts tested, also those that do not stand by limit analysis, nothing is assumed.
+    done = explore(scene(), tmp_path / "all", ExploreSettings(pictures=False, check_fields=0))
+    tested = Experiments(done.assembly, tmp_path / "all")
+    values = done.results["load_factor_associative"].fillna(0.0)
+    tested.rows = {
+        name: made_up(None, name, value) for name, value in zip(done.results["labelling"], values, strict=True)
+    }
+    every = with_experiments(done, tested, False).summary.facts["experiment"]
+    assert every["none_better"]
+    assert every["none_better_assumes"] is None
+
+
+def test_nobody_is_experimented_on_after_time_is_up(tmp_path: Path) -> None:
+    done = explore(scene(), tmp_path / "out", ExploreSettings(experiment=10_000, seconds=1e-9, pictures=False))
+    assert done.summary.facts["experiment"]["runs"] == 0
+
+
+# `jld experiment`: what it prints and writes, and what it refuses.
+
+
+KEYS = {"collapse_load", "load_factor", "ratio", "stands", "rate_error", "status", "first_crack", "inner", "dilation"}
+
+
+def scene_of_command(tmp_path: Path, rows: list[str], live: list[dict[str, object]]) -> Path:
+    path = tmp_path / "scene.json"
+    document = {
+        "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
+        "materials": dry_and_inner(1400, 0.5, 2e4, 2e4),
+        "loads": {"live": live},
+    }
+    path.write_text(json.dumps(document), "utf-8")
+    return path
+
+
+def test_an_experiment_writes_its_folder(tmp_path: Path, jld: Command) -> None:
+    path = scene_of_command(tmp_path, ["aab", "acc", "###"], [{"body": [1, 0]}])
+    out = tmp_path / "out"
+    options = ("--inner", "plastic", "--dilation", "friction", "--out", out, "--json")
+    done = jld("experiment", path, *options)
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert set(found) >= KEYS
+    assert found["status"] == "collapse"
+    assert found["stands"] is True
+    assert found["ratio"] == pytest.approx(1.0, abs=5e-3)
+    assert 0.0 <= found["rate_error"] <= 5e-3
+    assert json.loads((out / "summary.json").read_text("utf-8")) == found
+    table = pd.read_csv(out / "curve.csv")
+    assert set(table["push"]) == {"slow", "fast"}
+    assert table[table["push"] == "slow"]["load_factor"].max() >= found["collapse_load"] * (1.0 - 1e-9)
+    assert (out / "experiment.png").stat().st_size > 20_000
+
+
+def test_structures_that_do_not_stand(tmp_path: Path, jld: Command) -> None:
+    path = scene_of_command(tmp_path, ["aa", "#."], [{"element": "c1r0", "force": [0, -1]}])
+    path.write_text(path.read_text("utf-8").replace("20000.0", "10.0"), "utf-8")
+    done = jld("experiment", path, "--json", "--out", tmp_path / "out")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["stands"] is False
+    assert found["status"] in ("falls", "creeps")
+    assert found["collapse_load"] is None
+    assert (tmp_path / "out" / "experiment.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--dilation", "much"], "--dilation"),
+        (["--dilation", "-1"], "--dilation"),
+        (["--rank", "3"], "--rank"),
+        (["--segments", "1", "--scheme", "midpoint"], "--segments"),
+        (["--inner-ratio", "0"], "--inner-ratio"),
+    ],
+)
+def test_bad_options_are_one_line(arguments: list[str], words: str, jld: Command) -> None:
+    done = jld("experiment", SCENES_of_command / "ferris_tinloi_1.json", *arguments)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.count("\n") == 1
+    assert words in done.err

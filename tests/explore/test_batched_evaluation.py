@@ -22,9 +22,9 @@ from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, 
 from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
 from jld_explore.evaluation.protocol import Evaluator, LabellingEvaluator
 from jld_explore.report.tables import results_table
+from jld_explore.search.study import Study
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import feasible
-from jld_explore.study import Study
 
 SETTINGS = EvaluatorSettings()
 

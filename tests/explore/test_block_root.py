@@ -42,7 +42,6 @@ def beam(load: float = 1.0, cases: bool = False) -> Scene:
 def bound_of(scene: Scene) -> float | None:
     assembly = build_assembly(scene)
     root = BlockRoot.beside(search_space(scene, assembly), SolveOptions(), Deadline(SECONDS), jobs=1)
-    assert root is not None
     try:
         return root.poll(SECONDS)
     finally:
@@ -56,18 +55,13 @@ def test_no_layout_exceeds_the_bound_by_blocks(tmp_path: Path, cases: bool) -> N
     best = explore(scene, tmp_path / "all", driver="enumeration", pictures=False).summary.best
     faces = explore(scene, tmp_path / "some", driver="random", budget=2, pictures=False).summary
     bound = bound_of(scene)
-    assert bound is not None
-    assert best is not None
     assert best <= bound * (1.0 + 1e-9)
-    assert faces.bound is not None
     assert bound <= faces.bound * (1.0 + 1e-9)
     assert faces.facts["bound_by"] == "faces"
 
 
 def test_the_bound_scales_with_the_load() -> None:
     one, ten = bound_of(beam()), bound_of(beam(10.0))
-    assert one is not None
-    assert ten is not None
     assert one == pytest.approx(10.0 * ten, rel=1e-5)
 
 

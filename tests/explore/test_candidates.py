@@ -79,11 +79,7 @@ def test_kept_pairs_are_fixed_whatever_their_label_was() -> None:
             "search.candidates: no face is a candidate; expected at least one face that search.keep",
         ),
         (SQUARE, {"candidates": [["c0r0", "x"]]}, "search.candidates[0]: no element is named 'x'"),
-        (
-            SQUARE,
-            {"candidates": [["c0r0", "c1r1"]]},
-            "search.candidates[0]: 'c0r0' and 'c1r1' share no interface",
-        ),
+        (SQUARE, {"candidates": [["c0r0", "c1r1"]]}, "search.candidates[0]: 'c0r0' and 'c1r1' share no interface"),
         (SQUARE, {"keep": {"dry": [["c0r0", "x"]]}}, "search.keep.dry[0]: no element is named 'x'"),
         (SQUARE, {"keep": {"inner": [["c0r0", "c1r1"]]}}, "search.keep.inner[0]: 'c0r0' and 'c1r1' share no"),
         (
@@ -93,12 +89,7 @@ def test_kept_pairs_are_fixed_whatever_their_label_was() -> None:
         ),
         (
             SQUARE,
-            {
-                "keep": {
-                    "dry": [["c0r0", "c1r0"]],
-                    "inner": [["c0r0", "c0r1"], ["c0r1", "c1r1"], ["c1r1", "c1r0"]],
-                }
-            },
+            {"keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c0r0", "c0r1"], ["c0r1", "c1r1"], ["c1r1", "c1r0"]]}},
             "search.keep.dry: the face 'c0r0', 'c1r0' is fixed dry inside a block of fixed inner faces",
         ),
         (
@@ -106,26 +97,10 @@ def test_kept_pairs_are_fixed_whatever_their_label_was() -> None:
             {"keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c0r0", "c0r1"], ["c1r0", "c1r1"]]}},
             "search.keep.dry: the face 'c0r0', 'c1r0' is fixed dry inside a block of fixed inner faces",
         ),
-        (
-            SQUARE,
-            {"block_cells": [5, None]},
-            "search.block_cells: the least is 5, but the block of 'c0r0' has 4 free",
-        ),
-        (
-            SQUARE,
-            {"block_cells": [None, 0]},
-            "search.block_cells: the most is 0, but the block of 'c0r0' has 1 free",
-        ),
-        (
-            ["ab", "a#"],
-            {"block_cells": [3, 3], "candidates": [["c0r0", "c0r1"]]},
-            "search.block_cells: the least is 3",
-        ),
-        (
-            SQUARE,
-            {"block_cells": [3, 3]},
-            "search.block_cells: no number of blocks fits (at least 2, at most 1)",
-        ),
+        (SQUARE, {"block_cells": [5, None]}, "search.block_cells: the least is 5, but the block of 'c0r0' has 4 free"),
+        (SQUARE, {"block_cells": [None, 0]}, "search.block_cells: the most is 0, but the block of 'c0r0' has 1 free"),
+        (["ab", "a#"], {"block_cells": [3, 3], "candidates": [["c0r0", "c0r1"]]}, "search.block_cells: the least is 3"),
+        (SQUARE, {"block_cells": [3, 3]}, "search.block_cells: no number of blocks fits (at least 2, at most 1)"),
         (
             SQUARE,
             {"block_weight": [None, 13.0]},
@@ -154,16 +129,8 @@ def test_kept_pairs_are_fixed_whatever_their_label_was() -> None:
             {"dry_faces": [None, 0], "keep": {"dry": [["c0r0", "c1r0"]]}},
             "search.dry_faces: [null, 0] asked, but there can be 1 to 4",
         ),
-        (
-            SQUARE,
-            {"symmetry": "mirror-x"},
-            "search.symmetry: the scene has no mirror-x symmetry: its loads are not",
-        ),
-        (
-            ["ab", "c.", "##"],
-            {"symmetry": "mirror-x"},
-            "search.symmetry: the scene has no mirror-x symmetry: its elem",
-        ),
+        (SQUARE, {"symmetry": "mirror-x"}, "search.symmetry: the scene has no mirror-x symmetry: its loads are not"),
+        (["ab", "c.", "##"], {"symmetry": "mirror-x"}, "search.symmetry: the scene has no mirror-x symmetry: its elem"),
     ],
 )
 def test_refusals_name_the_key(rows: list[str], search: dict[str, Any], message: str) -> None:
@@ -213,11 +180,7 @@ def test_a_space_without_candidates_on_demand() -> None:
         (SQUARE, [{"element": "c0r0", "force": [1, 0]}, {"element": "c1r0", "force": [-1, 0]}], 2),
         (SQUARE, [{"element": "c0r0", "moment": 1}, {"element": "c1r0", "moment": -1}], 2),
         (SQUARE, [{"element": "c0r0", "moment": 1}, {"element": "c1r0", "moment": 1}], 1),
-        (
-            SQUARE,
-            [{"element": "c0r0", "force": [0, -1], "at": [0.1, 0.3]}],
-            1,
-        ),  # its moment about the centroid tells
+        (SQUARE, [{"element": "c0r0", "force": [0, -1], "at": [0.1, 0.3]}], 1),  # its moment about the centroid tells
         (["ab#", "##c"], DOWN, 1),
         (["a", "b", "#"], DOWN, 1),  # the mirror moves no face
     ],
@@ -332,11 +295,7 @@ def test_flagship_group() -> None:
     assert space.candidates.sum() == 22
     assert space.symmetry.matrices[1].tolist() == [[-1, 0], [0, 1]]
     ids, moved = space.assembly.elements.ids, space.symmetry.elements[1]
-    assert [ids[moved[space.assembly.elements.index[e]]] for e in ("c0r0", "c2r1", "c0r3")] == [
-        "c4r0",
-        "c2r1",
-        "c4r3",
-    ]
+    assert [ids[moved[space.assembly.elements.index[e]]] for e in ("c0r0", "c2r1", "c0r3")] == ["c4r0", "c2r1", "c4r3"]
 
 
 def test_groups_of_large_scenes_are_found_at_once() -> None:

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
-from cases import grid_document
-from jld_core import InputError, build_assembly, parse_scene
+from cases import every_layout, grid_assembly, grid_document
+from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core import blocks_of as assembly_blocks
-from jld_explore import SearchSpace, search_space
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import from_string
+from jld_explore import ExploreSettings, SearchSpace, explore, search_space
+from jld_explore.report import words
+from jld_explore.space import from_string, labelling
 from jld_explore.space.counts import counts
-from jld_explore.space.labelling import blocks_of
+from jld_explore.space.labelling import blocks_of, connectivity, slits
+from jld_explore.space.limits import block_sizes
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import feasible
+
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3
@@ -158,7 +169,7 @@ def test_fewest_dry_faces_follow_from_the_size_of_blocks() -> None:
     def fewest(asked: int, cells: int) -> int:
         scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, cells], dry_faces=[None, asked]))
         space = search_space(scene, build_assembly(scene))
-        return min(int(rows.sum(axis=1).min()) for rows, _ in Enumeration(space).batches() if len(rows))
+        return int(every_layout(space).sum(axis=1).min())
 
     for cells, least in ((1, 7), (2, 4)):
         message = rf"search.dry_faces: \[null, {least - 1}\] asked, but there can be {least} to 7"
@@ -166,3 +177,221 @@ def test_fewest_dry_faces_follow_from_the_size_of_blocks() -> None:
             fewest(least - 1, cells)
         assert fewest(least, cells) == least + 3  # three faces to the support are dry as well
     assert fewest(7, 6) == 3
+
+
+# A load factor is required and a count is made best: every driver, and the exact one against brute force.
+
+
+# what blocks that crack anywhere carry, test_field_check.py tests
+
+WALL = ["aaa", "aaa", "###"]
+REQUIRED = (0.3, 0.52, 0.66, 0.75, 2.0)
+"""Load factors that all, most, some, few and none of the layouts have."""
+WINDS = [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [-1, 0]}], "required": 1.1}]
+
+
+def scene_of(count: str, sense: str, least: float, *, cases: bool = False, limits: dict[str, Any] | None = None) -> Any:
+    document = grid_document(
+        WALL,
+        **{"block_cells": [1, 3], **(limits or {})},
+        front={"count": count, "sense": sense},
+        require={"load_factor": least},
+    )
+    if cases:
+        document["loads"] = {"cases": WINDS}
+    return parse_scene(document)
+
+
+def best_of(results: pd.DataFrame, count: str, sense: str, least: float) -> float | None:
+    """By brute force, from the numbers of the table."""
+    good = results[(results["status"] == "collapse") & (results["bracket_lo"] >= least * (1.0 - 1e-6))]
+    good = pd.concat([good, results[results["status"] == "locked"]])
+    if good.empty:
+        return None
+    return float(good[count].min() if sense == "min" else good[count].max())
+
+
+@pytest.mark.parametrize(
+    ("count", "sense", "cases", "required"),
+    [
+        ("blocks", "min", False, REQUIRED),
+        ("dry_faces", "max", False, REQUIRED),
+        ("shapes", "min", False, REQUIRED[::3]),
+        ("blocks", "max", True, REQUIRED[1::3]),
+    ],
+)
+def test_exact_is_brute_force(count: str, sense: str, cases: bool, required: tuple[float, ...], tmp_path: Path) -> None:
+    wide = {"block_cells": [1, 2]}
+    for number, least in enumerate(required):
+        scene = scene_of(count, sense, least, cases=cases, limits=wide)
+        every = explore(scene, tmp_path / f"every{number}", ExploreSettings(pictures=False, driver="enumeration"))
+        found = explore(scene, tmp_path / f"exact{number}", ExploreSettings(pictures=False, driver="exact"))
+        expected = best_of(every.results, count, sense, least)
+        for done in (every, found):
+            asked = done.summary.facts["require"]
+            assert done.summary.proven is asked["proven"] is True
+            assert asked["best"] == expected
+            if expected is not None:
+                row = done.results.iloc[0]
+                assert row["meets"]
+                assert row[count] == expected
+                assert row["labelling"] == asked["best_labelling"] == done.summary.best_labelling
+        assert ("proven that there is none" in words.facts_of_exploration(found)["required"]) == (expected is None)
+
+
+@pytest.mark.parametrize("driver", ["genetic", "hillclimb", "random", "optuna"])
+def test_other_drivers_optimise_the_count_among_layouts_that_meet_the_requirement(driver: str, tmp_path: Path) -> None:
+    scene = scene_of("blocks", "min", 0.6)
+    settings = ExploreSettings(pictures=False, driver=driver, budget=25, seed=1)
+    done = explore(scene, tmp_path / "out", settings)
+    asked = done.summary.facts["require"]
+    met = done.results[done.results["meets"]]
+    assert asked["met"] == len(met) > 0
+    assert asked["best"] == met["blocks"].min() == done.results.iloc[0]["blocks"]
+    assert not asked["proven"]
+    assert not done.summary.proven
+    # what meets it stands first, and by the count
+    ranked = done.results[done.results["status"] == "collapse"]
+    assert (np.diff(ranked["meets"].astype(int)) <= 0).all()
+    assert (np.diff(ranked[ranked["meets"]]["blocks"]) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("require", "words"),
+    [
+        ({"load_factor": 0}, "search.require.load_factor"),
+        ({"load_factor": "much"}, "search.require.load_factor"),
+        ({}, "search.require.load_factor: missing"),
+        ({"load_factor": 1, "blocks": 3}, "search.require.blocks: unknown key"),
+    ],
+)
+def test_wrong_requirements(require: Any, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_scene(grid_document(WALL, require=require))
+    assert words in str(caught.value)
+
+
+def test_a_front_is_refused_where_a_load_factor_is_required(tmp_path: Path) -> None:
+    settings = ExploreSettings(pictures=False, driver="exact", options={"aim": "front"})
+    with pytest.raises(InputError, match=r"search\.require"):
+        explore(scene_of("blocks", "min", 0.5), tmp_path / "out", settings)
+
+
+# Packed bits, blocks, slits and canonical forms, against definitions spelt out element by element.
+
+
+def plain_blocks(assembly: Assembly, labels: np.ndarray, touching: list[tuple[int, int]]) -> list[int]:
+    """Smallest index in each element's block, by repeated relabelling."""
+    name = list(range(len(assembly.elements)))
+    faces = assembly.interfaces
+    links = [(int(a), int(b)) for a, b, dry in zip(faces.a, faces.b, labels, strict=True) if not dry] + touching
+    changed = True
+    while changed:
+        changed = False
+        for a, b in links:
+            if name[a] != name[b]:
+                name[a] = name[b] = min(name[a], name[b])
+                changed = True
+    return name
+
+
+@given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=80)))
+def test_packing_and_text_come_back(rows: np.ndarray) -> None:
+    assert np.array_equal(labelling.unpack(labelling.pack(rows), rows.shape[1]), rows)
+    for row in rows:
+        text = labelling.to_string(row)
+        assert text == "".join("d" if dry else "i" for dry in row)
+        assert np.array_equal(labelling.from_string(text), row)
+    order = sorted(range(len(rows)), key=lambda i: labelling.keys(rows)[i])
+    assert [labelling.to_string(rows[i]) for i in order] == sorted(map(labelling.to_string, rows), reverse=True)
+
+
+def test_text_holds_only_its_letters() -> None:
+    with pytest.raises(ValueError, match="'1'"):
+        labelling.from_string("di1d")
+
+
+@pytest.mark.parametrize(
+    ("rows", "touching"),
+    [
+        (["ab", "cd", "##"], [("c0r2", "c1r2")]),
+        (["abc", "d.e", "#.#"], []),
+        (["#ab#", "#cd#"], [("c0r0", "c0r1"), ("c3r0", "c3r1")]),
+        (["a#", "#b"], []),  # supports that share a corner only
+    ],
+)
+def test_blocks_and_slits_of_all_labellings(rows: list[str], touching: list[tuple[str, str]]) -> None:
+    assembly = grid_assembly(rows)
+    graph = connectivity(assembly)
+    index = assembly.elements.index
+    pairs = [(index[a], index[b]) for a, b in touching]
+    assert [tuple(pair) for pair in graph.touching.tolist()] == sorted(pairs)
+    m = len(assembly.interfaces)
+    labels = np.array(np.unravel_index(np.arange(2**m), (2,) * m)).T.astype(bool)
+    expected = np.array([plain_blocks(assembly, row, pairs) for row in labels])
+    assert np.array_equal(blocks_of(graph, labels), expected)
+    assert np.array_equal(blocks_of(graph, labels[5]), expected[5])
+    inside = expected[:, graph.a] == expected[:, graph.b]
+    assert np.array_equal(slits(graph, labels), labels & inside)
+    assert np.array_equal(slits(graph, labels[5]), (labels & inside)[5])
+
+
+def test_blocks_of_long_chains_and_no_rows() -> None:
+    assembly = grid_assembly(["#" + "a" * 40, "." * 40 + "a", "#" + "a" * 40])
+    graph = connectivity(assembly)
+    m = len(assembly.interfaces)
+    assert not blocks_of(graph, np.zeros(m, dtype=bool)).any()
+    assert blocks_of(graph, np.ones((0, m), dtype=bool)).shape == (0, len(assembly.elements))
+    assert np.array_equal(blocks_of(graph, np.ones(m, dtype=bool)), np.arange(len(assembly.elements)))
+
+
+def test_blocks_do_not_depend_on_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = connectivity(grid_assembly(["abc", "def", "###"]))
+    labels = np.random.default_rng(1).random((50, len(graph.a))) < 0.5
+    whole = blocks_of(graph, labels)
+    monkeypatch.setattr(labelling, "_ENTRIES", 60)
+    assert np.array_equal(blocks_of(graph, labels), whole)
+
+
+def test_supports_in_space_touch_through_faces_only() -> None:
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+    def box(name: str, corner: list[float], support: bool) -> dict[str, object]:
+        steps = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+        vertices = [[float(c + s) for c, s in zip(corner, step, strict=True)] for step in steps]
+        return {"id": name, "vertices": vertices, "faces": faces, "support": support}
+
+    # s0 and s1 share half a face; s2 touches s1 along an edge only
+    corners = {"a": [0, 0, 1], "s0": [0, 0, 0], "s1": [1, 0.5, 0], "s2": [2, 0.5, 1]}
+    document = grid_document(["a", "#"], live=[{"body": [1, 0, 0]}])
+    del document["grid"]
+    document["elements"] = [box(name, corner, name != "a") for name, corner in corners.items()]
+    assembly = build_assembly(parse_scene(json.loads(json.dumps(document))))
+    assert connectivity(assembly).touching.tolist() == [[1, 2]]
+
+
+@given(st.integers(1, 90), st.integers(0, 2**32 - 1))
+def test_canonical_is_the_smallest_image(faces: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = np.roll(np.arange(faces), faces // 3) if faces % 3 == 0 else np.arange(faces)
+    group = np.array([np.arange(faces), turn, turn[turn]]) if faces % 3 == 0 else np.array([turn, turn[::-1]])
+    group = group[: 1 if faces == 1 else len(group)]
+    rows = rng.random((40, faces)) < rng.choice([0.1, 0.5, 0.9])
+    images = [sorted({labelling.to_string(row[g]) for g in group}, reverse=True) for row in rows]
+    best = labelling.canonical(rows, group)
+    assert [labelling.to_string(row) for row in best] == [image[0] for image in images]
+    sizes = labelling.orbit_sizes(rows, group)
+    assert sizes.tolist() == [len(image) for image in images]
+    kept, orbits = labelling.representatives(rows, group)
+    assert kept.tolist() == [i for i in range(40) if labelling.to_string(rows[i]) == images[i][0]]
+    assert np.array_equal(orbits, sizes[kept])
+
+
+def test_sizes_count_free_elements_only() -> None:
+    assembly = grid_assembly(["ab", "cd", "##"])
+    labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
+    sizes = block_sizes(assembly, blocks_of(connectivity(assembly), labels))
+    weight = 1400 * 9.81 * 0.1**3
+    assert sizes["block_cells"][0].tolist() == [4, 0, 0, 0, 0, 0]
+    assert sizes["block_weight"][0, 0] == pytest.approx(4 * weight)
+    assert sizes["block_extent"][0, 0] == pytest.approx(0.2)

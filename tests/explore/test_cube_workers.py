@@ -60,7 +60,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 @pytest.fixture
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
@@ -71,7 +71,6 @@ def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:
     for aim in ("best", "front"):
         one, _ = prove(scene, tmp_path / f"one {aim}", SOLO_PROGRAMS, aim=aim, by_blocks="off")
         two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
-        assert driver._sources is not None
         # the bound at the root alone may prove all
         assert driver._sources.solves > 0 or one.summary.facts["relaxations"] <= 1
         assert two.summary.proven is one.summary.proven is True
@@ -95,7 +94,6 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     for name, settings in (("one", SOLO_PROGRAMS), ("two", TWO)):
         driver = MinimumCount(search_space(scene, build_assembly(scene)), search=0, solo_relaxations=0)
         found.append(explore(scene, tmp_path / name, settings, driver=driver).summary.facts["require"])
-        assert driver._sources is not None
         assert (driver._sources.solves > 0) is (settings is TWO)
     assert found[0]["proven"] is found[1]["proven"] is True
     assert found[0]["best"] == found[1]["best"] is not None
@@ -111,7 +109,6 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         if called:
             monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
-        assert driver._sources is not None
         assert (driver._sources.solves > 0) is called
         assert driver.context.relaxation.solves > 60  # by threads, before others were called
         assert two.summary.proven is True
@@ -166,11 +163,11 @@ def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPat
     held: list[tuple[Future[Any], tuple[Any, ...]]] = []
 
     class Starting(ThreadPoolExecutor):
-        def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+        def submit(self, *task: Any) -> Future[Any]:
             held.append((Future(), task))
             return held[-1][0]
 
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: Starting(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", Starting)
     scene = scene_of([*["aaaa"] * 3, "####"], WEAK)
     space = search_space(scene, build_assembly(scene))
     formula = Formula(space, None)
@@ -215,7 +212,7 @@ class Mortal(ThreadPoolExecutor):
         Mortal.made += 1
         self.left = 1 if Mortal.made <= 2 else 10**9
 
-    def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+    def submit(self, *task: Any) -> Future[Any]:
         if self.left == 0:
             dead: Future[Any] = Future()
             dead.set_exception(TerminatedWorkerError("killed"))
@@ -224,10 +221,15 @@ class Mortal(ThreadPoolExecutor):
         return super().submit(*task)
 
 
+def mortal(jobs: int) -> ThreadPoolExecutor:
+    """Those of one worker die; those that evaluate do not."""
+    return Mortal() if jobs == 1 else ThreadPoolExecutor(jobs)
+
+
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Mortal, "made", 0)
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
     two, _ = prove(scene, tmp_path / "two")
@@ -244,13 +246,10 @@ def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeyp
     monkeypatch.setattr("jld_core.limit.block_relaxation.BlockRelaxation.batched", False)
     monkeypatch.setattr(Mortal, "made", 0)
     if dies:
-        monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", Mortal)
+        monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
     one, first = prove(scene, tmp_path / "one", SOLO_PROGRAMS, solo_relaxations=None, by_blocks="on")
     two, second = prove(scene, tmp_path / "two", solo_relaxations=None, by_blocks="on")
-    assert first._block_search is not None
-    assert second._block_search is not None
-    assert second._block_search._bounds is not None
     assert second._block_search._bounds.solves_in_worker > 0
     assert second._block_search.solves == first._block_search.solves > 10
     assert (Mortal.made >= 3) is dies
@@ -327,7 +326,6 @@ def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
 
     settings = replace(SOLO_PROGRAMS, cluster=cluster.scheduler_address)
     away = explore(scene, tmp_path / "away", settings, report=raise_deferred, driver=driver)
-    assert driver._sources is not None
     assert driver._sources.solves > 0
     assert events == ["joined", "left"]
     assert away.summary.proven is True

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import pickle
 import re
 import signal
 import sqlite3
 import subprocess
+import sys
 import threading
 import time
 from contextlib import closing
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -20,29 +23,36 @@ import numpy as np
 import pytest
 from benchmarks.claims import time_limits
 
-from cases import grid_document
-from command import running
-from jld_core import InputError, SolveOptions, build_assembly, parse_scene, samples
-from jld_core.arrays import Bits
+from cases import every_layout, grid_document
+from command import Command, running
+from jld_core import InputError, Scene, SolveOptions, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_explore import Driver, ExploreSettings, explore, field_check, search_space
+from jld_explore import Driver, ExploreSettings, explore, read_folder, search_space
+from jld_explore import __main__ as entry
+from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
-from jld_explore.driver_choice import choose_driver
+from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.drivers.choice import first_layout
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation import EvaluatorSettings, raise_deferred
+from jld_explore.drivers.genetic import Genetic
+from jld_explore.evaluation import EvaluatorSettings, field_pool, raise_deferred
+from jld_explore.evaluation.field_pool import FieldPool
 from jld_explore.evaluation.protocol import Evaluator
-from jld_explore.evaluation.records import RECORDS_FILE
-from jld_explore.report import write_report
+from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
+from jld_explore.report import folder, page_of_study, write_pictures, write_report
+from jld_explore.search.driver_choice import choose_driver
+from jld_explore.search.state import Interrupted
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
+from jld_explore.steps import field_check
+from jld_explore.steps.time_limit import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
+from jld_geometry.field_search import move_by_fields
+from jld_geometry.optimise import move_joints
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -126,13 +136,13 @@ class Stubborn(Driver):
 
     name = "stubborn"
 
-    def ask(self, limit: int | None = None) -> Bits:
+    def ask(self, limit: int | None = None) -> np.ndarray:
         """Go on for ever."""
         while True:
             checkpoint()
             time.sleep(0.01)
 
-    def tell(self, labellings: Bits, evaluations: object) -> None:
+    def tell(self, labellings: np.ndarray, evaluations: object) -> None:
         """Nothing to learn."""
 
 
@@ -254,7 +264,7 @@ def test_limits_that_no_layout_keeps_are_proven_to_be_empty(tmp_path: Path) -> N
     document = samples.arch(voussoirs=7, rings=1).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     scene = parse_scene({**document, "search": {"block_cells": [1, 3], "shapes": [None, 1]}})
     space = search_space(scene, build_assembly(scene))
-    assert sum(len(rows) for rows, _ in Enumeration(space).batches()) == 0
+    assert len(every_layout(space)) == 0
     assert len(first_layout(space)) == 0
     settings = ExploreSettings(driver="random", seconds=60.0, jobs=1, small=0)  # it ends at once
     with pytest.raises(InputError, match=r"search: no labelling satisfies the constraints; expected"):
@@ -268,9 +278,8 @@ def test_constructed_layouts_are_those_of_brute_force(low: int, high: int) -> No
     search = {"block_cells": [1, 2], "shapes": [low, high]}
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **search))
     space = search_space(scene, build_assembly(scene))
-    truth = {row.tobytes() for rows, _ in Enumeration(space).batches() for row in rows}
+    truth = set(map(np.ndarray.tobytes, every_layout(space)))
     blocks = possible_blocks(space)
-    assert blocks is not None
     formula = Formula(space, blocks, partial=True)
     kinds = space.limits.block_shapes.kinds(blocks.members)
     formula.limit_kinds(kinds.tolist(), Range.of((low, high), whole=True))
@@ -353,7 +362,6 @@ def test_large_scenes_are_not_meshed_to_plan_a_check(monkeypatch: pytest.MonkeyP
     scene = parse_scene(grid_document(["a" * 40] * 40 + ["#" * 40]))
     assembly = build_assembly(scene)
     plan = field_check.plan_check(scene, assembly, search_space(scene, assembly), ExploreSettings())
-    assert plan is not None
     assert plan.count == 0
     assert "triangles would take" in plan.skipped
 
@@ -398,3 +406,295 @@ def test_a_batch_has_no_more_labellings_than_there_is_time_for() -> None:
     for each, number in ((25.0, 2), (1000.0, 1)):
         evaluator._batch_share = each
         assert len(evaluator.evaluate_all(rows, None, Deadline(60.0))) == number
+
+
+# Signals at awkward moments: between search and tables, twice, and while modules are loading.
+
+
+def test_a_signal_between_search_and_tables_leaves_page_and_load_factor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A signal while all layouts were bounded after a search left neither tables nor page."""
+    module = importlib.import_module("jld_explore.explore")
+    bound_all, calls = module._bound_all, []
+
+    def interrupted(*arguments: Any, **options: Any) -> None:
+        calls.append(1)
+        if len(calls) == 1:
+            raise Interrupted
+        bound_all(*arguments, **options)
+
+    monkeypatch.setattr(module, "_bound_all", interrupted)
+    with pytest.raises(Interrupted) as stop:
+        explore(samples.grid(columns=4, rows=3), tmp_path / "out", driver="random", budget=20, jobs=1)
+    facts = stop.value.done.summary
+    assert (len(stop.value.done.results), facts.stop_reason) == (20, "interrupted")
+    assert facts.best is not None
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_second_signal_waits_while_results_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An impatient second Ctrl-C left a search without tables; one that comes much later ends it."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    clock = 100.0
+    monkeypatch.setattr(ending.time, "monotonic", lambda: clock)
+    try:
+        raise_on_signals()
+        with pytest.raises(Interrupted):
+            os.kill(os.getpid(), signal.SIGINT)
+        clock += 1.0
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGTERM)
+        clock += 60.0
+        with pytest.raises(Interrupted):
+            os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def test_a_signal_while_modules_load_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(streams, "open_streams", stop)
+    with pytest.raises(SystemExit) as end:
+        entry.main()
+    assert end.value.code == streams.STOPPED
+    assert capsys.readouterr().err == f"{streams.STOPPED_WORDS}\n"
+
+
+def test_a_signal_before_the_driver_proposes_leaves_one_layout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver that looks for its first layouts for minutes left a search without λ after Ctrl-C."""
+
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    scene = samples.grid(columns=4, rows=3)
+    wanted: dict[str, Any] = {"driver": "genetic", "jobs": 1, "budget": 30}
+    with monkeypatch.context() as patched:
+        patched.setattr(Genetic, "ask", stop)
+        with pytest.raises(Interrupted) as stopped:
+            explore(scene, tmp_path / "out", **wanted)
+    done = stopped.value.done
+    assert (len(done.results), done.summary.stop_reason) == (1, "interrupted")
+    assert done.summary.best is not None
+    assert (tmp_path / "out" / "report.html").exists()
+    # that layout, which no driver proposed, is not part of the search when it goes on
+    resumed = explore(scene, tmp_path / "out", **wanted, resume=True, pictures=False).results
+    whole = explore(scene, tmp_path / "whole", **wanted, pictures=False).results
+    assert resumed["labelling"].tolist() == whole["labelling"].tolist()
+
+
+def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:
+    """With more time a space counts as small, and --resume asked for the driver that had been chosen without."""
+    scene, settings = samples.grid(columns=3, rows=2), ExploreSettings(jobs=1, pictures=False, check_fields=0)
+    begun = explore(scene, tmp_path / "out", settings, budget=5, driver="random")
+    assert begun.summary.facts["driver"] == "random"
+    done = explore(scene, tmp_path / "out", settings, resume=True)
+    assert (done.summary.facts["driver"], done.summary.proven) == ("random", True)
+    assert explore(scene, tmp_path / "other", settings).summary.facts["driver"] == "enumeration"
+    assert recorded_driver(tmp_path / "out" / RECORDS_FILE) == "random"
+    (tmp_path / "broken").write_bytes(b"no record at all")
+    assert recorded_driver(tmp_path / "broken") is None
+
+
+def test_a_signal_while_the_process_ends_does_not_replace_its_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python resets its handlers before it ends, so that SIGINT then killed a search that was complete.
+
+    A command that is called within a process leaves its signals alone.
+    """
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    monkeypatch.setattr(sys, "argv", ["jld", "--version"])
+    try:
+        with pytest.raises(SystemExit) as end:
+            command.main()
+        assert end.value.code == 0
+        assert signal.SIG_IGN not in [signal.getsignal(number) for number in handlers]
+        with pytest.raises(SystemExit) as end:
+            entry.main()
+        assert end.value.code == 0
+        assert [signal.getsignal(number) for number in handlers] == [signal.SIG_IGN] * 2
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+# A stopped `jld move` keeps the best so far, and every command ends a signal with one line and exit code 3.
+
+
+def arch() -> Scene:
+    """A small arch whose joints may move."""
+    document = samples.arch(voussoirs=7, thickness=0.3).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+    document["move"] = {"along": [{"circle": [0, 0]}]}
+    return parse_scene(document)
+
+
+def stop_after(count: int) -> object:
+    """Return a progress function that interrupts at one of the accepted points."""
+    seen: list[Any] = []
+
+    def progress(point: Any) -> None:
+        seen.append(point)
+        if len(seen) == count:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+@pytest.mark.parametrize("mover", [move_joints, move_by_fields])
+def test_an_interrupt_ends_with_the_best_so_far(mover: object) -> None:
+    """Interrupted at its second point, a move returns that point, proven; its scene has the value stated."""
+    scene = arch()
+    assembly = build_assembly(scene)
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    done = mover(scene, assembly, labels, progress=stop_after(2))
+    assert done.end == "interrupted"
+    assert len(done.points) == 2
+    assert done.after.load_factor == pytest.approx(solve(done.scene).load_factor, rel=1e-5)
+    if mover is move_joints:
+        assert done.value > done.start
+        assert done.value == pytest.approx(done.points[1].value, rel=1e-9)
+
+
+def test_the_command_writes_its_results_when_interrupted(
+    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit code 3, one line, and the scene of the best point; SIGTERM is taken as Ctrl-C is."""
+    file, out = tmp_path / "arch.json", tmp_path / "moved.json"
+    file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
+
+    def mover(*arguments: object, progress: object, **options: object) -> object:
+        assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
+        return move_joints(*arguments, progress=stop_after(2), **options)
+
+    monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
+    done = jld("move", file, "-o", out)
+    assert (done.code, done.err) == (3, f"stopped; the best so far is in {out}\n")
+    assert solve(load_scene(out)).load_factor > solve(arch()).load_factor
+    assert out.with_suffix(".csv").exists()
+
+
+def test_an_interrupt_before_any_result_is_one_line(
+    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A command that has nothing to keep says so, with exit code 3."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
+    monkeypatch.setattr("jld_practice.laying.command.assembly_order", interrupted)
+    done = jld("assembly", file)
+    assert (done.code, done.out) == (3, "")
+    assert done.err.strip() == "stopped; nothing more is written"
+
+
+def test_a_move_keeps_time_for_its_checks(jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time limit counts from the start of the program, and a fifth of it is kept for checks and picture."""
+    given: list[float] = []
+
+    def mover(*arguments: object, seconds: float, **options: object) -> object:
+        given.append(seconds)
+        return move_joints(*arguments, seconds=0.0, **options)
+
+    file = tmp_path / "arch.json"
+    file.write_text(json.dumps(arch().model_dump(mode="json", exclude_defaults=True, by_alias=True)))
+    monkeypatch.setattr("jld_geometry.moving.move_joints", mover)
+    assert jld("move", file, "-o", tmp_path / "moved.json", "--seconds", "100").code == 0
+    assert 60.0 < given[0] < 80.0
+
+
+# Time limits: what is kept back for writing, and what is not begun because it would end late.
+
+
+@pytest.mark.parametrize(("limit", "allowed"), [(None, 2.0), (0.5, 2.0), (10.0, 2.0), (40.0, 2.0), (100.0, 5.0)])
+def test_a_limit_is_passed_by_2_s_or_a_twentieth(limit: float | None, allowed: float) -> None:
+    assert LATENESS == (2.0, 0.05)
+    assert lateness(limit) == allowed
+    settings, deadline = ExploreSettings(seconds=limit), Deadline(100.0)
+    ends = [later(deadline, settings, share).end - deadline.end for share in (TABLES, PAGE, PICTURES)]
+    assert ends == sorted(ends)
+    assert ends[-1] < allowed
+
+
+def test_drawing_is_kept_back_from_the_limit() -> None:
+    """Each part of what is written prolongs it, and half of a limit is left for the search however busy the machine."""
+    small, large = (build_assembly(samples.grid(columns=n, rows=n)) for n in (3, 30))
+
+    def kept(assembly: Any, seconds: float, pictures: bool = True, fields: bool = False, busy: float = 1.0) -> float:
+        deadline = Deadline(1e6, time.perf_counter() - busy * time.process_time())
+        settings = ExploreSettings(seconds=seconds, pictures=pictures)
+        return deadline.end - search_deadline(deadline, settings, assembly, fields=fields).end
+
+    assert kept(small, 10.0) < kept(large, 10.0) < 1.0
+    assert kept(small, 10.0) < kept(small, 10.0, fields=True)
+    assert kept(small, 10.0) < kept(small, 10.0, busy=3.0) < kept(small, 10.0, busy=30.0) <= 5.0
+    assert kept(small, 1000.0) == 0.0
+    assert search_deadline(Deadline(), ExploreSettings(), small, fields=True).limited is False
+
+
+def test_pictures_are_begun_only_if_they_end_in_time(tmp_path: Path) -> None:
+    scene = parse_scene(grid_document(["ab", "cd", "##"]))
+    done = explore(scene, tmp_path / "out", driver="enumeration", pictures=False, seconds=60.0)
+    written, missing = write_pictures(done, deadline=Deadline(1.0))
+    assert (written, len(missing)) == ([], 5)
+    written, missing = write_pictures(done, deadline=Deadline(6.0), busy=6.0)
+    assert (written, len(missing)) == ([], 5)
+
+
+def test_pictures_of_large_scenes_take_longer(tmp_path: Path) -> None:
+    """Those of 2 500 cells, whose best layout is solved again, were begun with 1.2 s left and took 4.5 s."""
+    done = explore(samples.grid(columns=4, rows=3), tmp_path / "out", driver="random", budget=1, pictures=False)
+    small = folder._drawing_seconds("best", done)
+    large = folder._drawing_seconds("best", replace(done, assembly=build_assembly(samples.grid(columns=50, rows=50))))
+    assert small < 1.4
+    assert large > 4.0
+
+
+def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It refined for 2 s whatever the limit, so that a search of 10 s ended 2.1 s late."""
+    asked: list[float] = []
+    monkeypatch.setattr(folder, "_field_picture", lambda _, seconds: asked.append(seconds))
+    monkeypatch.setattr("jld_core.views.figures.save_figure", lambda *_: None)
+    document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
+    done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
+    missing = write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]
+    assert (asked, "best.png" in missing) == ([], True)
+    assert "best.png" not in write_pictures(done, deadline=Deadline(60.0), fields=0.5)[1]
+    assert asked == [0.5]
+
+
+def test_a_page_is_written_without_forces_that_would_be_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best row was solved again though its evaluation said that it takes a second."""
+    done = explore(parse_scene(grid_document(["ab", "##"])), tmp_path / "out", driver="enumeration", pictures=False)
+    done.results.loc[:, "seconds"] = 1.0
+
+    def solved(*_: object) -> None:
+        pytest.fail("it is solved")
+
+    monkeypatch.setattr(page_of_study.CaseAnalysis, "solve", solved)
+    page_of_study.write_report(done, deadline=Deadline(0.5))
+    assert (done.folder / "report.html").exists()
+    assert json.loads((read_folder(done.folder).folder / "summary.json").read_text())["best"] is not None
+
+
+@pytest.mark.parametrize(("jobs", "count"), [(1, 2), (2, 4)])
+def test_layouts_are_refined_together_only_as_far_as_time_allows(
+    jobs: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four layouts one after another passed the limit, as each was expected to end in time by itself."""
+    assembly = build_assembly(parse_scene(grid_document(["abc", "###"])))
+    rows = np.repeat(assembly.labels[None], 4, axis=0)
+    pool = FieldPool(assembly, rows, Deadline(100.0))
+    pool.tasks.jobs = jobs
+    monkeypatch.setattr(field_pool, "mesh_seconds", lambda *_: 30.0)  # with caution 45
+    monkeypatch.setattr(field_pool, "zip", lambda *parts, strict: [], raising=False)
+    taken: list[int] = []
+    monkeypatch.setattr(pool.tasks, "run", lambda _, tasks: taken.append(len(tasks)) or [])
+    pool.refine(range(4), np.zeros(4))
+    assert taken == [count]
+    assert not pool.given_up.any()

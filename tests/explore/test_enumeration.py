@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from cases import grid_document
 from jld_core import InputError, build_assembly, load_scene, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
 from jld_explore.space import to_string
@@ -77,7 +76,7 @@ def brute_force(space: SearchSpace) -> list[str]:
     return sorted(to_string(np.array(row)) for row in itertools.product(*choices) if in_space(space, row))
 
 
-def everything(space: SearchSpace, rows: int | None = None) -> tuple[Bits, list[int]]:
+def everything(space: SearchSpace, rows: int | None = None) -> tuple[np.ndarray, list[int]]:
     parts = list(Enumeration(space, rows=rows).batches())
     labellings = [labels for labels, _ in parts] or [np.empty((0, len(space.fixed)), dtype=bool)]
     return np.concatenate(labellings), [n for _, multiplicity in parts for n in multiplicity.tolist()]
@@ -144,7 +143,7 @@ def test_brute_force_on_random_shapes_and_limits(data: st.DataObject) -> None:
 
     def limits() -> list[int | None]:
         low, high = data.draw(bound), data.draw(bound)
-        return sorted((low, high)) if low is not None and high is not None else [low, high]  # type: ignore[type-var]
+        return sorted((low, high)) if low is not None and high is not None else [low, high]
 
     search: dict[str, Any] = {
         key: limits() for key in ("block_cells", "blocks", "dry_faces") if data.draw(st.booleans())
@@ -258,7 +257,7 @@ def test_flagship_counts() -> None:
 def test_order_depends_on_the_space_alone() -> None:
     space = flagship()
     whole = everything(space)[0]
-    assert np.array_equal(everything(space, rows=7)[0], whole)
+    assert np.array_equal(everything(space, rows=97)[0], whole)
     for portions in ([1, 3, 500, 10000, 1], [None], [6382]):
         driver, parts = Enumeration(space), []
         for limit in itertools.cycle(portions):

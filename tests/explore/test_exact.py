@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
+from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cases import DOWN, grid_document
-from cases_spatial import box, scene
-from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_explore import Evaluation, Exploration, ExploreSettings, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
+from cases import DOWN, box, every_layout, grid_document
+from cases import scene_in_space as scene
+from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
+from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
+from jld_explore.drivers import make_driver
+from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
 from jld_explore.drivers.exact.conflict_generation import windows_of
+from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.evaluation import Records
+from jld_explore.space import count_named, values_of
 from jld_explore.space.labelling import canonical
+from jld_explore.space.limits import Range
 from jld_explore.space.search_space import feasible
 
 # what blocks that crack anywhere carry, test_field_check.py tests
@@ -205,7 +213,7 @@ def test_formulas_have_the_space_for_models(name: str, listed: bool) -> None:
         assert feasible(space, labels[None])[0]
         found.add(np.asarray(canonical(labels[None], space.group)[0]).tobytes())
         formula.forbid(every, labels)
-    assert len(found) == Enumeration(space).count().classes
+    assert len(found) == make_driver("enumeration", space, 0).count().classes
 
 
 @pytest.mark.parametrize("options", [s[1] for s in SCENES.values()], ids=list(SCENES))
@@ -224,7 +232,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
         first = min(left)
         return sum(covers(left - set(m)) for m in blocks.members if first in m and left.issuperset(m))
 
-    assert covers(frozenset(free)) == Enumeration(space).count().labellings
+    assert covers(frozenset(free)) == make_driver("enumeration", space, 0).count().labellings
 
 
 def test_a_stopped_proof_reports_its_gap_and_continues(tmp_path: Path) -> None:
@@ -353,7 +361,7 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
     decided, values = np.zeros((2, len(space.fixed)), dtype=bool)
     decided[faces], values[faces] = True, labels
     images = np.argsort(space.group, axis=1)[:, faces]
-    known = next(rows for rows, _ in Enumeration(space).batches())[:1]
+    known = every_layout(space)[:1]
     scale = LimitAnalysis(space.assembly).template.scaling.load
     for number, best in enumerate((1e-3 * np.random.default_rng(4).random(30)).tolist()):
         records = Records(tmp_path / str(number), {}, len(space.fixed))
@@ -434,3 +442,166 @@ def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: py
     found = search(rows, options, tmp_path / "often", "exact", search=1).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(whole["best"], rel=1e-6)
+
+
+# One formula for a whole proof: what it is aimed at, and what holds above some λ alone.
+
+
+def space_of(count: str) -> SearchSpace:
+    options = {"block_cells": [1, 3], "front": {"count": count}, "dry_faces": [4, 6]}
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], **options))
+    return search_space(scene, build_assembly(scene))
+
+
+def left(formula: Formula) -> list[np.ndarray]:
+    """All labellings that are left, up to symmetry, each set aside once found."""
+    rows: list[np.ndarray] = []
+    while (labels := formula.next()) is not None:
+        rows.append(labels)
+        formula.set_aside(np.arange(len(labels)), labels)
+    return rows
+
+
+@pytest.mark.parametrize("count", ["dry_faces", "blocks"])
+def test_a_formula_is_aimed_at_one_count_after_the_other(count: str) -> None:
+    space = space_of(count)
+    every = every_layout(space)
+    expected = Counter(values_of(count_named(count), space.assembly, every, space.graph).tolist())
+    assert len(expected) >= 3
+    formula = Formula(space, possible_blocks(space))
+    assert len(left(formula)) == len(every)
+    for wanted in (*sorted(expected), min(expected), 0, 100):
+        formula.aim(0.0, wanted)
+        found = left(formula)
+        assert len(found) == expected[wanted]
+        assert not formula.possible((), ())
+    below = min(expected) + 1
+    for bounds, number in (
+        (Range.of((None, below), whole=True), sum(expected[value] for value in expected if value <= below)),
+        (Range.of((below, None), whole=True), sum(expected[value] for value in expected if value >= below)),
+    ):
+        formula.aim(0.0, bounds)
+        assert len(left(formula)) == number
+    formula.aim(0.0)
+    assert len(left(formula)) == len(every)
+
+
+def test_conflicts_hold_above_their_bounds_in_whatever_order_these_are_aimed_at() -> None:
+    space = space_of("dry_faces")
+    formula = Formula(space, possible_blocks(space))
+    rows = left(formula)
+    everywhere = np.arange(len(space.fixed))
+    bounds = np.random.default_rng(0).permutation(len(rows)).astype(float)
+    told = len(rows) // 2
+    for place, (labels, bound) in enumerate(zip(rows, bounds, strict=True)):
+        if place == told:
+            # half of them are there before anything is aimed at, the others come in between
+            formula.aim(bounds[:told].mean())
+        formula.forbid(everywhere, labels, bound)
+    for threshold in (-1.0, len(rows) / 2, 3.5, 7.0, len(rows) / 4, 7.0, 1e3, 0.0, 6.5):
+        formula.aim(threshold)
+        assert len(left(formula)) == (bounds > threshold).sum()
+        formula.raise_threshold(threshold - 1.0)
+        assert not formula.possible((), ())
+    # nothing that was set aside comes back where only the threshold rises
+    formula.aim(3.0)
+    labels = formula.next()
+    assert labels is not None
+    formula.set_aside(everywhere, labels)
+    formula.raise_threshold(5.0)
+    place = next(place for place, row in enumerate(rows) if (row == labels).all())
+    assert len(left(formula)) == (bounds > 5.0).sum() - (bounds[place] > 5.0)
+    # a conflict found anew with a smaller bound holds lower down too
+    highest = int(bounds.argmax())
+    formula.aim(len(rows) - 1.5)
+    assert len(left(formula)) == 1
+    formula.forbid(everywhere, rows[highest], 2.0)
+    formula.aim(len(rows) - 1.5)
+    assert left(formula) == []
+
+
+# A proof that lasts asks the relaxation by blocks: the same optimum, and nothing ruled out is better than it says.
+
+
+# what blocks that crack anywhere carry, test_field_check.py tests
+
+WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
+WINDS = {"loads": {"cases": [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [-1, 0]}]}]}}
+
+
+def scenes() -> dict[str, Scene]:
+    weak = grid_document(["aaa", "aaa", "###"], **WEAK)
+    return {
+        "weak": parse_scene(weak),
+        "cases": parse_scene(weak | WINDS),
+        "crushing": parse_scene(grid_document(["aaa", "aaa", "###"], **WEAK, crush_dry=5e4, crush_inner=1e5)),
+        "in space": parse_scene(_cubes()),
+    }
+
+
+def _cubes() -> dict[str, Any]:
+    """Two by two by two cubes on a slab, in blocks of up to two."""
+    document = grid_document(["a"], tension=2e3, shear=2e3, live=[{"body": [1, 0.3, 0]}], block_cells=[1, 2])
+    del document["grid"]
+    places = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    boxes = {f"c{x}{y}{z}": ([0.1 * x, 0.1 * y, 0.1 * z], 0.1, 0.1) for x, y, z in places}
+    boxes["base"] = ([0.0, 0.0, -0.1], 0.2, 0.1)
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    elements = []
+    for name, (low, wide, high) in boxes.items():
+        size = (wide, wide, high)
+        corners = [[low[axis] + size[axis] * (k >> axis & 1) for axis in range(3)] for k in range(8)]
+        elements.append({"id": name, "support": name == "base", "vertices": corners, "faces": faces})
+    return {**document, "elements": elements}
+
+
+@pytest.mark.parametrize("name", ["weak", "cases", "crushing", "in space"])
+def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scenes()[name]
+    space = search_space(scene, build_assembly(scene))
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
+    monkeypatch.setattr("jld_explore.drivers.exact.block_tree._BLOCKS_PER_ELEMENT", 0)  # no tree
+    driver = Exact(space, search=0)
+    found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
+    assert driver._tightening.solves > 0
+    assert found.summary.proven is True
+    assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
+    table = every.results[every.results["status"] == "collapse"]
+    for text, load in zip(table["labelling"], table["bracket_lo"], strict=True):
+        for image in np.array([letter == "d" for letter in text])[space.group]:
+            for one in driver.state.conflicts:
+                if (image[one.faces] == one.labels).all():
+                    assert load <= one.bound * driver._scale * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._DEADLINE_CHECK_SECONDS", 0.0)
+    scene = scenes()["in space"]
+    space = search_space(scene, build_assembly(scene))
+    context = ProofContext.of(space, 0)
+    assert context is not None
+    found = []
+    for here in (10**9, 0):
+        monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._SIDES_HERE", here)
+        narrowing = BlockBoundTightening(context, wanted=True)
+        answers = chain([False], repeat(here == 0 and late))
+        found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
+    if late:
+        assert found[1] == TightenedBound(1e3, ())
+    else:
+        assert found[1].bound == found[0].bound < 1e3
+
+
+def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scenes()["weak"]
+    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
+    driver = Exact(search_space(scene, build_assembly(scene)), search=0)
+    settings = ExploreSettings(pictures=False, small=0, certificate=tmp_path / "proof.jld")
+    found = explore(scene, tmp_path / "out", settings, driver=driver)
+    assert driver._tightening.solves == 0
+    assert found.summary.proven is True

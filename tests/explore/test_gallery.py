@@ -12,8 +12,8 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from tools.gallery import ENTRIES, PAGE, files_of, page_text, write_entry
 
+from command import ROOT
 from jld_core import load_scene, solve
-from paths import ROOT
 
 SMALL = 1_300_000  # bytes of the files of one structure; pages in space hold 0.6 MB of drawing code
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases_spatial import box
+from cases import box
 from jld_core import build_assembly, parse_scene, solve
-from jld_core.arrays import Floats
 from jld_core.scene.design import partial_factors
 from jld_practice.design_check.check import design_check
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse
@@ -30,7 +29,7 @@ class Move:
 
     length: float = 1.0
     force: float = 1.0
-    turn: Floats | None = None
+    turn: np.ndarray | None = None
     shift: tuple[float, ...] = ()
     order: int = 0
 
@@ -56,12 +55,12 @@ class Move:
         return self.force / self.length**2
 
 
-def rotation(degrees: float) -> Floats:
+def rotation(degrees: float) -> np.ndarray:
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return np.array([[c, -s], [s, c]])
 
 
-def rotation_in_space() -> Floats:
+def rotation_in_space() -> np.ndarray:
     """Rotation whose axes are parallel to no axis of the scene."""
     tilt, _ = np.linalg.qr(np.array([[1.0, 0.3, -0.2], [0.4, 1.0, 0.5], [-0.1, 0.7, 1.0]]))
     return np.asarray(tilt * np.sign(np.linalg.det(tilt)))
@@ -181,7 +180,7 @@ def under_fill(move: Move) -> dict[str, Any]:
     return wall(move, fill=fill, loads={"live": [{"on_fill": strip, "weight": 1e3 * move.force}, push]})
 
 
-def load_factors(document: dict[str, Any]) -> Floats:
+def load_factors(document: dict[str, Any]) -> np.ndarray:
     """Load factor of the whole scene."""
     return np.array([solve(build_assembly(parse_scene(document))).load_factor])
 
@@ -196,14 +195,14 @@ def uncertain_columns(move: Move) -> dict[str, Any]:
     return document
 
 
-def indices(document: dict[str, Any]) -> Floats:
+def indices(document: dict[str, Any]) -> np.ndarray:
     """Reliability index, importances, and the samples that fail."""
     structure = random_structure(parse_scene(document))
     found = analyse(structure, structure.assembly.labels, ReliabilityOptions(samples=2_000, required=3.0))
     return np.array([found.form.beta, *found.form.direction, found.simulation.failures, found.simulation.probability])
 
 
-def utilisations(document: dict[str, Any]) -> Floats:
+def utilisations(document: dict[str, Any]) -> np.ndarray:
     """Utilisation by the faces drawn under every combination, the share that joints use, and what refutes the layout.
 
     Bounds by fields, where blocks may crack anywhere, depend on the mesh, which no turn of a scene leaves alone.
@@ -228,7 +227,7 @@ def pushed(move: Move) -> dict[str, Any]:
     return wall(move, loads=loads, design=FACTORS)
 
 
-STUDIES: dict[str, tuple[Callable[[Move], dict[str, Any]], Callable[[dict[str, Any]], Floats], dict[str, Move]]] = {
+STUDIES: dict[str, tuple[Callable[[Move], dict[str, Any]], Callable[[dict[str, Any]], np.ndarray], dict[str, Move]]] = {
     "line and pressure": (wall, load_factors, PLANAR),
     "fill": (under_fill, load_factors, PLANAR),
     "patches": (columns, load_factors, SPATIAL),
@@ -241,7 +240,7 @@ STUDIES: dict[str, tuple[Callable[[Move], dict[str, Any]], Callable[[dict[str, A
 
 
 @cache
-def stated(study: str) -> Floats:
+def stated(study: str) -> np.ndarray:
     """Numbers of a study of the scene as it is stated."""
     scene, numbers, _ = STUDIES[study]
     return numbers(scene(Move()))

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
@@ -42,7 +41,7 @@ def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str
     scene = scene_of(rows, **WIDE)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    labellings = np.concatenate([found for found, _ in Enumeration(space).batches()])
+    labellings = every_layout(space)
     labellings = labellings[np.random.default_rng(1).permutation(len(labellings))[:150]]
     alone = [not locked_blocks(assembly, labels) for labels in labellings]
     asked = SequenceConstraint(assembly, "translation", np.ones(len(assembly.interfaces), dtype=bool))
@@ -141,7 +140,7 @@ def test_building_up_agrees_with_taking_apart(rows: list[str], sizes: list[int])
     scene = scene_of(rows, assemble="standing", **{**WIDE, "candidates": "all", "block_cells": sizes})
     assembly = build_assembly(scene)
     free = scene.model_copy(update={"search": scene.search.model_copy(update={"assemble": None})})
-    labellings = np.concatenate([found for found, _ in Enumeration(search_space(free, assembly)).batches()])
+    labellings = every_layout(search_space(free, assembly))
     labellings = labellings[np.random.default_rng(2).permutation(len(labellings))[:25]]
     asked = SequenceConstraint(assembly, "standing", np.ones(len(assembly.interfaces), dtype=bool))
     orders = [assembly_order(assembly, labels, wish="standing") for labels in labellings]
@@ -170,7 +169,6 @@ def test_a_search_for_an_order_that_stops_at_its_limit_proves_nothing(
             monkeypatch.setattr(f"jld_practice.laying.{module}.MOST_STAGES", limit)
         asked = SequenceConstraint(assembly, "standing", assembly.free_faces)
         lock = asked.lock(np.ones(len(assembly.interfaces), dtype=bool))
-        assert lock is not None
         assert lock.proven is decided
         assert asked.undecided == (0 if decided else 1)
         assert asked.locks == [] or decided
@@ -200,7 +198,6 @@ def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path
         r"when (\S+) is laid: it needs props of (\S+) N below (\S+);",
         str(caught.value),
     )
-    assert found is not None
     step, steps, stone, force, below = found.groups()
     assert (step, steps, below) == ("3", "5", stone)
     assembly = build_assembly(scene)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +14,21 @@ import pandas as pd
 import pytest
 from benchmarks.claims import Tally, members
 
-from cases import dry_and_inner
-from jld_core import InputError, build_assembly, parse_scene, solve
+from cases import dry_and_inner, every_layout, grid_document
+from jld_core import InputError, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.models import solve_by_fields
-from jld_explore import explore, search_space
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.report.page_contract import PageData
+from jld_explore.space import from_string
 from jld_explore.verification import verify
+
+# what blocks that crack anywhere carry, test_field_check.py tests
+pytestmark = pytest.mark.usefixtures("without_field_check")
+
 
 Document = dict[str, Any]
 
@@ -121,8 +130,7 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
 def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
-    from jld_core.views.figures import figure_for
-    from jld_core.views.figures import draw_forces, draw_mechanism
+    from jld_core.views.figures import draw_forces, draw_mechanism, figure_for
     from jld_explore.report.page_data import page_data, solution_of
 
     scene = parse_scene(wall([STRAP]))
@@ -241,3 +249,211 @@ def test_random_wall_of_the_claim() -> None:
     tally = Tally(members.CLAIM)
     assert members.case(8, tally) == ""
     assert "not proven" not in tally.notes
+
+
+# Fill in searches, proofs and certificates, and the one line of every computation that does not model it.
+
+
+def arch(fill: dict[str, Any] | None, **more: Any) -> dict[str, Any]:
+    """A ring of two courses, three pieces each, on two supports; weak blocks of at most two cells."""
+    angles = [math.pi * (0.05 + 0.9 * k / 3) for k in range(4)]
+    radii = [1.0, 1.12, 1.24]
+
+    def piece(name: str, course: int, one: float, two: float, **keys: Any) -> dict[str, Any]:
+        corners = [(radii[course], one), (radii[course + 1], one), (radii[course + 1], two), (radii[course], two)]
+        return {"id": name, "polygon": [[-r * math.cos(a), r * math.sin(a)] for r, a in corners][::-1], **keys}
+
+    elements = [
+        piece(f"r{course}v{k}", course, one, two) for course in (0, 1) for k, (one, two) in enumerate(pairwise(angles))
+    ]
+    for side, one, two in (("left", 0.0, angles[0]), ("right", angles[-1], math.pi)):
+        elements += [piece(f"{side}{course}", course, one, two, support=True) for course in (0, 1)]
+    return {
+        "name": "arch",
+        "elements": elements,
+        "materials": dry_and_inner(2000, 0.7, 1e5, 2e5),
+        "loads": {"live": [{"element": "r1v0", "force": [0, -1e3], "at": [-0.6, 1.08]}]},
+        "search": {"block_cells": [1, 2]},
+        **({} if fill is None else {"fill": fill}),
+        **more,
+    }
+
+
+SOIL = {"level": 1.5, "density": 1800.0, "friction_angle": 30.0, "passive": 1.0}
+
+
+def searched_fill_in_searches(document: dict[str, Any], out: Path, driver: str, **options: Any) -> dict[str, Any]:
+    explore(parse_scene(document), out=out, driver=driver, seconds=30, seed=1, **options)
+    return dict(json.loads((out / "summary.json").read_text()))
+
+
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
+def test_proof_with_fill_is_that_of_the_enumeration_and_verified(tmp_path: Path) -> None:
+    listed = searched_fill_in_searches(arch(SOIL), tmp_path / "all", "enumeration")
+    file = tmp_path / "proof"
+    proven = searched_fill_in_searches(arch(SOIL), tmp_path / "exact", "exact", certificate=file)
+    assert proven["proven"]
+    assert listed["proven"]
+    assert proven["best"] == pytest.approx(listed["best"], rel=1e-6)
+    assert proven["best"] <= float(verify(file).claim.bound) <= proven["best"] * (1 + 1e-5)
+    plain = searched_fill_in_searches(arch(None), tmp_path / "plain", "enumeration")
+    assert plain["best"] < 0.5 * listed["best"]
+
+
+def test_fill_without_variable_pressure_is_a_dead_load_of_fields() -> None:
+    """By fields fill is accepted where its pressure is known, and refused in one line where it varies."""
+    still = SOIL | {"active": 0.0, "passive": 0.0}
+    filled, bare = (solve_by_fields(build_assembly(parse_scene(arch(fill))), gap=0.8) for fill in (still, None))
+    assert filled.decided.low > bare.decided.low
+    with pytest.raises(InputError, match=r"fill.*does not model its variable pressure"):
+        solve_by_fields(build_assembly(parse_scene(arch(SOIL))), gap=0.3)
+
+
+def test_spatial_scenes_and_cells_left_out_refuse_fill(tmp_path: Path) -> None:
+    cube = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    upper = [[x, y, z + 1] for x, y, z in cube]
+    elements = [{"id": "a", "vertices": cube, "faces": faces, "support": True}]
+    elements.append({"id": "b", "vertices": upper, "faces": faces})
+    solid = arch(SOIL, elements=elements, loads={"live": [{"element": "b", "force": [1, 0, 0]}]})
+    with pytest.raises(InputError, match=r"fill.*planar"):
+        build_assembly(parse_scene(solid))
+    void = arch(SOIL | {"active": 0.0, "passive": 0.0}, search={"void": {"cells": "all"}, "segmentation": False})
+    with pytest.raises(InputError, match=r"search\.void|fill"):
+        explore(parse_scene(void), out=tmp_path / "void", driver="enumeration")
+
+
+# Searches under several load cases: every driver, every row, and proofs by whichever case refutes.
+
+
+# what blocks that crack anywhere carry, test_field_check.py tests
+
+RIGHT, LEFT, DOWN = [{"body": [1, 0]}], [{"body": [-1, 0]}], [{"body": [0, -1]}]
+WINDS = [{"name": "left", "live": RIGHT}, {"name": "right", "live": LEFT}]
+
+SCENES: dict[str, tuple[list[str], list[dict[str, Any]], dict[str, Any]]] = {
+    "two winds": (["aaa", "aaa", "###"], WINDS, {"block_cells": [1, 3]}),
+    "unequal winds": (
+        ["aaa", "aaa", "##."],
+        [{"name": "left", "live": RIGHT, "required": 0.5}, {"name": "right", "live": LEFT, "required": 0.8}],
+        {"block_cells": [1, 3]},
+    ),
+    "bridge": (
+        ["aaaa", "a..a", "#..#"],
+        [
+            {"name": "left half", "live": [{"element": "c1r0", "force": [0, -400]}]},
+            {"name": "right half", "live": [{"element": "c2r0", "force": [0, -400]}]},
+            {"name": "wind", "live": RIGHT, "required": 0.05},
+        ],
+        {"block_cells": [1, 4]},
+    ),
+    "snow": (
+        ["aaa", "a.a", "###"],
+        [{"name": "wind", "live": RIGHT}, {"name": "wind in snow", "live": LEFT, "dead": DOWN, "required": 0.9}],
+        {"block_cells": [1, 2]},
+    ),
+    "four sides": (
+        ["aa", "aa", "##"],
+        [*WINDS, {"name": "lean", "live": [{"body": [1, -0.5]}]}, {"name": "lift", "live": [{"body": [-1, 0.3]}]}],
+        {},
+    ),
+    "overhang": (
+        ["aaa", "aaa", "##."],
+        [{"name": "down", "live": DOWN}, {"name": "wind", "live": LEFT, "required": 0.1}],
+        {},
+    ),
+}
+
+
+def scene_of(name: str, **more: Any) -> Any:
+    rows, cases, search = SCENES[name]
+    return parse_scene({**grid_document(rows), "loads": {"cases": cases}, "search": {**search, **more}})
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path) -> None:
+    scene = scene_of(name)
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
+    assert every.summary.proven
+    assert found.summary.proven
+    assert found.summary.best == pytest.approx(every.summary.best, rel=2e-6)
+    assembly = build_assembly(scene)
+    names = [case.name for case in assembly.cases]
+    ranked = every.results[every.results["status"] == "collapse"]
+    for _, row in ranked.iloc[:: max(1, len(ranked) // 12)].iterrows():
+        result = solve(assembly, from_string(row["labelling"]))
+        assert row["load_factor"] == pytest.approx(result.load_factor, rel=1e-6)
+        for each in names:
+            own = result.cases[each].load_factor
+            assert row[f"load_factor[{each}]"] == pytest.approx(own, rel=1e-6, nan_ok=True)
+        least = [result.cases[each].load_factor / factor for each, factor in zip(names, assembly.required, strict=True)]
+        governed = least[names.index(row["governing"])]
+        assert governed == pytest.approx(np.nanmin(least), rel=1e-6)
+
+
+def test_fronts_of_cases(tmp_path: Path) -> None:
+    scene = scene_of("unequal winds")
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
+    settings = ExploreSettings(pictures=False, driver="exact", options={"aim": "front"})
+    found = explore(scene, tmp_path / "exact", settings)
+    count = scene.search.front.count
+    known = every.results[every.results["status"] == "collapse"].groupby(count)["load_factor"].max()
+    proven = {row["count"]: row["load_factor"] for row in found.summary.facts["best_by_count"]}
+    assert found.summary.proven
+    assert proven == pytest.approx({k: v for k, v in known.items() if k in proven}, rel=1e-5)
+    assert set(known.index) <= set(proven)
+
+
+@pytest.mark.parametrize("name", ["two winds", "unequal winds"])
+def test_a_tree_of_blocks_under_cases_proves_the_same_as_enumeration(name: str) -> None:
+    scene = scene_of(name)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    driver = Exact(space, by_blocks="on", search=0)
+    evaluator = evaluator_of(assembly, EvaluatorSettings())
+    while len(rows := driver.ask()):
+        driver.tell(rows, evaluator.evaluate_all(rows))
+    every = every_layout(space)
+    best = max(found.load_factor for found in evaluator.evaluate_all(every) if found.status is Status.COLLAPSE)
+    assert driver.finished
+    assert driver.relaxations > 0
+    assert driver.found[None].load_factor == pytest.approx(best, rel=2e-6)
+    assert driver.found[None].bound >= best * (1.0 - 1e-9)
+
+
+def test_a_case_that_cannot_matter_is_not_solved() -> None:
+    """Unstable under one case: the others need no solve, and whoever asks again is told the same."""
+    assembly = build_assembly(scene_of("overhang"))
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    slow = evaluator_of(assembly, EvaluatorSettings(SolveOptions(friction="zero-dilation")))
+    quick = evaluator_of(assembly, EvaluatorSettings())
+    found, whole = slow.evaluate(labels), quick.evaluate_all(labels[None])[0]
+    assert found.status is whole.status is Status.UNSTABLE
+    assert np.isnan(found.cases).all()
+
+
+def test_a_mirror_maps_winds_onto_one_another() -> None:
+    scene = scene_of("two winds")
+    assert len(search_space(scene, build_assembly(scene)).group) == 2
+    other = scene_of("unequal winds")
+    assert len(search_space(other, build_assembly(other)).group) == 1
+
+
+@pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal"])
+def test_other_drivers_rank_by_the_governing_factor(driver: str, tmp_path: Path) -> None:
+    scene = scene_of("bridge")
+    done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40, jobs=1))
+    assembly = build_assembly(scene)
+    best = done.results.iloc[0]
+    assert best["load_factor"] == pytest.approx(solve(assembly, from_string(best["labelling"])).load_factor, rel=1e-6)
+
+
+def test_without_dilation_the_least_case_governs(tmp_path: Path) -> None:
+    scene = scene_of("two winds")
+    settings = ExploreSettings(pictures=False, driver="random", budget=6, model=SolveOptions(friction="zero-dilation"))
+    done = explore(scene, tmp_path / "out", settings)
+    for _, row in done.results[done.results["status"] == "collapse"].iterrows():
+        each = [row["load_factor[left]"], row["load_factor[right]"]]
+        assert row["load_factor"] == pytest.approx(min(each), rel=1e-6)
+        assert row["load_factor"] <= row["load_factor_associative"] * (1.0 + 1e-6)

@@ -15,8 +15,8 @@ from command import Command
 from jld_core import InputError, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings
-from jld_explore.study_state import Interrupted
-from jld_geometry.moved_search import MovedSearch, explore_and_move, write_moved
+from jld_explore.search.state import Interrupted
+from jld_geometry.moved_search import explore_and_move, write_moved
 
 FRICTION = 0.9
 
@@ -29,7 +29,7 @@ def wall(**keys: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> MovedSearch:
+def done(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("moved") / "out"
     settings = ExploreSettings(driver="enumeration", pictures=False, check_fields=0)
     found = explore_and_move(parse_scene(wall()), folder, 1, settings, gap=0.4)
@@ -37,7 +37,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> MovedSearch:
     return found
 
 
-def test_moved_layouts_gain_by_fields(done: MovedSearch) -> None:
+def test_moved_layouts_gain_by_fields(done: Any) -> None:
     """λ ≤ μ since the base joints stay (sliding of the whole wall), and the best layout reaches it by faces."""
     assert done.stop == "nothing improves"
     assert len(done.rounds) == 2
@@ -50,7 +50,7 @@ def test_moved_layouts_gain_by_fields(done: MovedSearch) -> None:
     assert again.high >= done.best.low * (1.0 - 1e-9)
 
 
-def test_tables_of_moved_layouts(done: MovedSearch) -> None:
+def test_tables_of_moved_layouts(done: Any) -> None:
     table = pd.read_csv(done.first.folder / "moved.csv")
     assert table["rank"].tolist() == list(range(1, len(done.layouts) + 1))
     assert table["fields_lo"].fillna(table["fields_lo_start"]).is_monotonic_decreasing

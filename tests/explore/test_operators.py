@@ -9,14 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_scene
+from cases import box, every_layout, grid_document
+from cases import scene_in_space as spatial_scene
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import SearchSpace, search_space
-from jld_explore.drivers import BufferedRandom, Register, operators
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
 from jld_explore.drivers.operators.segmentations import Segmentations
 from jld_explore.space import keys
 from jld_explore.space.counts import counts
@@ -89,7 +86,7 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
 
     def limits() -> list[int | None]:
         low, high = data.draw(bound), data.draw(bound)
-        return sorted((low, high)) if low is not None and high is not None else [low, high]  # type: ignore[type-var]
+        return sorted((low, high)) if low is not None and high is not None else [low, high]
 
     search: dict[str, Any] = {
         key: limits() for key in ("block_cells", "blocks", "dry_faces") if data.draw(st.booleans())
@@ -102,7 +99,7 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
         return
     tools, chance = operators(space), rng(data.draw(st.integers(0, 9)))
     rows_of = tools.draw(30, chance)
-    every = Enumeration(space).ask(40)
+    every = make_driver("enumeration", space, 0).ask(40)
     if not len(every):
         assert not len(rows_of)
         return
@@ -110,7 +107,7 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
     bred = tools.breed(parents, parents[::-1], parents, chance)
     for found in (rows_of, tools.vary(parents, chance), tools.cross(parents, parents[::-1], chance), bred):
         assert feasible(space, found).all()
-    known = {key for part, _ in Enumeration(space).batches() for key in keys(part)}
+    known = set(keys(every_layout(space)))
     assert set(keys(canonical(rows_of, space.group))) <= known
 
 
@@ -128,7 +125,7 @@ def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> No
     assert np.array_equal(tools.read(same), tools.read(list(same)))
 
 
-def names(space: SearchSpace, labels: Bits) -> list[int]:
+def names(space: SearchSpace, labels: np.ndarray) -> list[int]:
     return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
 
 
@@ -169,7 +166,7 @@ def test_children_of_equal_parents_are_their_parents() -> None:
 
 def test_every_class_can_be_drawn() -> None:
     space = space_of(["aaa", "aaa", "###"], block_cells=[1, 4])
-    known = {key for rows, _ in Enumeration(space).batches() for key in keys(rows)}
+    known = set(keys(every_layout(space)))
     drawn = canonical(operators(space).draw(6000, rng()), space.group)
     assert set(keys(drawn)) == known
 

@@ -11,13 +11,11 @@ import pandas as pd
 import pytest
 from pydantic import Field
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
-from jld_explore.drivers.enumeration import Enumeration
 
 
 class BackwardsOptions(DriverOptions):
@@ -32,19 +30,19 @@ class Backwards(Driver):
 
     def __init__(self, space: SearchSpace, seed: int = 0, step: int = 5) -> None:
         super().__init__(space, seed)
-        self.left = np.concatenate([rows for rows, _ in Enumeration(space).batches()])[::-1]
+        self.left = every_layout(space)[::-1]
         self.step, self.told = step, 0
 
     @property
     def settings(self) -> dict[str, Any]:
         return {"step": self.step}
 
-    def ask(self, limit: int | None = None) -> Bits:
+    def ask(self, limit: int | None = None) -> np.ndarray:
         count = self.step if limit is None else min(limit, self.step)
         rows, self.left = self.left[:count], self.left[count:]
         return rows
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+    def tell(self, labellings: np.ndarray, evaluations: Sequence[Evaluation]) -> None:
         self.told += len(evaluations)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:

@@ -11,9 +11,9 @@ import pytest
 from joblib.externals.loky import process_executor
 
 from cases import CASES, grid_assembly
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.process_settings import Processes, ignored_warning, switch_interval
-from jld_explore.evaluation.worker_pool import LOST, WorkerPool, Workers, WorkerSpec
+from jld_explore.evaluation import EvaluatorSettings, Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, ignored_warning, switch_interval
+from jld_explore.evaluation.workers import Workers, WorkerSpec
 
 
 def settings() -> tuple[float, list[Any]]:
@@ -58,8 +58,8 @@ def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> Non
     threads = Workers(spec, 2, m, batch=True)
     assert sys.getswitchinterval() < before[0]
     threads.close()
-    processes, pool = Processes(1, hang_seconds=60.0), WorkerPool(1)
-    assert processes.submit(abs, (-1,)).result() == 1
+    processes, pool = Pool(1), WorkerPool(1)
+    assert processes.submit(abs, -1).result() == 1
     assert settings() != before
     processes.close()
     pool.close()
@@ -73,7 +73,7 @@ def test_the_limit_of_memory_that_workers_lift_is_one_of_loky() -> None:
 
 def test_an_error_of_a_task_is_not_taken_for_a_lost_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was hidden: the program was solved again in this process, for ever."""
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._start_process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
     pool = WorkerPool(1)
     worker = pool.first()
     assert worker is not None

@@ -17,7 +17,6 @@ from benchmarks.claims import proofs
 
 from cases import dry_and_inner, grid_document
 from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch import ConflictRequest, chosen
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
@@ -27,9 +26,9 @@ from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import words
+from jld_explore.search.study import Study
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.shapes import BlockShapes
-from jld_explore.study import Study
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
@@ -307,7 +306,9 @@ def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, mon
     """The largest recomputed bound counts, and the search goes on from it to the end."""
     left, sound = [lowered], Relaxation._refutations
 
-    def low(self: Relaxation, velocities: Floats, labels: Bits, undecided: Bools, limits: Floats) -> Any:
+    def low(
+        self: Relaxation, velocities: np.ndarray, labels: np.ndarray, undecided: np.ndarray, limits: np.ndarray
+    ) -> Any:
         found = sound(self, velocities, labels, undecided, limits)
         for k, one in enumerate(found):
             if one is not None and left[0] > 0 and 0.0 < one.bound < 1e6 and not undecided[k].all():
@@ -330,7 +331,6 @@ def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     rng = np.random.default_rng(seed)
     assembly = build_assembly(parse_scene(boxes(rng)))
     relaxation = relaxation_of(assembly)
-    assert relaxation is not None
     free = assembly.free_faces
     labels = rng.random((40, len(free))) < rng.random((40, 1))
     labels[:, ~free] = assembly.labels[~free]

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import box
+from cases import assembly_in_space as spatial_assembly
+from cases import box, grid_document
 from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_core.geometry import outlines
 from jld_core.geometry.congruence import Kinds
 from jld_core.geometry.outlines import Outline
@@ -25,7 +23,7 @@ from jld_explore.space.shapes import BlockShapes
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 
-def labelled(rows: list[str], **keys: Any) -> tuple[Any, Bits]:
+def labelled(rows: list[str], **keys: Any) -> tuple[Any, np.ndarray]:
     assembly = build_assembly(parse_scene(grid_document(rows, **keys)))
     return assembly, assembly.labels
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -11,15 +14,18 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from command import Command
+from cases import grid_document, scene_of_cases, small_scene
+from command import ROOT, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
-from jld_explore import ExploreSettings, Progress, explore, read_folder, search_space
+from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
+from jld_explore.cli import explore as progress
 from jld_explore.cli import overview
 from jld_explore.cli.explore import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words
-from paths import ROOT
-from scenes_of_pages import scene_of_cases, small_scene
+from jld_explore.report.languages import stronger_cut
+from jld_explore.space import from_string
+from jld_practice.printing import content_of
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
 
@@ -85,12 +91,12 @@ def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_names_of_the_face_are_not_modules() -> None:
     import jld_explore.explore
-    import jld_explore.study
+    import jld_explore.search.study
 
     assert callable(jld_explore.explore)
     assert {"explore", "Driver"} <= set(dir(jld_explore))
-    with pytest.raises(AttributeError, match="no attribute 'search'"):
-        jld_explore.search  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'running'"):
+        jld_explore.running  # noqa: B018
 
 
 def test_a_scene_is_drawn_where_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
@@ -199,3 +205,83 @@ def test_parts_of_numpy_that_the_command_line_leaves_out_load_when_named() -> No
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.splitlines()[-1] == "[] True True"
+
+
+# A cut layout that is stronger than the uncut structure: said where it is proven, and nowhere else.
+
+
+def searched(folder: Path, shear: float) -> Exploration:
+    """Search a pressed column that is pushed sideways: a crack has its shear strength alone, a joint has friction."""
+    pushed: list[dict[str, Any]] = [{"element": "c0r0", "force": [1, 0]}]
+    document = grid_document(["a", "a", "#"], live=pushed, tension=1e9, shear=shear)
+    settings = ExploreSettings(driver="enumeration", jobs=1, pictures=False, check_fields=0)
+    return explore(parse_scene(document), folder, settings)
+
+
+def test_a_stronger_layout_is_reported_where_it_is_proven(tmp_path: Path) -> None:
+    done = searched(tmp_path / "a", 1.0)
+    space = search_space(done.scene, done.assembly)
+    alone = solve(done.assembly, space.fixed & ~space.candidates)
+    high = json.loads((tmp_path / "a" / "summary.json").read_text("utf-8"))["uncut_at_most"]
+    assert high == pytest.approx(alone.load_factor, rel=1e-6)
+    assert done.summary.facts["best"] > high
+    assert words.facts_of_exploration(read_folder(tmp_path / "a"))["cuts"] == stronger_cut(high)
+    assert content_of(tmp_path / "a", None).uncut == high
+    assert content_of(tmp_path / "a", 2).uncut is None
+
+
+def test_silent_where_cuts_gain_nothing(tmp_path: Path) -> None:
+    done = searched(tmp_path / "a", 1e9)
+    assert "uncut_at_most" not in done.summary.facts
+    assert "cuts" not in words.facts_of_exploration(done)
+    assert build_assembly(done.scene).labels.shape == done.assembly.labels.shape
+
+
+# What a running search reports: the best layout so far.
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize("driver", ["enumeration", "exact", "hillclimb"])
+def test_progress_names_the_layout_of_its_best(driver: str, tmp_path: Path) -> None:
+    """Solved here, the layout reported last has the λ reported with it, which is the best of the search."""
+    scene = parse_scene(small_scene())
+    told: list[Progress] = []
+    settings = ExploreSettings(driver=driver, jobs=1, pictures=False)
+    done = explore(scene, tmp_path / "out", settings, report=told.append)
+    assert told[-1].best == pytest.approx(done.summary.best, rel=1e-6)
+    labels = from_string(told[-1].labelling)
+    assert solve(build_assembly(scene), labels).load_factor == pytest.approx(told[-1].best, rel=1e-6)
+    firsts = [one for one in told if one.labelling]
+    assert all(a.best <= b.best for a, b in itertools.pairwise(firsts))
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_cells_left_out_are_letters_of_their_own(tmp_path: Path) -> None:
+    document = small_scene()
+    document["search"] = {"void": {"cells": ["c2r0"], "most": 0.3}}
+    told: list[Progress] = []
+    explore(parse_scene(document), tmp_path / "out", ExploreSettings(jobs=1, pictures=False), report=told.append)
+    faces = build_assembly(parse_scene(document)).faces
+    assert {len(one.labelling) for one in told if one.labelling} == {faces}
+    assert all(set(one.labelling) <= set("div") for one in told)
+
+
+@pytest.mark.parametrize(
+    ("done", "total", "left", "words"),
+    [(50, 100, 7.0, "7 s left"), (50, 100, 700.0, "10 s left"), (0, 100, 3.0, "3 s left"), (9, None, math.inf, "")],
+)
+def test_progress_says_how_much_time_is_left(done: int, total: int | None, left: float, words: str) -> None:
+    """That of the limit, or of the layouts that are left if they end earlier; it was that of the layouts alone."""
+    assert progress._time_left(Progress(done, total, done, 1.0, 10.0, left=left)) == words
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_the_bar_shows_time_left_bound_and_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Progress] = []
+    explore(parse_scene(small_scene()), tmp_path / "out", driver="enumeration", seconds=100.0, report=told.append)
+    assert all(0.0 < one.left < 100.0 for one in told)
+    bar = progress.ProgressBar("wall")
+    shown: dict[str, object] = {}
+    monkeypatch.setattr(bar._bar, "update", lambda _, **fields: shown.update(fields))
+    bar(Progress(9, None, 9, 1.5, 10.0, 2.0, 0.25, "", 40.0))
+    assert (shown["best"], shown["left"]) == ("best λ 1.5 ≤ 2, gap 25.00%", "40 s left")

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from command import Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene
-from jld_core.arrays import Bits
 from jld_core.views.figures import save_figure
 from jld_explore.report.pictures import (
     labels_of,
@@ -30,7 +29,7 @@ def assembly() -> Assembly:
     return build_assembly(load_scene(SCENE))
 
 
-def random_blocks(assembly: Assembly, rng: np.random.Generator) -> Bits:
+def random_blocks(assembly: Assembly, rng: np.random.Generator) -> np.ndarray:
     """Labels of a segmentation: faces between free elements are glued at random, then slits are closed."""
     free = assembly.free_faces
     labels = np.where(free, rng.random(len(free)) < rng.uniform(0.2, 0.9), True)
@@ -167,8 +166,8 @@ def test_dry_frequency_counts_the_best_rows(assembly: Assembly, results: pd.Data
     figure = plot_dry_frequency(results, assembly, top=1)
     best = labels_of(results["labelling"].iloc[0], assembly)
     lines = {item.get_label(): item for item in figure.axes[0].collections}
-    assert len(lines["dry"].get_segments()) == int(best.sum())  # type: ignore[attr-defined]
-    assert len(lines["inner"].get_segments()) == int((~best).sum())  # type: ignore[attr-defined]
+    assert len(lines["dry"].get_segments()) == int(best.sum())
+    assert len(lines["inner"].get_segments()) == int((~best).sum())
     assert "the labelling" in figure.texts[0].get_text()
     wide = plot_dry_frequency(results, assembly, top=20)
     known = results[results["status"] == "collapse"].head(20)

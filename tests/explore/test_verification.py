@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import io
 import itertools
 import json
 import math
 import random
+import runpy
+import subprocess
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.claims import certificates
 from pysat.solvers import Solver
 
-from cases import grid_document
-from cases_spatial import box
-from cases_spatial import scene as spatial_document
-from command import Command
+from cases import box, dry_and_inner, grid_document
+from cases import scene_in_space as spatial_document
+from command import SCENES as SCENE_FILES
+from command import Command, Outcome
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
@@ -89,7 +95,6 @@ def certificate(document: dict[str, Any], folder: Path) -> tuple[Path, float | N
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
     path, best = certificate(SCENES[name], tmp_path)
     done = verify(path, parse_scene(SCENES[name]))
-    assert best is not None
     assert best * (1.0 - 1e-6) <= done.claim.bound <= best * (1.0 + 2e-6)
     assert done.claim.load_factor == pytest.approx(best, rel=1e-6)
 
@@ -125,7 +130,6 @@ def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
     analysis, balances = LimitAnalysis(assembly), Balances(assembly)
     sets, template, rng = analysis.template.yield_set, analysis.template, np.random.default_rng(3)
     opening = analysis.repair.opening()
-    assert opening is not None
     every, free = np.ones(len(assembly.interfaces), dtype=bool), assembly.elements.free
     for share in (0.0, 0.3, 3.0):
         noise = rng.standard_normal(len(opening.velocity)) * abs(opening.velocity).max() * 0.05
@@ -454,3 +458,282 @@ def test_a_claim_alone_proves_nothing() -> None:
     checker = Checker(scene, build_assembly(scene), Claim(SCENES["weak"], 1e9))
     with pytest.raises(InputError, match="leave labellings"):
         checker.check([])
+
+
+# The checker written from docs/certificate.md alone agrees with `jld verify` and shares no code with it.
+
+
+TOOL = Path(__file__).parents[2] / "tools" / "check_certificate.py"
+
+VOUSSOIRS: dict[str, Any] = {
+    "elements": [
+        {"id": "left", "polygon": [[-1, 0], [0, 0], [0.3, 1], [-1, 1]], "support": True},
+        *(
+            {"id": f"v{k}", "polygon": [[k, 0], [k + 1, 0], [k + 1 - t, 1], [k - s, 1]]}
+            for k, (s, t) in enumerate([(-0.3, -0.1), (-0.1, 0.1), (0.1, 0.3)])
+        ),
+        {"id": "right", "polygon": [[3, 0], [4, 0], [4, 1], [2.7, 1]], "support": True},
+    ],
+    "thickness": 0.5,
+    "materials": {
+        "density": 2000,
+        "dry": {"friction_angle": 35, "compressive_strength": 2e6},
+        "inner": {"tensile_strength": 1e5, "shear_strength": 2e5, "compressive_strength": 5e6},
+    },
+    "loads": {"live": [{"element": "v1", "force": [0.2, -1], "at": [1.4, 1], "moment": 0.1}]},
+    "search": {"block_cells": [1, 2]},
+}
+"""A flat arch of voussoirs that are no rectangles, crushing."""
+
+KNOWN: dict[str, Any] = {
+    **{name: SCENES[name] for name in ("weak", "crushing", "slits", "bonded", "bonded slits", "cases")},
+    **{
+        name: grid_document(["aaa", "aaa", "###"], tension=1e5, shear=1e5, **{f"block_{name}": limits})
+        for name, limits in {"extent": [None, 0.15], "weight": [20.0, 30.0], "mass": [2.0, 3.0]}.items()
+    },
+    "tall": TALL,
+    "voussoirs": VOUSSOIRS,
+    "rough": grid_document(["aa", "aa", "##"], inner_friction=0.9, cohesion=5e2, tension=2e3, shear=3e3, friction=0.5),
+    "weights without gravity": {
+        **VOUSSOIRS,
+        "elements": [
+            one if one.get("support") else {**one, "weight": 10.0 + k} for k, one in enumerate(VOUSSOIRS["elements"])
+        ],
+        "materials": {**VOUSSOIRS["materials"], "gravity": 0},
+    },
+    "sawing": grid_document(
+        ["aaa", "aaa", "###"], tension=2e3, shear=2e3, block_cells=[1, 2], sawn_length=[None, 9.0], saw_cuts=[1, 40]
+    ),
+    "beam": json.loads((SCENE_FILES / "flat_beam_arch.json").read_text(encoding="utf-8")),
+}
+
+
+def written(document: dict[str, Any], folder: Path) -> Path:
+    path = folder / "proof.jld"
+    explore(parse_scene(document), folder / "out", ExploreSettings(pictures=False, driver="exact", certificate=path))
+    return path
+
+
+def checked(path: Path) -> Outcome:
+    """Run the checker in this process; what it raises refuses as well."""
+    out = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out):
+        patch.setattr(sys, "argv", [str(TOOL), str(path)])
+        try:
+            runpy.run_path(str(TOOL))
+        except (SystemExit, Exception) as end:
+            return Outcome(1, out.getvalue(), f"{end}\n")
+    return Outcome(0, out.getvalue(), "")
+
+
+def lines_of(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[:-1]]
+
+
+def test_the_checker_is_short_and_shares_nothing() -> None:
+    text = TOOL.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 150
+    used = {
+        name
+        for node in ast.walk(ast.parse(text))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [str(node.module)]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    assert used <= set(sys.stdlib_module_names)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_checker_agrees_with_verify(name: str, tmp_path: Path) -> None:
+    path = written(KNOWN[name], tmp_path)
+    bound = verify(path).claim.bound
+    done = checked(path)
+    assert done.code == 0, done.err
+    assert f"more than {bound:.9g} " in done.out
+    lines = lines_of(path)
+    lower = {**lines[0], "bound": bound - 1e-4 * abs(bound), "load_factor": None, "labelling": None}
+    refused = checked(rewritten([lower, *lines[1:]], path))
+    assert refused.code == 1
+    assert "refused: " in refused.err
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("space", "spatial"), ("counts", "search.dry_faces"), ("kept", "search.keep")]
+)
+def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-I", str(TOOL), str(written(SCENES[name], tmp_path))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("refused: ")
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.fixture(scope="module")
+def tall(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    return lines_of(written(TALL, tmp_path_factory.mktemp("tall")))
+
+
+def _mechanism(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    return next(line for line in lines if line.get("dry") or line.get("inner"))
+
+
+CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
+    "bound": lambda lines: lines[0].update(bound=lines[0]["bound"] * 0.9999, load_factor=None, labelling=None),
+    "infinite bound": lambda lines: lines[0].update(bound=float("inf")),
+    "load_factor": lambda lines: lines[0].update(load_factor=lines[0]["bound"] * 1.01),
+    "version": lambda lines: lines[0].update({"jld certificate": 2}),
+    "stronger": lambda lines: lines[0]["scene"]["materials"]["inner"].update(tensile_strength=4e4, shear_strength=4e4),
+    "larger blocks": lambda lines: lines[0]["scene"]["search"].update(block_cells=[1, 3]),
+    "live load": lambda lines: lines[0]["scene"]["loads"]["live"][0].update(body=[0.9, 0]),
+    "dry": lambda lines: _mechanism(lines).update(dry=[], inner=[]),
+    "case": lambda lines: _mechanism(lines).update(case=1),
+    "digits": lambda lines: _mechanism(lines).update(digits=_mechanism(lines)["digits"] - 1, dry=[0]),
+    "moves": lambda lines: next(iter(_mechanism(lines)["moves"].values())).reverse(),
+    "element": lambda lines: _mechanism(lines)["moves"].update({"16": [0, 1, 0]}),
+    "large": lambda lines: next(line for line in lines if "large" in line)["large"].pop(),
+    "by": lambda lines: lines[-1].update(by=lines[-1]["by"][1:]),
+    "lemma": lambda lines: lines.pop(),
+    "order": lambda lines: lines[1:].reverse() or lines.insert(1, lines.pop()),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
+    lines = json.loads(json.dumps(tall))
+    CHANGES[name](lines)
+    path = rewritten(lines, tmp_path / "changed.jld")
+    with pytest.raises(InputError):
+        verify(path)
+    assert checked(path).code == 1
+
+
+@pytest.mark.parametrize("name", ["extent", "weight", "mass"])
+def test_both_refuse_a_limit_that_was_widened(name: str, tmp_path: Path) -> None:
+    """Rules of the limit hold no more, and the bound is that of fewer layouts."""
+    path = written(KNOWN[name], tmp_path)
+    lines = lines_of(path)
+    assert any(key in line for key in ("large", "small") for line in lines[1:])
+    search = lines[0]["scene"]["search"]
+    search[f"block_{name}"] = [None, 1e6]
+    rewritten(lines, path)
+    with pytest.raises(InputError, match=r"the rule .* does not follow"):
+        verify(path)
+    assert "which does not hold" in checked(path).err
+
+
+def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) -> None:
+    path = rewritten(tall, tmp_path / "whole.jld")
+    path.write_bytes(path.read_bytes().replace(b'"made_by": "', b'"made_by": "x', 1))
+    with pytest.raises(InputError, match="digest"):
+        verify(path)
+    assert "digest" in checked(path).err
+
+
+def test_changed_certificates_are_judged_by_enumeration() -> None:
+    tally = certificates.run(first_seed=1000, cases=2, seconds=600.0)
+    assert tally.disagreements == []
+    assert tally.notes["refused"] > tally.notes["accepted"] > 0
+
+
+def test_both_refuse_a_bound_that_forgets_weights(tmp_path: Path) -> None:
+    """Without gravity a stated weight acts downwards: a bound that leaves it out is far too low."""
+    path = written(KNOWN["weights without gravity"], tmp_path)
+    lines = lines_of(path)
+    lines[0].update(bound=lines[0]["bound"] * 0.5, load_factor=None, labelling=None)
+    rewritten(lines, path)
+    with pytest.raises(InputError):
+        verify(path)
+    assert checked(path).code == 1
+
+
+# Members, limits and drivers together: `--certificate` ends in a certificate that verifies, or in one line.
+
+
+CELL = 2000 * 9.81 * 0.4 * 0.3 * 0.2
+LIMITS: dict[str, list[Any]] = {
+    "block_cells": [[1, 2], [2, 3], [1, 3]],
+    "block_weight": [[1.5 * CELL, None], [0, 3.2 * CELL]],
+    "block_mass": [[1.5 * CELL / 9.81, None]],
+    "block_extent": [[None, 0.85], [None, 1.3]],
+    "dry_faces": [[1, 5], [2, None]],
+    "candidates": ["all", "all+supports"],
+    "segmentation": [False],
+}
+NARROWER: dict[str, list[Any]] = {
+    "blocks": [[1, 3]],
+    "shapes": [[1, 3]],
+    "convex_blocks": [True],
+    "saw_cuts": [[1, 30]],
+    "sawn_length": [[None, 8.0]],
+    "assemble": ["translation"],
+}
+DRIVERS = ("exact", "exact", "exact", "enumeration", "genetic")
+
+
+def _document(seed: int) -> dict[str, Any]:
+    """Return a wall of at most six cells with members, load cases and limits drawn at random."""
+    draw = random.Random(seed)
+    columns, rows = draw.choice([(2, 2), (2, 3), (3, 2), (1, 3)])
+    grid = ["".join(draw.choice("abc") for _ in range(columns)) for _ in range(rows)] + ["#" * columns]
+    free = [(c, r) for r in range(rows) for c in range(columns)]
+    every = [*free, *((c, rows) for c in range(columns))]
+
+    def end(place: tuple[int, int]) -> dict[str, Any]:
+        """Return a point within a cell."""
+        at = [(place[0] + draw.uniform(0.1, 0.9)) * 0.4, (rows - place[1] + draw.uniform(0.1, 0.9)) * 0.3]
+        return {"element": f"c{place[0]}r{place[1]}", "at": at}
+
+    members = []
+    for _ in range(draw.choice([0, 1, 2])):
+        first = draw.choice(free)
+        second = draw.choice([one for one in every if one != first])
+        member = {"kind": draw.choice(["tie", "tendon", "pin"]), "from": end(first), "to": end(second), "tension": 20.0}
+        if member["kind"] == "pin":
+            member |= {"compression": 20.0, "shear": 5.0}
+        members.append(member)
+    document: dict[str, Any] = {
+        "name": f"random {seed}",
+        "grid": {"cell": [0.4, 0.3], "thickness": 0.2, "rows": grid},
+        "materials": dry_and_inner(2000, draw.choice([0.3, 0.6]), draw.choice([1e3, 5e3]), 4e3),
+        "loads": {"live": [{"body": draw.choice([[1, 0], [0.5, -0.2]])}]},
+        "search": {
+            key: draw.choice(values)
+            for share, limits in ((0.3, LIMITS), (0.1, NARROWER))
+            for key, values in limits.items()
+            if draw.random() < share
+        },
+    }
+    if members:
+        document["members"] = members
+    if draw.random() < 0.25:
+        cases = [("right", 1), ("left", -1)]
+        document["loads"] = {"cases": [{"name": name, "live": [{"body": [x, 0]}]} for name, x in cases]}
+    return document
+
+
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 150))])
+def test_a_certificate_verifies_or_is_refused_in_one_line(seed: int, tmp_path: Path) -> None:
+    path = tmp_path / "proof.jld"
+    with suppress(InputError):  # one line by construction
+        scene = parse_scene(_document(seed))
+        done = explore(scene, driver=DRIVERS[seed % len(DRIVERS)], certificate=path, pictures=False, seconds=30)
+        assert verify(path, scene).claim.bound >= done.summary.best
+
+
+def test_a_pin_beside_a_lower_limit_on_blocks(tmp_path: Path) -> None:
+    """A member bounds no block: the rule that a block is too small speaks of faces alone."""
+    document = _document(0)
+    document["grid"]["rows"] = ["aa", "aa", "##"]
+    document["search"] = {"block_weight": [1.5 * CELL, None]}
+    document["loads"] = {"live": [{"body": [1, 0]}]}
+    pin = {"kind": "pin", "tension": 5.0, "compression": 20.0, "shear": 5.0}
+    ends = {"from": {"element": "c1r0", "at": [0.6, 0.7]}, "to": {"element": "c1r1", "at": [0.6, 0.5]}}
+    document["members"] = [{**pin, **ends}]
+    path = tmp_path / "proof.jld"
+    done = explore(parse_scene(document), driver="exact", certificate=path, pictures=False)
+    assert verify(path).claim.bound >= done.summary.best

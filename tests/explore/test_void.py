@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_document
+from cases import every_layout, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, read_folder, search_space
-from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space.void import cut, omitted
 
 ROWS = ["aaa", "aaa", "###"]
@@ -61,7 +60,7 @@ def test_all_layouts_of_all_structures(every: Any) -> None:
             continue
         space = search_space(scene, build_assembly(scene))
         own = {text for text in found if {every.assembly.elements.ids[k] for k in _rows(every, text)} == set(gone)}
-        bits = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
+        bits = every_layout(space)
         assert len(own) == len(bits)
         seen += len(own)
         pairs = {tuple(row) for row in bits.tolist()}

@@ -17,25 +17,24 @@ import pytest
 from cases import grid_document
 from fatal_labelling import FatalLabelling
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
-from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.worker_pool import Workers, WorkerSpec, batch_size, evaluate_batch
+from jld_explore.evaluation.workers import Workers, WorkerSpec, batch_size, evaluate_batch
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
 
 
-def wall() -> tuple[Assembly, Any, Bits]:
+def wall() -> tuple[Assembly, Any, np.ndarray]:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"]))
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     return assembly, space, Enumeration(space).ask(90)
 
 
-def everything(workers: Workers, rows: Bits) -> list[Evaluation]:
+def everything(workers: Workers, rows: np.ndarray) -> list[Evaluation]:
     found: dict[int, Evaluation] = {}
     for part, evaluations in workers.run(rows):
         assert part.stop - part.start == len(evaluations)
@@ -74,7 +73,7 @@ def test_a_busy_first_thread_leaves_the_tasks_one_core(
     share: float, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the first thread's time exceeds a share of that of the tasks, these run one at a time; results stay."""
-    monkeypatch.setattr("jld_explore.evaluation.worker_pool._BUSY_SHARE", share)
+    monkeypatch.setattr("jld_explore.evaluation.workers._BUSY_SHARE", share)
     assembly, _, rows = wall()
     recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
     seen: set[int] = set()
@@ -89,7 +88,7 @@ def test_a_busy_first_thread_leaves_the_tasks_one_core(
     pool = Workers(recipe, 2, rows.shape[1], batch=True, ahead=1)
     try:
         known = values(everything(pool, rows))
-        monkeypatch.setattr("jld_explore.evaluation.worker_pool.evaluate_batch", watched)
+        monkeypatch.setattr("jld_explore.evaluation.workers.evaluate_batch", watched)
         runs = [pool.run(rows[:4]), pool.run(rows[4:8])]
         found = [values([one for _, part in run for one in part]) for run in runs]
         assert found[0] + found[1] == known[:8]
@@ -145,7 +144,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     """Its batch is tried twice and given up; all others are evaluated."""
     monkeypatch.setenv("JLD_KERNEL", "off")  # what dies is the evaluation of one labelling
     assembly, _, rows = wall()
-    recipe = WorkerSpec.of(FatalLabelling(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
+    recipe = WorkerSpec.of(FatalLabelling(assembly, rows[17], way), EvaluatorSettings())
     pool = Workers(recipe, 2, rows.shape[1], hang_seconds=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)
@@ -191,7 +190,7 @@ def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("jld_explore.evaluation.process_settings._ANSWER", 0.5)
+    monkeypatch.setattr("jld_explore.evaluation.pool._ANSWER", 0.5)
     scene = parse_scene(grid_document(["aa", "##"]))
     for url in ("tcp://127.0.0.1:9", "nonsense"):
         with pytest.raises(InputError, match="cluster: ") as complaint:
@@ -205,7 +204,7 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
     try:
-        monkeypatch.setattr("jld_explore.evaluation.process_settings.__version__", "0.0.1")
+        monkeypatch.setattr("jld_explore.evaluation.pool.__version__", "0.0.1")
         settings = ExploreSettings(pictures=False, cluster=cluster.scheduler_address)
         with pytest.raises(InputError, match=r"has jld .*expected jld 0\.0\.1"):
             explore(parse_scene(grid_document(["aa", "##"])), tmp_path / "out", settings)
@@ -228,12 +227,12 @@ def test_processes_start_after_the_first_labelling() -> None:
     try:
         first = workers.run(rows[:3], Deadline(60.0), first_required=True)
         second = workers.run(rows[3:6], Deadline(60.0))
-        assert workers.processes._executor is None
+        assert not workers.processes.started
         found = iter(first)
         part, _ = next(found)
-        assert (part, workers.processes._executor) == (slice(0, 1), None)
+        assert (part, workers.processes.started) == (slice(0, 1), False)
         parts = [part, *(part for part, _ in found)]
-        assert workers.processes._executor is not None
+        assert workers.processes.started
         assert sorted(one.start for one in parts) == [0, 1, 2]
         assert sum(len(answers) for _, answers in second) == 3
     finally:

@@ -12,9 +12,9 @@ import pytest
 
 import jld_core as jc
 import jld_explore as je
+from command import SCENES
 from jld_explore.drivers import make_driver
 from jld_explore.report.words import facts_of_exploration
-from paths import SCENES
 
 ARCH = SCENES / "flat_beam_arch.json"
 SCENE = jc.load_scene(ARCH)
@@ -47,10 +47,10 @@ CALLS: dict[str, Callable[[], Any]] = {
         for v in EXPLORE[key]
     },
     "driver=exat": lambda: make_driver("exat", SPACE, 0),
-    "seed=x": lambda: make_driver("random", SPACE, "x"),  # type: ignore[arg-type]
-    "space=3": lambda: make_driver("random", 3, 0),  # type: ignore[arg-type]
-    "assembly=3": lambda: je.search_space(SCENE, 3),  # type: ignore[arg-type]
-    "result=3": lambda: jc.geometry_sensitivities(3),  # type: ignore[arg-type]
+    "seed=x": lambda: make_driver("random", SPACE, "x"),
+    "space=3": lambda: make_driver("random", 3, 0),
+    "assembly=3": lambda: je.search_space(SCENE, 3),
+    "result=3": lambda: jc.geometry_sensitivities(3),
     "number=9": lambda: jc.solve_many(ASSEMBLY, [ASSEMBLY.labels]).result(9),
 }
 

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 
 from cases import grid_assembly
 from jld_core import Assembly
-from jld_core.arrays import Bits, Floats
 from jld_core.batch import library
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.cone_pattern import ConeBatch, ConeProgram, independent_rows, is_installed
@@ -32,7 +31,7 @@ def frame(**more: Any) -> Assembly:
     return grid_assembly(["aaa", "aaa", "#.#"], live=PUSHED, **{"tension": 2e6, "shear": 2e5, **more})
 
 
-def disc() -> tuple[sp.csr_array, Floats, Floats, tuple[int, int, int]]:
+def disc() -> tuple[sp.csr_array, np.ndarray, np.ndarray, tuple[int, int, int]]:
     """Least a x + b y + c u where u = 1, x ≤ 1 and √(x² + y²) ≤ 2: rows are the equation, x ≤ 1, and the cone."""
     matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]])
     rhs, idle = np.array([1.0, 1, 2, 0, 0]), np.array([1.0, 1, 1, 0, 0])
@@ -104,7 +103,7 @@ def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
     assert solved == 0
 
 
-def both(assembly: Assembly, labellings: Bits) -> list[list[float]]:
+def both(assembly: Assembly, labellings: np.ndarray) -> list[list[float]]:
     low, high = CoarseBounds(FieldSetting.of(assembly)).both(labellings)
     return [low.tolist(), high.tolist()]
 

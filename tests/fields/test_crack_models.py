@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,14 @@ import numpy as np
 import pytest
 from studies.crack_models import HALVES, VORONOI, finer
 
-from cases import dry_and_inner, grid_document
+from cases import all_inner, box, dry_and_inner, grid_document
 from command import Command
-from jld_core import InputError, Status, build_assembly, parse_scene, solve
+from jld_core import Assembly, InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
+from jld_core.fields.bounds import FieldRefinement
+from jld_core.fields.governing import governing_bounds
 from jld_core.fields.loads import loaded_mesh, thickness_of
+from jld_core.fields.space_bounds import spatial_bounds
 from jld_core.models import solve_by_fields
 from jld_core.models.crack_models import require_cracks
 from jld_core.refinement.cells import crack_cells
@@ -84,10 +88,7 @@ def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
     assert "by faces" in jld("solve", path, "--cracks", "faces").out
 
 
-@pytest.mark.parametrize(
-    "option",
-    ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"],
-)
+@pytest.mark.parametrize("option", ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"])
 def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -> None:
     found = jld("solve", written(tmp_path, BAR), "--cracks", option)
     assert (found.code, found.out) == (2, "")
@@ -241,3 +242,153 @@ def test_cells_of_the_study_are_those_of_the_crack_model() -> None:
     assert set(random.face.tolist()) == set(range(-1, len(assembly.interfaces)))
     area = random.fine.elements.volume[random.fine.elements.free].sum()
     assert area == pytest.approx(assembly.elements.volume[assembly.elements.free].sum(), rel=1e-9)
+
+
+# `jld solve --cracks fields` on spatial scenes: what is printed, and what is refused in one line.
+
+
+SCENE: dict[str, Any] = {
+    "name": "cube",
+    "elements": [box("base", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])],
+    "materials": dry_and_inner(0.0, 0.5, 0.7, 1.0),
+    "loads": {"live": [{"element": "cube", "force": [0, 0, 1], "at": [0.5, 0.5, 1.0]}]},
+    "labels": {"default": "inner", "inner": [["base", "cube"]]},
+}
+
+
+def test_both_bounds_are_printed(jld: Command, tmp_path: Path) -> None:
+    """A cube pulled to σt A: the keys of planar scenes, with tetrahedra in the place of triangles."""
+    path = written(tmp_path, SCENE)
+    found = json.loads(jld("solve", path, "--cracks", "fields:0.01", "--json").out)
+    assert found["cracks"] == {"kind": "fields", "gap": 0.01}
+    assert (found["status"], found["dimension"]) == ("collapse", 3)
+    assert found["load_factor"] == found["bracket"][0] <= 0.7 * (1 + 1e-9)
+    assert found["bracket"][1] >= 0.7 * (1 - 1e-9)
+    assert found["tetrahedra"] == found["history"][-1]["tetrahedra"] == 24
+    assert "tetrahedra" in jld("solve", path, "--cracks", "fields:0.01").out
+
+
+def test_models_that_fields_do_not_support_are_refused_in_one_line(jld: Command, tmp_path: Path) -> None:
+    path = written(tmp_path, SCENE)
+    for more in (["--contact", "concave"], ["--effective-area"], ["--inner-bending", "kern"]):
+        found = jld("solve", path, "--cracks", "fields", *more)
+        assert (found.code, found.out) == (2, "")
+        assert found.err.startswith(f"jld: {more[0]}: cracks by fields")
+        assert found.err.count("\n") == 1
+    found = jld("explore", path, "--cracks", "fields", "--out", tmp_path / "out")
+    assert (found.code, found.out) == (2, "")
+    assert found.err.startswith("jld: --cracks: ")
+    assert found.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_load_cases_in_space() -> None:
+    """λ is the least over cases of λ / required."""
+    live = SCENE["loads"]["live"]
+    sideways = [{"element": "cube", "force": [0, 0, 0.5], "at": [0.5, 0.5, 1.0]}]
+    cases = [{"name": "one", "live": live}, {"name": "half", "live": sideways, "required": 4.0}]
+    found = solve_by_fields(build_assembly(parse_scene({**SCENE, "loads": {"cases": cases}})), gap=0.01)
+    assert found.status is Status.COLLAPSE
+    assert np.isclose(found.decided.low, 1.4 / 4.0, rtol=1e-3)
+
+
+# Velocity fields of results are in scene units: the virtual work of the live load as the scene states it.
+
+
+def works(assembly: Assembly, corners: np.ndarray, velocity: np.ndarray, cell: np.ndarray) -> tuple[float, float]:
+    """Work of the live and of the dead load of a scene whose loads are body forces through the centroids.
+
+    corners, velocity: (t, d + 1, d) of triangles of the scene's thickness, or of tetrahedra; cell: (t,) their elements.
+    """
+    sides = corners[:, 1:] - corners[:, :1]
+    dimension = corners.shape[2]
+    size = abs(np.linalg.det(sides)) / (2.0 if dimension == 2 else 6.0)
+    share = size / np.bincount(cell, size, minlength=len(assembly.elements))[cell]
+    mean = velocity.mean(axis=1)
+    live, dead = (
+        float((share[:, None] * load[cell, :dimension] * mean).sum()) for load in (assembly.live, assembly.dead)
+    )
+    return live, dead
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_planar_velocities_have_scene_units(unit: float) -> None:
+    """b_λ·u = 1, and the dissipation less the work of the dead load is λ; unit: of lengths, over m."""
+    live: list[dict[str, Any]] = [{"body": [1.0, 0.0]}]
+    document = grid_document(["aab", "aab", "###"], live=live, tension=2e5 / unit, shear=2e5 / unit)
+    document["grid"] |= {"cell": [0.3 / unit, 0.2 / unit], "thickness": 1.7}
+    assembly = build_assembly(parse_scene(document))
+    found = bounds_by_fields(assembly, gap=0.3)
+    field = found.velocities
+    work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
+    assert work == pytest.approx(1.0, rel=1e-9)
+    assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)
+
+
+def test_spatial_velocities_have_scene_units() -> None:
+    """The same in tetrahedra, for a stone that is glued to its support."""
+    boxes = [("base", -1.0, 0.0, True), ("stone", 0.0, 0.5, False)]
+    elements = []
+    for name, low, high, support in boxes:
+        corners = [[x, y, z] for z in (low, high) for y in (0.0, 1.0) for x in (0.0, 1.0)]
+        faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+        elements.append({"id": name, "vertices": corners, "faces": faces, "support": support})
+    inner = {"tensile_strength": 5e4, "shear_strength": 1e4}
+    scene = {
+        "elements": elements,
+        "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
+        "loads": {"live": [{"body": [1, 0, -0.5]}]},
+    }
+    assembly = build_assembly(parse_scene(all_inner(scene)))
+    found = spatial_bounds(assembly, gap=0.9, most_tetrahedra=30)
+    field = found.velocities
+    work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
+    assert work == pytest.approx(1.0, rel=1e-9)
+    assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)
+
+
+# Bounds by fields on the governing case: those of the cases, with the lower bound raised first.
+
+
+@pytest.fixture(scope="module")
+def blocks() -> Assembly:
+    """Two blocks side by side on a support: a push slides them, a force on one overturns it."""
+    elements = [{"id": f"b{k}", "polygon": [[k, 0.0], [k + 1.0, 0.0], [k + 1.0, 1.0], [k, 1.0]]} for k in (0, 1)]
+    ground = {"id": "s", "polygon": [[-1.0, -0.5], [3.0, -0.5], [3.0, 0.0], [-1.0, 0.0]], "support": True}
+    cases = [
+        {"name": "push", "live": [{"body": [0.1, 0.0]}]},
+        {"name": "pull", "live": [{"body": [0.5, 0.0]}], "required": 1.0},
+    ]
+    materials = dry_and_inner(2000.0, 0.4, 1e6, 1e6)
+    document = {"elements": [*elements, ground], "thickness": 0.5, "materials": materials, "loads": {"cases": cases}}
+    return build_assembly(parse_scene(document))
+
+
+def test_the_governing_bracket_holds_the_closed_form(blocks: Assembly) -> None:
+    """Blocks slide at μ over the push: 0.4/0.5 governs, whatever comes first; both routes agree."""
+    for lower_first in (True, False):
+        low, high = governing_bounds(blocks, blocks.labels, 20.0, gap=0.02, lower_first=lower_first)
+        assert low <= 0.8 * (1.0 + 1e-6)
+        assert high >= 0.8 * (1.0 - 1e-6)
+        assert low == pytest.approx(0.8, rel=0.05)
+    single = [bounds_by_fields(case, blocks.labels, gap=0.05) for case in blocks.by_case]
+    assert min(one.lower for one in single) <= high * (1.0 + 1e-9)
+    assert low <= min(one.upper for one in single) * (1.0 + 1e-9)
+
+
+def test_the_upper_bound_is_left_out_of_two_meshes_in_three(blocks: Assembly) -> None:
+    """Meshes 1, 4, ... have both bounds; a caller may leave more of them out, and the best bound stays."""
+    refinement = FieldRefinement(blocks.by_case[1], gap=1e-9, lower_first=True)
+    steps = [refinement.step() for _ in range(4)]
+    uppers = [step.upper for step in steps[-1].history]
+    assert [math.isfinite(upper) for upper in uppers] == [True, False, False, True]
+    assert steps[-1].upper == min(uppers)
+    assert refinement.step(upper=True).history[-1].upper < np.inf
+    assert refinement.step(upper=False).history[-1].upper == np.inf
+    assert refinement.expected_with(upper=True) > refinement.expected_with(upper=False) > refinement.spent
+
+
+def test_no_time_leaves_the_first_meshes(blocks: Assembly) -> None:
+    """With no time the bounds are those of the coarsest meshes, and still hold."""
+    low, high = governing_bounds(blocks, blocks.labels, 0.0)
+    assert low <= 0.8 * (1.0 + 1e-6) <= high * (1.0 + 2e-6)

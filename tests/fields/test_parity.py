@@ -11,20 +11,16 @@ import pytest
 from benchmarks.claims import fields
 from benchmarks.claims.geometry import Move
 
+from cases import ROUTE
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.arrays import Bits, Floats
 from jld_core.fields.bounds import disagreement
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh
-from jld_core.fields.problem import Material, material_of, problem_of, units_of
+from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
-from jld_core.strengths import Route
-
-ROUTE = Route("a test")
 
 
-def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
+def tractions(assembly: Assembly, mesh: Any, loads: Any, edge: int, end: int) -> np.ndarray:
     """Live traction at one end of an outline edge."""
     index = int(mesh.edges.tag[edge]) - len(assembly.interfaces)
     if index < 0:
@@ -36,7 +32,7 @@ def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -
     return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
 
 
-def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def lower_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
     """Largest λ with stresses (σx, σy, τxy) at corners, in units of a stress; yield as three cones at each corner."""
     s = [[cp.Variable(3) for _ in range(3)] for _ in range(len(mesh))]
     factor = cp.Variable()
@@ -77,7 +73,7 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
     return float(program.value)
 
 
-def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def upper_by_cvxpy(assembly: Assembly, mesh: Any, loads: Any, labels: np.ndarray, material: Any, unit: float) -> float:
     """Least power less dead work at live work one; support functions by multipliers y ≥ 0 of each yield condition."""
     v = [[cp.Variable(2) for _ in range(3)] for _ in range(len(mesh))]
     rules: list[Any] = []
@@ -136,7 +132,6 @@ def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
 def test_both_programs_by_a_modelling_language(seed: int) -> None:
     """Random structures with and without friction of the material, cohesion and crushing, to 1e-5."""
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
-    assert scenes is not None
     assembly = build_assembly(parse_scene(scenes[0]))
     mesh, loads = loaded_mesh(assembly)
     material = material_of(assembly)
@@ -148,7 +143,6 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
         # no stress field of this mesh carries the dead load
         assert lower_by_cvxpy(*given) == -math.inf
         return
-    assert high is not None
     assert low.factor * units.load == pytest.approx(lower_by_cvxpy(*given), rel=1e-5)
     assert high.factor * units.load == pytest.approx(upper_by_cvxpy(*given), rel=1e-5)
     # the local differences between power and stress power add up to the gap

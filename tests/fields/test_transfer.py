@@ -62,9 +62,7 @@ def test_power_of_faces_is_that_of_the_certified_field(kind: str) -> None:
     rng = np.random.default_rng(5)
     labels = rng.random(len(assembly.interfaces)) < 0.4
     fields = Fields.on(setting, setting.coarse, labels)
-    assert fields.velocity is not None
     mechanism = fields.for_all[1]
-    assert mechanism is not None
     upper = fields.upper
     compared = 0
     for _ in range(12):
@@ -83,7 +81,6 @@ def test_a_face_that_may_be_dry() -> None:
     assembly = grid_assembly(["ab", "ab", "##"], live=[{"body": [0, 1]}])
     labels = np.zeros(len(assembly.interfaces), dtype=bool)
     low, field = CoarseBounds(FieldSetting.of(assembly)).lower(labels)
-    assert field is not None
     bed = np.array([abs(normal[1]) > 0.5 for normal in assembly.interfaces.normal])
     assert low > 1.0
     assert field.bounds(labels[None])[0] == low

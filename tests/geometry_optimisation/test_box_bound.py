@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from structures import HEIGHT, Document, flat_arch, flat_arch_load
 
+from cases import ROUTE
 from command import Command
-from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Floats
-from jld_core.strengths import Route
-from jld_geometry.box_bound import _Search, prove_box
-
-ROUTE = Route("a test")
+from jld_core import InputError, build_assembly, parse_scene
+from jld_geometry.box_bound import _Search, box_claim, check_proof, prove_box, write_box_certificate
+from jld_geometry.box_certificate import Leaf, Split, read
+from jld_geometry.box_structure import BoxStructure, is_at_least_zero
+from jld_geometry.boxes import check_boxes, verify_box
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""
@@ -44,7 +48,6 @@ def test_a_bound_holds_for_every_position_of_its_box() -> None:
         values = []
         for _ in range(4):
             result = search.try_position(random.uniform(low, high))
-            assert result is not None
             values.append(result.load_factor)
         assert max(values) <= bound
     assert bound == pytest.approx(max(values), rel=1e-2)
@@ -60,7 +63,7 @@ def outline_of(search: _Search, loop: list[int], parameters: list[Fraction]) -> 
             for k in (0, 1)
         )
         for v in loop
-    ]  # type: ignore[misc]
+    ]
 
 
 def test_one_mechanism_proves_the_bound_in_rational_arithmetic() -> None:
@@ -71,7 +74,6 @@ def test_one_mechanism_proves_the_bound_in_rational_arithmetic() -> None:
     search, random = search_of(arch(2)), np.random.default_rng(7)
     low, high = np.array([0.05, 0.0]), np.array([0.1, 0.04])
     found = search.bound(low, high)
-    assert found.velocity is not None
     assembly, mesh = search.problems[0]._assembly, search.mesh
     elements, faces = assembly.elements, assembly.interfaces
     velocity = {int(e): found.velocity[3 * k : 3 * k + 3] for k, e in enumerate(elements.free)}
@@ -129,10 +131,6 @@ def test_boxes_without_a_position_that_stands_are_closed() -> None:
     document = flat_arch(10.0, 1.05, 0.2, along=[{"at": [s * 1.05, HEIGHT], "direction": [s, 0]} for s in (1, -1)])
     document["move"] |= {"ties": "mirror-x"}
     assert search_of(document).bound(np.array([-0.005]), np.array([0.005])).value == -math.inf
-
-
-def points(values: Floats) -> str:
-    return ",".join(map(str, values))
 
 
 @pytest.mark.parametrize(
@@ -196,4 +194,228 @@ def test_a_refused_proof_prints_nothing(
     done = jld("move", file, "-o", tmp_path / "out.json", "--prove", "0.01", *flags)
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
     assert said in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]
+
+
+# Certificates of proofs over boxes: written, checked exactly, and refused when one number is not what it was.
+
+
+ENDS = ((1.2, HEIGHT), (0.2, HEIGHT))
+"""Tops of the springing and of the key's joint of the flat arch."""
+
+
+def arch_of_certificate(parameters: int, phi: float = 15.0) -> Document:
+    along = [{"at": [s * x, y], "direction": [s, 0]} for x, y in ENDS[:parameters] for s in (1, -1)]
+    return flat_arch(phi, 1.2, 0.2, along=along, ties="mirror-x")
+
+
+def proof(parameters: int, low: list[float], high: list[float], gap: float) -> Any:
+    scene = parse_scene(arch_of_certificate(parameters))
+    assembly = build_assembly(scene)
+    return prove_box(scene, assembly, assembly.labels, (np.array(low), np.array(high)), gap=gap)
+
+
+@pytest.fixture(scope="module")
+def done() -> Any:
+    return proof(2, [-0.1, -0.05], [0.1, 0.05], 0.1)
+
+
+def whole_again(lines: list[dict[str, Any]]) -> bytes:
+    """The bytes of a certificate with these lines and a digest that fits, as one who means harm would write it."""
+    text = "".join(json.dumps(line) + "\n" for line in lines).encode()
+    return text + json.dumps({"sha256": hashlib.sha256(text).hexdigest()}).encode() + b"\n"
+
+
+def test_a_proof_passes_and_holds_the_closed_form(done: Any, tmp_path: Path) -> None:
+    """λ rises with both half widths as long as hinges rule: the bound lies above (11.8) at the corner of the box."""
+    passed, _, reason = check_proof(done)
+    assert (passed, reason) == (True, "")
+    file = tmp_path / "proof.jld"
+    write_box_certificate(done, file)
+    found = verify_box(file, parse_scene(arch_of_certificate(2)))
+    assert found.boxes == sum(isinstance(node, Leaf) for node in read(file)[1]) > 3
+    best = flat_arch_load(1.3, 0.25, 0.1)
+    assert best <= found.claim.bound == pytest.approx(done.bound, rel=2e-9)
+    assert found.claim.bound < 1.2 * best
+
+
+def test_polynomials_of_outlines_are_those_of_the_moved_outline(done: Any) -> None:
+    """Area and first moments at random positions against the outline itself, exactly."""
+    claim, _ = box_claim(done)
+    structure = BoxStructure(done.stated, claim)
+    low, high = ([Fraction(ends[k]) for ends in claim.box] for k in (0, 1))
+    at = [Fraction(1, 3), Fraction(5, 7)]
+    y = [a + share * (b - a) for a, b, share in zip(low, high, at, strict=True)]
+
+    def value(polynomial: dict[tuple[int, ...], Any]) -> Fraction:
+        return sum(c * at[0] ** i * at[1] ** j for (i, j), c in polynomial.items())
+
+    for element in sorted(structure.changing):
+        corners = []
+        for point in structure.outlines[element]:
+            ways = [dict(motion).get(point, (0.0, 0.0)) for motion in claim.directions]
+            corners.append(
+                [Fraction(point[k]) + sum(Fraction(w[k]) * s for w, s in zip(ways, y, strict=True)) for k in (0, 1)]
+            )
+        turns = [a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+        area, first_x, first_y = structure.moments(element, low, high)
+        assert value(area) == sum(turns) / 2
+        pairs = list(zip(corners, corners[1:] + corners[:1], turns, strict=True))
+        assert [value(first_x), value(first_y)] == [sum((a[k] + b[k]) * t for a, b, t in pairs) / 6 for k in (0, 1)]
+
+
+def test_signs_by_bernstein_coefficients() -> None:
+    """(x − 1/2)² + e is positive, and proven so only where its coefficients (1/4 + e, e − 1/4, 1/4 + e) are."""
+    for extra, proven in ((Fraction(1, 4), True), (Fraction(1, 5), False)):
+        square = {(2,): Fraction(1), (1,): Fraction(-1), (0,): Fraction(1, 4) + extra}
+        assert is_at_least_zero(square, 1, 2) is proven
+    assert is_at_least_zero({}, 1, 2)
+    assert not is_at_least_zero({}, 1, 2, strictly=True)
+    assert not is_at_least_zero({(0, 0): -1}, 2, 2)
+    assert not is_at_least_zero({(1, 1): 1, (0, 0): Fraction(-1, 100)}, 2, 3)
+
+
+def wider(claim: Any) -> Any:
+    return replace(claim, box=((claim.box[0][0], claim.box[0][1] + 0.02), *claim.box[1:]))
+
+
+def rougher(claim: Any) -> Any:
+    dry = {"friction_angle": 15.5}
+    return replace(claim, scene={**claim.scene, "materials": {**claim.scene["materials"], "dry": dry}})
+
+
+def heavier(claim: Any) -> Any:
+    elements = [{**one, "density": 1010.0} if "pier" in one["id"] else one for one in claim.scene["elements"]]
+    return replace(claim, scene={**claim.scene, "elements": elements})
+
+
+def farther(claim: Any) -> Any:
+    first = claim.directions[0]
+    (point, way), *others = first
+    return replace(claim, directions=(((point, (1.2 * way[0], way[1])), *others), *claim.directions[1:]))
+
+
+CLAIMS: list[Callable[[Any], Any]] = [
+    lambda claim: replace(claim, bound=0.98 * claim.bound),
+    wider,
+    rougher,
+    heavier,
+    farther,
+]
+"""Claims of which one number is not that of the proof."""
+
+
+@pytest.mark.parametrize("change", CLAIMS)
+def test_a_claim_with_another_number_is_refused(done: Any, change: Callable[[Any], Any]) -> None:
+    claim, nodes = box_claim(done)
+    changed = change(claim)
+    with pytest.raises(InputError, match="node"):
+        check_boxes(parse_scene(changed.scene), changed, nodes)
+
+
+def tight(scene: Any, claim: Any, nodes: list[Any]) -> int:
+    """Number of the node on which the bound rests: a bound a little lower is refused there."""
+    with pytest.raises(InputError) as refused:
+        check_boxes(scene, replace(claim, bound=(1.0 - 1e-6) * claim.bound), nodes)
+    return int(refused.value.where.removeprefix("node ")) - 1
+
+
+def test_a_tree_with_another_number_is_refused(done: Any) -> None:
+    """Splits, and every velocity of the leaf that the bound rests on, changed by a hundredth of the largest."""
+    claim, nodes = box_claim(done)
+    scene = parse_scene(claim.scene)
+    splits = [k for k, node in enumerate(nodes) if isinstance(node, Split)]
+    leaf = tight(scene, claim, nodes)
+
+    def refused(changed: list[Any]) -> bool:
+        try:
+            check_boxes(scene, claim, changed)
+        except InputError:
+            return True
+        return False
+
+    assert not refused(nodes)
+    for k in splits:
+        one = nodes[k]
+        assert isinstance(one, Split)
+        assert refused([*nodes[:k], replace(one, at=10.0), *nodes[k + 1 :]])
+        assert refused([*nodes[:k], replace(one, axis=7), *nodes[k + 1 :]])
+    assert refused(nodes[:-1])
+    assert refused([*nodes, nodes[-1]])
+    one = nodes[leaf]
+    assert isinstance(one, Leaf)
+    assert refused([*nodes[:leaf], replace(one, case=1), *nodes[leaf + 1 :]])
+    outcome = []
+    for element, velocity in one.moves.items():
+        for part in range(3):
+            for sign in (1, -1):
+                changed = list(velocity)
+                changed[part] += sign * max(abs(v) for v in velocity) // 100
+                moves = {**one.moves, element: tuple(changed)}
+                outcome.append(refused([*nodes[:leaf], replace(one, moves=moves), *nodes[leaf + 1 :]]))
+    # the search bounds load and weight apart, so that a few changes leave the exact balance below the bound
+    assert outcome.count(False) <= 0.25 * len(outcome)
+
+
+def test_a_file_that_was_altered_is_refused(done: Any, tmp_path: Path) -> None:
+    file = tmp_path / "proof.jld"
+    write_box_certificate(done, file)
+    text = file.read_bytes()
+    lines = [json.loads(line) for line in text.splitlines()[:-1]]
+    digits = [k for k, byte in enumerate(text) if chr(byte).isdigit()]
+    for k in digits[:: len(digits) // 40]:
+        other = b"1" if text[k : k + 1] != b"1" else b"2"
+        file.write_bytes(text[:k] + other + text[k + 1 :])
+        with pytest.raises(InputError):
+            verify_box(file)
+    head = lines[0]
+    for key, value, said in (
+        ("bound", None, "no certificate of a box"),
+        ("box", [[0.1, 0.0], [0.0, 0.1]], "no certificate of a box"),
+        ("load_factor", None, "no certificate of a box"),
+        ("jld box certificate", 2, "it is of version 2"),
+        ("directions", [[[[9.0, 9.0], [1.0, 0.0]]], []], "is no corner of an element"),
+    ):
+        file.write_bytes(whole_again([{**head, key: value}, *lines[1:]]))
+        with pytest.raises(InputError, match=said):
+            verify_box(file)
+    for changed in ({"dry": {**head["scene"]["materials"]["dry"], "cohesion": 5.0}},):
+        scene = {**head["scene"], "materials": {**head["scene"]["materials"], **changed}}
+        file.write_bytes(whole_again([{**head, "scene": scene}, *lines[1:]]))
+        with pytest.raises(InputError, match="unknown to certificates of boxes"):
+            verify_box(file)
+
+
+def test_the_command_writes_and_verifies(tmp_path: Path, jld: Command) -> None:
+    file, out, certificate = (tmp_path / name for name in ("arch.json", "best.json", "proof.jld"))
+    file.write_text(json.dumps(arch_of_certificate(1)))
+    facts = json.loads(
+        jld("move", file, "-o", out, "--prove=-0.15,0.1", "--gap=0.01", "--json", "--certificate", certificate).out
+    )
+    assert facts["proven"] is True
+    assert facts["proof_check"]["passed"] is True
+    found = json.loads(jld("verify", certificate, "--scene", file, "--json").out)
+    assert found["bound"] == pytest.approx(facts["bound"], rel=2e-9)
+    assert found["box"] == [[-0.15, 0.1]]
+    assert "no position of the joints" in jld("verify", certificate).out
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(arch_of_certificate(1, 16.0)))
+    done = jld("verify", certificate, "--scene", other)
+    assert (done.code, done.out) == (2, "")
+    assert "it is of another scene" in done.err
+
+
+def test_bad_input_of_the_command_is_one_line(tmp_path: Path, jld: Command) -> None:
+    file, out = tmp_path / "arch.json", tmp_path / "best.json"
+    file.write_text(json.dumps(arch_of_certificate(1)))
+    for options, said in (
+        (["--certificate", tmp_path / "p.jld"], "none is asked for"),
+        (["--prove=0.1", "--certificate", tmp_path], "it is a folder"),
+        (["--prove=0.1", "--certificate", tmp_path / "none" / "p.jld"], "its folder does not exist"),
+        (["--prove=0.1", "--certificate", file], "it is the file that is read"),
+        (["--prove=0.1", "--certificate", out], "is written already"),
+    ):
+        done = jld("move", file, "-o", out, *options)
+        assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+        assert said in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["arch.json"]

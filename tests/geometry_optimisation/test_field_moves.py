@@ -49,8 +49,6 @@ def test_weak_equilibrium_is_dual_to_velocities(labels: str) -> None:
     setting = FieldSetting.of(assembly)
     problem = setting.problem(subdivide(setting.coarse, 2))
     upper, found = UpperBound(problem).bound(dry), WeakEquilibrium(problem, dry).solve()
-    assert upper is not None
-    assert found is not None
     assert found[1] == pytest.approx(upper.factor, rel=1e-6)
 
 
@@ -79,13 +77,10 @@ def test_meshes_follow_vertices() -> None:
     scene = parse_scene(wall(loads={"live": force}))
     search = search_of(scene)
     point = FieldSearch(search).start(np.zeros(search.variables.count), 2)
-    assert point is not None
     values = 0.01 * np.random.default_rng(1).normal(size=search.variables.count)
     assembly = search.evaluator.assembly(values)
-    assert assembly is not None
     moved = search.variables.places(values) - search.variables.start
     mesh = point.meshes[0].at(assembly, moved)
-    assert mesh is not None
     area = np.bincount(mesh.mesh.cell, mesh.mesh.area, minlength=len(assembly.elements))
     free = assembly.elements.free
     assert area[free] * assembly.interfaces.l2[0] == pytest.approx(assembly.elements.volume[free], rel=1e-12)
@@ -93,7 +88,6 @@ def test_meshes_follow_vertices() -> None:
     assert linear.ravel() == pytest.approx(point.meshes[0].motion @ moved.ravel(), abs=1e-12)
     # the bound on the mesh that followed holds for the scene as it would be meshed anew
     upper = UpperBound(mesh.setting.problem(mesh.mesh)).bound(assembly.labels)
-    assert upper is not None
     fresh = bounds_by_fields(assembly, assembly.labels, gap=0.2, seconds=2.0)
     assert upper.factor * mesh.setting.problem(mesh.mesh).units.load >= fresh.lower * (1.0 - 1e-9)
     assert isinstance(mesh, FieldMesh)
@@ -104,12 +98,9 @@ def test_a_small_step_gains_what_its_program_predicts() -> None:
     search = search_of(parse_scene(wall(move={"inner": "follow"})))
     fields = FieldSearch(search)
     point = fields.start(np.zeros(search.variables.count))
-    assert point is not None
     for radius in (1e-3, 1e-4):
         answer = fields.step(point, radius * search.unit)
-        assert answer is not None
         new = fields.at(point, point.values + answer[0])
-        assert new is not None
         promised = answer[1] - point.objective
         assert promised > 0.0
         assert new.objective - point.objective >= promised * (1.0 - 30.0 * radius) - 1e-6 * point.objective

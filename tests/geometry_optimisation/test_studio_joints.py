@@ -27,7 +27,6 @@ def letters(desk: StudioSession) -> str:
 
 def tops(desk: StudioSession, half: float) -> dict[str, list[float]]:
     """Vertices of the tops of both springings at a half width."""
-    assert desk.joints is not None
     places = desk.joints.mesh.places
     found = [int(np.argmin(np.linalg.norm(places - [sign * 1.2, HEIGHT], axis=1))) for sign in (1, -1)]
     return {str(found[0]): [half, HEIGHT], str(found[1]): [-half, HEIGHT]}
@@ -46,13 +45,11 @@ def test_a_dragged_joint_follows_the_closed_form(desk: StudioSession, half: floa
     assert solve(saved).load_factor == pytest.approx(flat_arch_load(half, 0.2, 0.1), rel=1e-8)
     # points that name vertices moved with them, so that the file can be moved on
     again = StudioSession(saved)
-    assert again.joints is not None
     assert again.joints.facts()["ties"]
 
 
 def test_vertices_that_may_move_and_their_directions(desk: StudioSession) -> None:
     """Tops slide along the outline and bottoms of the key too; corners and vertices of supports stay; ties mirror."""
-    assert desk.joints is not None
     facts = json.loads(json.dumps(desk.joints.facts()))
     places = np.array(facts["places"])
     moving = {tuple(np.round(places[int(vertex)], 9)): path for vertex, path in facts["paths"].items()}

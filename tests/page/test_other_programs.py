@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from tools import rhino_component
 
+from cases import small_scene
+from command import ROOT
 from jld_core import build_assembly, parse_scene, samples, solve
-from paths import ROOT
-from scenes_of_pages import small_scene
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 

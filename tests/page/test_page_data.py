@@ -16,6 +16,8 @@ import pytest
 from tools.page_contract import FILE
 from tools.page_contract import joined as with_contract
 
+from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
+from command import SCENES
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, read_folder
@@ -27,8 +29,6 @@ from jld_explore.report.page_contract import page_schema
 from jld_explore.report.page_data import page_data, solution_of, structure_of
 from jld_explore.report.page_of_study import scene_page, study_page
 from jld_explore.space import from_string
-from paths import SCENES
-from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 SCHEMA = page_schema()
 

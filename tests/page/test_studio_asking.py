@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from command import Command
+from cases import small_scene
+from command import ROOT, Command
 from files.make import File, shelf
+from jld_core import InputError
 from jld_core.exchange import ImportOptions, import_file
-from paths import ROOT
-from scenes_of_pages import small_scene
 
 ezdxf = pytest.importorskip("ezdxf")
 for library in ("uvicorn", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
@@ -192,6 +192,16 @@ def test_a_design_starts_from_what_was_said(local: Local, wall: Path) -> None:
     assert local.api("resume", {"name": job["name"]})[0] == 400
 
 
+def test_a_design_can_be_stopped(local: Local, wall: Path) -> None:
+    job = local.api("design", sent(wall, {"seconds": 60}))[1]
+    assert local.api("stop", {"name": job["name"]})[1]["state"] == "stopping"
+    begun = time.monotonic()
+    while job["state"] != "stopped" and time.monotonic() < begun + 60.0:
+        time.sleep(0.1)
+        job = next(one for one in local.api("jobs")[1]["jobs"] if one["name"] == job["name"])
+    assert (job["state"], job["error"]) == ("stopped", "")
+
+
 @pytest.mark.parametrize(
     ("settings", "options", "words"),
     [
@@ -225,4 +235,11 @@ def test_a_drawing_without_supports_is_asked_about(wall: Path, tmp_path: Path) -
     scene, root, study = opened(wall, ImportOptions(), said.append)
     assert (scene.name, root.name, study) == ("a wall to begin with", "a wall_studio", None)
     assert "it has no support" in said[0]
+    for name, content in (("none.dxf", None), ("broken.svg", "<svg"), ("a.dwg", "AC1032")):
+        if content is not None:
+            (tmp_path / name).write_text(content)
+        with pytest.raises(InputError, match=name):
+            opened(tmp_path / name, ImportOptions(), said.append)
+    with pytest.raises(InputError, match="no layer of the file is like 'NONE'"):
+        opened(wall, ImportOptions(hole=("NONE",)), said.append)
     assert math.isclose(import_file(wall, ImportOptions(support=("-G",))).facts()["area"], 6.0)

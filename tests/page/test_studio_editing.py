@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from cases import scene_of_cases, small_scene, spatial_scene
+from command import ROOT
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.exchange import import_file
-from paths import ROOT
-from scenes_of_pages import scene_of_cases, small_scene, spatial_scene
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
@@ -87,7 +88,10 @@ def test_options_of_an_import_are_taken(local: Local, wall: Path) -> None:
 
 def test_scenes_and_files_of_compas_are_both_json(local: Local) -> None:
     status, found = local.api("open", sent(ROOT / "scenes/flat_beam_arch.json"))
-    assert (status, found["report"]) == (200, [])
+    assert (status, found["unit"]) == (200, "")
+    [(kind, text)] = found["report"]
+    assert kind == "found"
+    assert re.fullmatch(r"\d+ elements and \d+ supports, area .* m in all, a typical element .* m", text)
     assert found["data"]["studio"]["file"] == "flat_beam-arch_on_two_bearings"
     status, found = local.api("open", sent(ROOT / "tests/exchange/data/compas_dem_problem.json"))
     assert status == 200, found

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import running
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_explore import ExploreSettings, explore
 from jld_explore.report.page_data import asset_names
-from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 

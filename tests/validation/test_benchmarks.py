@@ -5,11 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from benchmarks import (
-    hard_cases,
-    speed_error,
-    throughput,
-)
+from benchmarks import hard_cases, large, speed_error, throughput
 from benchmarks.hard_cases import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 
@@ -65,3 +61,14 @@ def test_a_route_that_exceeds_the_time_limit_is_marked() -> None:
     slower = speed_error.Way("slower", "CVXPY", speed_error.any_scene, never, easier="slow")
     failures = [one.failure for one in speed_error.measure_all(assembly, assembly, (slow, slower), limit=0)]
     assert failures == ["not in 0 s", "not in 0 s (slow was not)"]
+
+
+# The machinery of the benchmarks of scale, on walls of a few blocks.
+
+
+@pytest.mark.parametrize("case", sorted(large.DRY_WALLS))
+def test_scale(case: str) -> None:
+    found = [large.measure_wall(case, courses, "schur") for courses in (4, 6)]
+    assert all(one["status"] == "collapse" and one["stands"] and one["gap"] < 1e-6 for one in found)
+    assert set(found[0]["seconds"]) == set(large.WALL_PHASES)
+    assert f"| {case} | schur |" in large._walls({(case, "schur"): found})

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
+import numpy as np
 import pytest
+from studies.families import semicircular_arch
 
-from cases import all_inner, grid_assembly
-from jld_core import LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from cases import all_inner, box, dry_and_inner, grid_assembly
+from jld_core import LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_core.limit.mechanism import Movement, face_motions
 
 
 def column(width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]) -> LimitAnalysisResult:
     elements: list[dict[str, Any]] = [
         {
             "id": f"b{k}",
-            "polygon": [
-                [0, k * height],
-                [width, k * height],
-                [width, (k + 1) * height],
-                [0, (k + 1) * height],
-            ],
+            "polygon": [[0, k * height], [width, k * height], [width, (k + 1) * height], [0, (k + 1) * height]],
             "weight": 1.0,
         }
         for k in range(count)
     ]
     ground = [[-width, -height], [2 * width, -height], [2 * width, 0], [-width, 0]]
     elements.append({"id": "ground", "polygon": ground, "support": True})
-    document = {
-        "elements": elements,
-        "materials": {"dry": {"friction_coefficient": friction}},
-        "loads": {"live": live},
-    }
+    document = {"elements": elements, "materials": {"dry": {"friction_coefficient": friction}}, "loads": {"live": live}}
     return solve(build_assembly(parse_scene(document)))
 
 
@@ -170,3 +165,180 @@ def test_an_overhang_that_stands_only_under_load() -> None:
 
 def grid_solve(rows: list[str], live: list[dict[str, Any]]) -> LimitAnalysisResult:
     return solve(grid_assembly(rows, live=live))
+
+
+# Least thickness of a semicircular arch: Cocchetti & Rizzi, Frattura ed Integrità Strutturale 51 (2020)
+# 356–375, Table 3, weight along the centreline: μ > 0.395832 → t/R = 0.107426 (rotation), μ = 0.309215 → 0.200637,
+# between them sliding and rotation at once, below 0.309215 no thickness stands.
+#
+# A discrete arch has joints at fixed angles only, so that it stands a little longer; its error falls with the
+# number of voussoirs. Tolerances are those errors.
+
+
+ROTATION, LIMIT_FRICTION, LIMIT_THICKNESS = 0.107426, 0.309215, 0.200637
+
+
+def stands(voussoirs: int, thickness: float, friction: float) -> bool:
+    assembly = build_assembly(semicircular_arch(voussoirs, thickness, friction))
+    return LimitAnalysis(assembly).stands(assembly.labels) is True
+
+
+def least_thickness(voussoirs: int, friction: float, low: float, high: float, tolerance: float = 1e-7) -> float:
+    assert stands(voussoirs, high, friction)
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stands(voussoirs, middle, friction) else (middle, high)
+    return high
+
+
+@pytest.mark.long
+def test_rotation_regime_converges() -> None:
+    """The error is that of the nearest joint's angle to the true hinge, squared: fitted slope 2, hence n⁻² at the most.
+
+    Hinge at the haunch, same table: 54.4963° from the crown.
+    """
+    numbers = np.array([8, 16, 28, 48, 64, 112, 240])
+    hinge = 90.0 - 54.4963
+    step = 180.0 / numbers
+    offset = np.minimum(hinge % step, step - hinge % step)
+    errors = ROTATION - np.array([least_thickness(int(n), 0.7, 0.08, 0.12) for n in numbers])
+    # with fewer joints there are fewer mechanisms: a discrete arch never needs more than the continuous one
+    assert np.all(errors > -1e-6)
+    far = offset > 0.3
+    slope = np.polyfit(np.log(offset[far]), np.log(errors[far]), 1)[0]
+    assert slope == pytest.approx(2.0, abs=0.25)
+    assert errors[-1] < 1e-5
+
+
+def test_friction_just_above_the_transition_changes_nothing() -> None:
+    near, far = (least_thickness(120, friction, 0.10, 0.12, 1e-6) for friction in (0.3965, 0.7))
+    assert near == pytest.approx(far, abs=2e-5)
+
+
+@pytest.mark.long
+def test_mixed_regime_lies_between() -> None:
+    values = [least_thickness(120, friction, 0.10, 0.25, 1e-5) for friction in (0.315, 0.33, 0.36, 0.39)]
+    assert np.all(np.diff(values) < 0.0)
+    assert ROTATION - 1e-4 < values[-1] < values[0] < LIMIT_THICKNESS + 1e-4
+
+
+def test_sliding_limit() -> None:
+    """At the limit friction the thickness is 0.200637; a little below it no thickness stands."""
+    assert least_thickness(240, LIMIT_FRICTION + 2e-5, 0.15, 0.25, 1e-5) == pytest.approx(LIMIT_THICKNESS, abs=2e-3)
+    for thickness in (0.2, 0.4, 0.8, 1.2):
+        assert not stands(240, thickness, LIMIT_FRICTION - 1e-4)
+
+
+@pytest.mark.parametrize("voussoirs", [12, 41])
+def test_bracket_of_an_arch_is_narrow(voussoirs: int) -> None:
+    assembly = build_assembly(semicircular_arch(voussoirs, 0.16, 0.6))
+    result = LimitAnalysis(assembly).solve()
+    assert result.gap < 1e-7
+    assert result.stands_at_zero is True
+
+
+# The paper's section 3.2: one block on an inner base, two stacked cubes on a dry base; λ in closed form.
+#
+# Relative tolerance 1e-8 (planar) and 1e-7 (spatial).
+
+
+SIDE, DENSITY = 1.0, 2.0
+WEIGHT = DENSITY * SIDE**3
+
+
+def stack(
+    cubes: int,
+    direction: tuple[float, float],
+    *,
+    friction: float,
+    tension: float,
+    shear: float,
+    base: str,
+    **options: Any,
+) -> LimitAnalysisResult:
+    """Spatial stack of unit cubes; labels: the base as said, between cubes inner. Strengths as multiples of W/A."""
+    elements = [box(f"b{k}", [0, 0, k], [1, 1, k + 1]) for k in range(cubes)]
+    elements.append(box("ground", [-1, -1, -1], [2, 2, 0], support=True))
+    pairs = [[f"b{k}", f"b{k + 1}"] for k in range(cubes - 1)]
+    document = {
+        "elements": elements,
+        "materials": dry_and_inner(DENSITY, friction, tension * WEIGHT, shear * WEIGHT, gravity=1.0),
+        "loads": {"live": [{"body": [*direction, 0.0]}]},
+        "labels": {"inner": pairs + ([["b0", "ground"]] if base == "inner" else [])},
+    }
+    return solve(build_assembly(parse_scene(document)), **options)
+
+
+def planar_stack(friction: float, tension: float, shear: float) -> LimitAnalysisResult:
+    document = {
+        "grid": {"cell": [1, 1], "thickness": 1, "rows": ["a", "a", "#"]},
+        "materials": dry_and_inner(DENSITY, friction, tension * WEIGHT, shear * WEIGHT, gravity=1.0),
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    return solve(build_assembly(parse_scene(document)))
+
+
+@pytest.mark.parametrize("angle", range(16))
+def test_one_block_shears_off_alike_in_every_direction(angle: int) -> None:
+    """3.2a: λ = τA/W in 16 horizontal directions, opening being farther in each."""
+    turn = 2.0 * np.pi * angle / 16
+    shear, tension = 0.2, 1.0  # opening at (1 + σtA/W)/3 along an edge, never below 0.47 on a diagonal
+    result = stack(1, (np.cos(turn), np.sin(turn)), friction=0.5, tension=tension, shear=shear, base="inner")
+    assert result.load_factor == pytest.approx(shear, rel=1e-7)
+    assert result.gap < 1e-6
+
+
+@pytest.mark.parametrize("tension", [0.0, 0.25, 0.5, 1.0])
+def test_map_of_two_cubes(tension: float) -> None:
+    """3.2b: λ = min(μ, 1/2, τA/W, (1 + σtA/W)/3) over a map of (μ, τA/W), and the mechanism of each region.
+
+    With σt = 0 the opening at 1/3 always comes before base rocking, which governs for σtA > W/2 only.
+    """
+    for friction, shear in itertools.product((0.1, 0.3, 0.45, 0.7), (0.05, 0.2, 0.4, 0.8)):
+        borders = {
+            ("base", Movement.SLIDE): friction,
+            ("base", Movement.HINGE): 0.5,
+            ("inner", Movement.CRACK_SHEAR): shear,
+            ("inner", Movement.CRACK_TENSION): (1.0 + tension) / 3.0,
+        }
+        governing = min(borders, key=lambda kind: borders[kind])
+        result = planar_stack(friction, tension, shear)
+        assert result.load_factor == pytest.approx(borders[governing], rel=1e-8)
+        moving = {
+            ("base" if dry else "inner", motion.kind)
+            for dry, motion in zip(result.labels, face_motions(result), strict=True)
+            if motion.kind is not Movement.CLOSED
+        }
+        ties = [kind for kind, value in borders.items() if value < borders[governing] + 1e-9]
+        assert moving == {governing} if len(ties) == 1 else moving <= set(ties)
+
+
+@pytest.mark.parametrize(
+    ("friction", "shear", "tension"), [(0.2, 0.9, 0.6), (0.9, 0.9, 1.0), (0.9, 0.3, 0.6), (0.9, 0.9, 0.2)]
+)
+def test_two_spatial_cubes(friction: float, shear: float, tension: float) -> None:
+    """One point of each region of the map in space, convex and concave contact alike."""
+    expected = min(friction, 0.5, shear, (1.0 + tension) / 3.0)
+    for contact in ("convex", "concave"):
+        result = stack(2, (1.0, 0.0), friction=friction, tension=tension, shear=shear, base="dry", contact=contact)
+        assert result.load_factor == pytest.approx(expected, rel=1e-7)
+
+
+def test_bending_forms_differ_on_the_diagonal() -> None:
+    """docs/method.md (2.6): two cubes at 45°, σt = 0: √2/3 by the paper’s uncoupled form, half of it by the kern."""
+    turn = (np.sqrt(0.5), np.sqrt(0.5))
+    loads = {"friction": 5.0, "tension": 0.0, "shear": 9.0, "base": "dry"}
+    assert stack(2, turn, **loads).load_factor == pytest.approx(np.sqrt(2) / 3, rel=1e-7)
+    assert stack(2, turn, **loads, inner_bending="kern").load_factor == pytest.approx(np.sqrt(2) / 6, rel=1e-7)
+
+
+def test_prism_under_pure_torsion() -> None:
+    """A prism on a dry face twisted about its axis: MT = μ N c_T, with c_T of the unit square 0.382598."""
+    document = {
+        "elements": [box("b", [0, 0, 0], [1, 1, 1]), box("ground", [-1, -1, -1], [2, 2, 0], support=True)],
+        "materials": {"density": 3.0, "gravity": 1.0, "dry": {"friction_coefficient": 0.6}},
+        "loads": {"live": [{"element": "b", "moment": [0, 0, 1.0]}]},
+    }
+    c_t = np.sqrt(2) / 6 + np.arcsinh(1.0) / 6
+    assert c_t == pytest.approx(0.382598, abs=1e-6)
+    assert solve(build_assembly(parse_scene(document))).load_factor == pytest.approx(0.6 * 3.0 * c_t, rel=1e-8)

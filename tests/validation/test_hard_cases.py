@@ -32,7 +32,7 @@ from jld_core.program import Template
 from jld_core.solvers import is_large
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.protocol import Evaluator
-from reference_planar import reference_load_factor
+from proofs import reference_load_factor
 
 
 def proven(result: LimitAnalysisResult, expected: float, rel: float = 1e-6, floor: float = 0.0) -> None:

@@ -13,15 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import dry_and_inner
-from cases_spatial import assembly as spatial_assembly
-from cases_spatial import wall as spatial_wall
+from cases import as_elements, dry_and_inner
+from cases import assembly_in_space as spatial_assembly
+from cases import wall_in_space as spatial_wall
+from command import SCENES
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from noisy import noisy
-from paths import SCENES
-from reference_spatial import load_factor
-from transforms import as_elements
+from proofs import load_factor_in_space, noisy
 
 DIRECTIONS = {"px": [1, 0, 0], "mx": [-1, 0, 0], "py": [0, 1, 0], "my": [0, -1, 0]}
 
@@ -46,9 +44,8 @@ def test_spatial_samples_have_their_expected_load_factors(
     assert result.contact == contact
     assert result.load_factor == pytest.approx(expected[direction], rel=tolerance)
     assert result.gap < 1e-6
-    assert result.load_factor == pytest.approx(load_factor(document, concave=contact == "concave"), rel=1e-6)
+    assert result.load_factor == pytest.approx(load_factor_in_space(document, concave=contact == "concave"), rel=1e-6)
     matrix, (dead, live) = equilibrium_matrix(assembly), load_vectors(assembly)
-    assert result.forces is not None
     left = matrix @ result.forces.ravel() + dead + result.bracket[0] * live
     assert abs(left).max() <= 1e-10 * abs(dead).max()
 
@@ -137,7 +134,7 @@ def test_random_assemblies_against_an_independent_statement(seed: int) -> None:
     }
     if result.status is Status.COLLAPSE:
         assert result.gap < 1e-6
-        assert result.load_factor == pytest.approx(load_factor(stated), rel=1e-6, abs=1e-7)
+        assert result.load_factor == pytest.approx(load_factor_in_space(stated), rel=1e-6, abs=1e-7)
     else:
         assert result.status in (Status.LOCKED, Status.UNSTABLE)
 

@@ -265,7 +265,6 @@ def test_whose_cracks() -> None:
     assert row["faces"] == pytest.approx(0.75, rel=1e-6)
     assert 0.0 < row["fields, lower"] < row["fields, upper"] < 0.6
     strong = whose_cracks.stronger(found.case.scene, 2.0).materials.inner
-    assert strong is not None
     assert strong.shear_strength == pytest.approx(1e4)
     ratios = table.assign(part="brittle", ratio=[0.5] * len(table), strength=1.0, layout="one")
     assert "unsafe for them at every strength" in whose_cracks._unsafe(ratios)[0]

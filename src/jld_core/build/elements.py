@@ -42,7 +42,7 @@ from jld_core.geometry.stated_fit import (
     fit_of_line,
     fit_of_polygon,
     given_normals,
-    judge_fit,
+    judge_fits,
     refuse_crossing,
     refuse_repeated,
     words_of,
@@ -194,7 +194,7 @@ def planar_geometry(scene: Scene) -> Geometry:
     refuse_twins(ids)
     outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
     outlines, moved = _closed_polygon(scene, ids, outlines)
-    check_polygons(ids, outlines)
+    told = check_polygons(ids, outlines, _within(scene))
     area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
     for chosen, stack in polygons.by_corner_count(outlines):
         signed = polygons.area(stack)
@@ -221,7 +221,12 @@ def planar_geometry(scene: Scene) -> Geometry:
     supports = np.flatnonzero(elements.support).tolist()
     touching = {(supports[c.a], supports[c.b]) for c in find_planar_contacts([outlines[k] for k in supports])}
     own = [given[k] for k in kept]
-    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, warnings)
+    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, told + warnings)
+
+
+def _within(scene: Scene) -> float:
+    """Return the depth of overlaps that a scene accepts: its tolerance where it states its interfaces, else 0."""
+    return 0.0 if scene.interfaces is None else scene.tolerance or 0.0
 
 
 def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
@@ -298,13 +303,16 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
 def _polygon_misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) -> tuple[str, ...]:
     """Return warnings about stated interfaces that fit outlines poorly; raise InputError for those that cannot be."""
     refuse_repeated([(c.a, c.b) for c in contacts], [c.ends for c in contacts])
-    found = []
-    for position, contact in enumerate(contacts):
-        for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-            fit = fit_of_line(contact.ends, sign * contact.normal, elements.shape[element])
-            where = f"interfaces[{position}].polygon"
-            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
-    return tuple(text for text in found if text)
+    fits = [
+        (
+            f"interfaces[{position}].polygon",
+            elements.ids[element],
+            fit_of_line(contact.ends, sign * contact.normal, elements.shape[element]),
+        )
+        for position, contact in enumerate(contacts)
+        for element, sign in ((contact.a, 1.0), (contact.b, -1.0))
+    ]
+    return judge_fits(fits, scene.tolerance, scene.units.length)
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
@@ -354,7 +362,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
     size = (upper - lower).max(axis=1)
     around = near_pairs(lower, upper, tolerances.WEDGE * size)
     pairs = nearer_pairs(lower, upper, tolerances.FACE * size, around)
-    check_overlaps(ids, vertices, facets, pairs)
+    told = check_overlaps(ids, vertices, facets, pairs, _within(scene))
     given: list[Contact | None]
     warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
@@ -373,7 +381,8 @@ def spatial_geometry(scene: Scene) -> Geometry:
     grounded = elements.support[pairs[0]] & elements.support[pairs[1]]
     between = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
     touching = tuple(sorted({(contact.a, contact.b) for contact in between}))
-    return Geometry(elements, entries, interfaces, [given[k] for k in kept], touching, moved, warnings)
+    own = [given[k] for k in kept]
+    return Geometry(elements, entries, interfaces, own, touching, moved, told + warnings)
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
@@ -418,5 +427,5 @@ def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, f
         for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
             own = slice(start[element], start[element + 1])
             fit = fit_of_polygon(contact.polygon, sign * contact.normal, facets.loops[own], facets.normal[own])
-            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
-    return tuple(text for text in found if text)
+            found.append((where, elements.ids[element], fit))
+    return judge_fits(found, scene.tolerance, scene.units.length)

@@ -92,6 +92,8 @@ def without_frames(paths: list[Path], marks: list[Mark], options: ImportOptions,
         rest = [j for j in kept if j != k]
         wide, tall = boxes[k, 2:] - boxes[k, :2]
         sheet = abs(max(wide, tall) / max(min(wide, tall), 1e-300) / 2.0**0.5 - 1.0) <= _SHEET
+        if all(options.role(paths[j].layer) not in (None, "hole") for j in rest):
+            break  # what it holds stands on nothing: it is the structure itself
         doubled = max(before, float(areas[k])) * _DOUBLED <= (areas[k] if before else areas[other])
         if not (_is_clear(paths[k], boxes, k, rest) and options.role(paths[k].layer) is None):
             break

@@ -12,6 +12,7 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
+from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.exchange.cells import say_size
 from jld_core.exchange.drawing import check_supports
@@ -28,6 +29,7 @@ from jld_core.exchange.options import (
     listed,
     measure,
     refuse_unknown,
+    round_up,
     rounded,
     several,
 )
@@ -44,7 +46,9 @@ from jld_core.geometry import solids as closed_solids
 from jld_core.geometry.polyhedra import distance_to
 from jld_core.geometry.snapping import SnappedSolids
 from jld_core.geometry.spatial_contacts import SpatialContact
+from jld_core.geometry.stated_fit import Misfit
 from jld_core.linalg import components
+from jld_core.scene import parse_scene
 from jld_core.scene.units import METRES
 
 
@@ -350,6 +354,12 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     if found.contacts:
         of_part = dict(zip((part.name for part in parts), names, strict=True))
         document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
+        if len(parts) > len(found.parts):  # supports that were added, which no file states
+            document["interfaces"] += [
+                {"elements": [names[one.a], names[one.b]], "polygon": rounded(one.polygon, size)}
+                for one in contacts_of(whole, faces, Notes())
+                if max(one.a, one.b) >= len(found.parts)
+            ]
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
         contacts = contacts_of(whole, faces, notes)
@@ -360,6 +370,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
         marks = [mark.scaled(scale) for mark in found.marks]
         reach = max(2.0 * tolerance, 1e-7 * size)
         document["loads"] = solid_loads(marks, names, whole, faces, supports, reach, options, notes)
+    document |= _taken_as_stated(document, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
     free = len(parts) - sum(supports)
@@ -370,6 +381,21 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     if not found.facts:
         say_size(measured, length, drawn_in, notes)
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
+    """Return the key "tolerance" within which all stated interfaces are taken, where they fit their elements poorly."""
+    if options.tolerance is not None or "interfaces" not in document or "tolerance" in document:
+        return {}
+    try:
+        build_geometry(parse_scene({**complete({**document, "loads": {}}, options, Notes(), dimension=3)}))
+    except Misfit as error:
+        said = f"{error.problem}: interfaces are taken as the file states them, within {round_up(error.most)}"
+        notes.doubtful.append(f"{error.where}: {said}")
+        return {"tolerance": float(round_up(error.most))}
+    except InputError:
+        pass  # said where the scene is built
+    return {}
 
 
 def _chosen(found: Solids, options: ImportOptions, notes: Notes) -> Solids:

@@ -43,8 +43,8 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
     return kept
 
 
-def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
-    """Raise InputError for polygons that are not simple, have no area, or overlap."""
+def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
+    """Raise InputError for polygons that are not simple, have no area, or overlap; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
         raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
@@ -66,11 +66,14 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
             f"its polygon is wrong ({reason})",
             "an outline that does not meet itself",
         )
-    _refuse_overlaps(ids, shapes, size)
+    return _refuse_overlaps(ids, shapes, size, within)
 
 
-def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
-    """Raise InputError for shapely polygons (n,) that overlap, with depth and place; size: (n,) areas."""
+def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -> tuple[str, ...]:
+    """Raise InputError for shapely polygons (n,) that overlap, with depth and place.
+
+    Warn of depths up to `within`. size: (n,) their areas.
+    """
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
     # Pairs that only touch share no area: excluding them here saves intersections.
@@ -88,7 +91,7 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
         sides = np.hypot(*(box[1:3] - box[:2]).T) if len(box) > 3 else np.zeros(1)
         place = shapely.get_coordinates(shapely.point_on_surface(regions[k]))[0]
         pairs.append(Overlap(ids[left[k]], ids[right[k]], float(sides.min()), place))
-    refuse_overlaps(pairs, "elements that touch along edges at the most")
+    return refuse_overlaps(pairs, "elements that touch along edges at the most", within)
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:

@@ -371,8 +371,10 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
     return joined
 
 
-def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints]) -> None:
-    """Raise InputError for convex polyhedra that share a volume."""
+def check_overlaps(
+    ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints], within: float = 0.0
+) -> tuple[str, ...]:
+    """Raise InputError for convex polyhedra that share a volume; warn of overlaps no deeper than `within`."""
     # Pairs with a polyhedron that is not convex are not checked. Two elements are apart where all of one lies in front
     # of a facet of the other. For the few remaining pairs, a linear program finds the largest ball within both.
     lower = np.array([v.min(axis=0) for v in vertices])
@@ -383,7 +385,7 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
     deep = np.all(np.minimum(upper[a], upper[b]) - np.maximum(lower[a], lower[b]) > reach[:, None], axis=1)
     a, b, reach = a[deep], b[deep], reach[deep]
     if not len(a):
-        return
+        return ()
     points = np.concatenate(vertices)
     corners = np.array([len(v) for v in vertices])
     first_corner = np.concatenate([[0], np.cumsum(corners)])[:-1]
@@ -419,7 +421,7 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
             radius, place = _ball(facets, planes)
             if radius > 0.5 * reach[index]:
                 found.append(Overlap(ids[a[index]], ids[b[index]], 2.0 * radius, place))
-    refuse_overlaps(found, "elements that touch along faces at the most")
+    return refuse_overlaps(found, "elements that touch along faces at the most", within)
 
 
 def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:

@@ -88,7 +88,10 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     regions: list[shapely.Geometry] = []
     for heights, region, shared in sorted(found, key=lambda one: float(abs(one[0]).max())):
         near = shapely.union_all(regions, grid_size=grid)
-        if not regions or shapely.difference(shared, near, grid_size=grid).area > tolerances.FACE * stated.area:
+        if (
+            not regions
+            or shapely.difference(area_of(shared), near, grid_size=grid).area > tolerances.FACE * stated.area
+        ):
             off += heights.tolist()
         regions.append(region)
     faces = shapely.union_all(regions, grid_size=grid)
@@ -97,22 +100,50 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     return Fit(size, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
 
-def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
-    """Return a warning about a stated contact that fits an element poorly, or ""; raise InputError if it cannot fit."""
-    allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
-    whole = fit.beyond >= fit.size
-    cases = (
-        (fit.beyond, f"element {name!r} has no face there", whole),
-        (fit.beyond, f"it reaches {fit.beyond:.4g} {unit} beyond the face of element {name!r}", not whole),
-        (fit.depth, f"it lies up to {fit.depth:.4g} {unit} inside element {name!r}", True),
-    )
-    for misfit, problem, applies in cases:
-        if applies and misfit > max(tolerances.NEAR * fit.size, tolerance or 0.0):
-            accept = f', or a "tolerance" above {misfit:.2g}' if misfit <= _OFF * fit.size else ""
-            raise InputError(where, problem, f"an interface on the common boundary of its elements{accept}")
-        if applies and misfit > allowed:
-            return f"{where}: {problem}"
-    return f"{where}: it lies {fit.gap:.4g} {unit} in front of element {name!r}" if fit.gap > allowed else ""
+class Misfit(InputError):
+    """Error for contacts or elements that fit one another poorly, but within a tolerance above `most`."""
+
+    def __init__(self, where: str, problem: str, expected: str, most: float = 0.0) -> None:
+        super().__init__(where, problem, expected)
+        self.most = most
+
+
+def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, unit: str) -> tuple[str, ...]:
+    """Return warnings about stated contacts that fit an element poorly.
+
+    Fits: key, element, fit. Raises InputError for misfits beyond `tolerances.NEAR` and the tolerance, `Misfit` where a
+    larger tolerance takes all of them.
+    """
+    warnings, wrong = list[str](), list[tuple[bool, float, str, str]]()
+    for where, name, fit in fits:
+        allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
+        whole = fit.beyond >= fit.size
+        cases = (
+            (fit.beyond, f"element {name!r} has no face there", whole),
+            (fit.beyond, f"it reaches {fit.beyond:.4g} {unit} beyond the face of element {name!r}", not whole),
+            (fit.depth, f"it lies up to {fit.depth:.4g} {unit} inside element {name!r}", True),
+        )
+        poor = [(misfit, problem) for misfit, problem, applies in cases if applies and misfit > allowed]
+        if not poor:
+            if fit.gap > allowed:
+                warnings.append(f"{where}: it lies {fit.gap:.4g} {unit} in front of element {name!r}")
+            continue
+        misfit, problem = poor[0] if whole else max(poor)
+        if misfit > max(tolerances.NEAR * fit.size, tolerance or 0.0):
+            wrong.append((misfit > _OFF * fit.size, misfit, where, problem))
+        else:
+            warnings.append(f"{where}: {problem}")
+    if wrong:
+        # what no tolerance takes first, then the largest misfit
+        far, misfit, where, problem = max(wrong, key=lambda one: one[:2])
+        count = len({key for _, _, key, _ in wrong})
+        more = f", the largest misfit of {count} interfaces" if count > 1 and not far else ""
+        accept = "" if far else f', or a "tolerance" above {misfit:.2g}'
+        expected = f"an interface on the common boundary of its elements{accept}"
+        if far:
+            raise InputError(where, problem, expected)
+        raise Misfit(where, problem + more, expected, misfit)
+    return tuple(warnings)
 
 
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
@@ -182,20 +213,22 @@ class NearMiss:
     angle: float = 0.0  # between faces that touch at one end and open towards the other, degrees; else 0
 
 
-def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
-    """Raise InputError if elements overlap, naming up to ten pairs with depth and place."""
-    if not pairs:
-        return
+def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> tuple[str, ...]:
+    """Return a warning about elements that overlap by up to `within`, a length.
+
+    Raises Misfit where they overlap by more, naming up to ten pairs with depth and place.
+    """
+    most = max((pair.depth for pair in pairs), default=0.0)
+    if not pairs or most <= within:
+        return (f"{len(pairs)} pairs of elements overlap, by up to {most:.3g}",) if pairs else ()
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
     first = pairs[0]
     rest = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
     more = len(pairs) - _NAMED
     problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(rest) if rest else "")
     problem += f" and {more} more pairs" if more > 0 else ""
-    deepest = max(pair.depth for pair in pairs)
-    raise InputError(
-        f"elements {first.a!r} and {first.b!r}", problem, f'{expected}, or a "tolerance" above {deepest:.2g}'
-    )
+    where = f"elements {first.a!r} and {first.b!r}"
+    raise Misfit(where, problem, f'{expected}, or a "tolerance" above {most:.2g}', most)
 
 
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Labels
 from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
 from jld_core.mechanics import require_materials
 from jld_core.models.case_analysis import (
-    Labels,
     Structure,
     assembly_of,
     labellings_of,

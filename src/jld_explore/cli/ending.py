@@ -18,7 +18,7 @@ from jld_core.errors import InputError, SolverError
 from jld_core.threads import memory_limit
 from jld_explore.cli.overview import COMMANDS
 from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
-from jld_explore.study_state import Interrupted
+from jld_explore.search.state import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
 

@@ -21,7 +21,7 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.limit import SolveOptions
 from jld_core.scene import Scene, load_scene
 from jld_core.tolerances import GAP
-from jld_explore import Exploration, explore, study_state
+from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.cli.options import (
     AsJson,
@@ -43,7 +43,8 @@ from jld_explore.drivers import driver_kinds
 from jld_explore.drivers.registry import owners
 from jld_explore.report import check_folder, words
 from jld_explore.report.words import speed
-from jld_explore.settings import (
+from jld_explore.search import state
+from jld_explore.search.settings import (
     BudgetSettings,
     ExploreSettings,
     ModelSettings,
@@ -51,7 +52,7 @@ from jld_explore.settings import (
     ParallelSettings,
     SearchMethod,
 )
-from jld_explore.study_state import Interrupted
+from jld_explore.search.state import Interrupted
 
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for tables and pictures.", show_default=False)]
 DriverName = Annotated[
@@ -147,7 +148,7 @@ class ProgressBar:
     ) -> None:
         self._bar.stop()
 
-    def __call__(self, now: study_state.Progress) -> None:
+    def __call__(self, now: state.Progress) -> None:
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
             best += f" ≤ {now.bound:.6g}"
@@ -158,7 +159,7 @@ class ProgressBar:
         self._bar.update(self._task, completed=now.done, total=now.total, rate=rates, best=best, left=left)
 
 
-def _time_left(now: study_state.Progress) -> str:
+def _time_left(now: state.Progress) -> str:
     """Return in words how long a search goes on at most; "" if nothing is known."""
     rest = now.seconds * (now.total - now.done) / now.done if now.total and now.done else math.inf
     left = min(rest, now.left)

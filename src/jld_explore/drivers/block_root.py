@@ -1,4 +1,4 @@
-"""Bound on λ of all layouts by the block relaxation at the root, computed in a process beside any search."""
+"""Bound on λ of all layouts by the block relaxation, computed in a process beside any search."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import is_lost
 from jld_explore.space import SearchSpace
 
-LEAST_SECONDS: Final = 5.0
-"""Shortest time limit of a search in which the bound is computed; the process alone takes two seconds to start."""
+LEAST_SECONDS: Final = 5.0  # shortest time of a search with this bound; its process takes two seconds to start
 
 _SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
 _SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
@@ -34,26 +34,17 @@ _NICE: Final = 5  # the search goes first where it uses every core
 
 
 class BlockRoot:
-    """Block relaxation of all possible blocks of a space, solved in a process of its own.
-
-    `poll` returns the bound once it is there, in scene units. `close` ends the process.
-    """
+    """Block relaxation of all possible blocks of a space, solved in a process of its own."""
 
     def __init__(self, space: SearchSpace, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
-        self._workers = WorkerPool(1)
-        self._worker: PoolWorker | None = self._workers.first()
-        self._future: Future[float | None] | None = None
+        self._pool = Pool(1)
         self._bound: float | None = None
-        if self._worker is not None:
-            work = cloudpickle.dumps(blocks)
-            self._future = self._workers.submit(self._worker, _bound, work, seconds, _NICE if busy else 0)
+        nice = _NICE if busy else 0
+        self._future: Future[float | None] | None = self._pool.submit(_bound, cloudpickle.dumps(blocks), seconds, nice)
 
     @classmethod
     def beside(cls, space: SearchSpace, model: SolveOptions, deadline: Deadline, jobs: int) -> BlockRoot | None:
-        """Start the process for a search; None where the bound does not exist or would come too late.
-
-        model: must support bounds over labellings. deadline: of the search.
-        """
+        """Start the process for a search; None where the bound does not exist or would come too late."""
         left = deadline.remaining()
         assembly = space.assembly
         if not LEAST_SECONDS <= left < float("inf") or space.void is not None:
@@ -73,27 +64,32 @@ class BlockRoot:
         return cls(space, BlockSpace(space, blocks), deadline.remaining() - _CLOSE, busy=jobs >= (os.cpu_count() or 1))
 
     def poll(self, seconds: float = 0.0) -> float | None:
-        """Return the bound, scene units, waiting for it up to some seconds; None while there is none."""
-        if self._future is None or self._worker is None or not wait([self._future], timeout=seconds).done:
+        """Return the bound, scene units, after waiting for it up to some seconds; None without one."""
+        future = self._future
+        if future is None or not wait([future], timeout=seconds).done:
             return self._bound
-        found, self._future = self._workers.result(self._worker, self._future), None
-        self._bound = found if isinstance(found, float) else None
+        self._future = None
+        try:
+            self._bound = future.result()
+        except Exception as error:
+            if not is_lost(error):  # a process that is killed costs its bound alone
+                raise
         return self._bound
 
     @property
     def running(self) -> bool:
-        """Return True while the bound may still come."""
+        """True while the bound may still come."""
         return self._future is not None
 
     def close(self) -> None:
         """End the process; a bound that has not come is lost."""
         self._future = None
-        self._workers.close()
+        self._pool.close()
 
 
 @one_thread()
 def _bound(work: bytes, seconds: float, nice: int) -> float | None:
-    """Solve the block relaxation in this worker process for at most some seconds; return the bound, scene units."""
+    """Solve the block relaxation for at most some seconds; return the bound, scene units."""
     start = time.perf_counter()
     os.nice(nice)
     blocks: BlockSpace = pickle.loads(work)

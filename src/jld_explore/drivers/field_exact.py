@@ -1,9 +1,18 @@
-"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration."""
+"""Prove the strongest layout of blocks that crack anywhere, to a gap, without enumeration.
+
+A velocity field bounds λ of every labelling by a sum over faces. A labelling that is proven too weak is therefore
+minimised to a conflict, as by rigid blocks (`drivers.exact`), and a formula is asked for labellings that no conflict
+rules out. On the coarsest mesh a labelling costs some hundredths of a second. One that this mesh does not refute is
+evaluated and joins a pool, whose meshes are refined until its own velocity field refutes it, or its own stress field
+makes it the strongest. A labelling whose bracket is as narrow as the gap is always refuted above best / (1 − gap), so
+that a formula without a model there proves the best to the gap. The proof is checked when it ends (`proof_check`).
+"""
 
 from __future__ import annotations
 
 import io
 import math
+import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -12,48 +21,54 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
-from jld_core.deadline import Deadline, DeadlinePassed, time_left
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.fields.mesh import Mesh
 from jld_core.files import whole_file
 from jld_core.limit import Status
 from jld_explore.drivers.anneal import Anneal
-from jld_explore.drivers.base import Aim, Driver
-from jld_explore.drivers.exact.driver import ExactOptions
-from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
-from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
-from jld_explore.drivers.field_aims import ProofAim, aim_of
-from jld_explore.drivers.field_proof import FieldProof
+from jld_explore.drivers.base import Aim
+from jld_explore.drivers.exact.context import TargetSchedule, listed_blocks, without_formula
+from jld_explore.drivers.exact.driver import ProvingDriver
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.proof_check import check_proof
+from jld_explore.drivers.exact.proof_state import Conflict, Mechanism, ProofState
+from jld_explore.drivers.field_aims import aim_of, holds
+from jld_explore.drivers.field_proof import FieldIncumbents, FieldRefuter, has_conflict, refuting_step
+from jld_explore.drivers.field_relaxation import CommonMeshes
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.field_pool import FieldPool
+from jld_explore.evaluation.field_pool import TOGETHER, FieldPool
 from jld_explore.space import SearchSpace
+from jld_explore.space.labelling import canonical
+from jld_explore.space.limits import Range
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-CONFLICTS_FILE: Final = "conflicts.npz"  # name of the file of conflicts in the folder of a study
+CONFLICTS_FILE: Final = "conflicts.npz"
+"""Name of the file of conflicts in the folder of a study."""
 
 _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
 
-def save_conflicts(folder: Path, proof: FieldProof) -> None:
+def save_conflicts(folder: Path, driver: FieldExact) -> None:
     """Write the conflicts of a proof with their velocity fields and meshes to one file."""
     # The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out.
     # Without any conflict nothing is written.
-    conflicts = [one for one in proof.state.conflicts if one.mechanism is not None]
+    conflicts = [one for one in driver.state.conflicts if one.mechanism is not None]
     if not conflicts:
         return
-    problems, shared = proof.refuter.relaxation.problems, proof.refuter.cases
+    problems, shared = driver.refuter.relaxation.problems, driver.refuter.cases
     mechanisms = [one.mechanism for one in conflicts if one.mechanism is not None]
     own = sorted({one.case for one in mechanisms if one.case >= shared})
     number = {case: shared + place for place, case in enumerate(own)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
         "case": np.array([number.get(one.case, one.case) for one in mechanisms], dtype=np.int64),
-        "load": np.array([proof.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
+        "load": np.array([driver.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
         **_joined("faces", [one.faces for one in conflicts]),
         **_joined("labels", [one.labels for one in conflicts]),
         **_joined("velocity", [one.velocity.ravel() for one in mechanisms]),
@@ -65,7 +80,7 @@ def save_conflicts(folder: Path, proof: FieldProof) -> None:
         np.savez(file, **content)
 
 
-def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
+def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
     """Read stored conflicts and weigh them again; those without a finite bound are left out."""
     # The meshes of the file are added to the proof. The caller adds the conflicts.
     path = folder / CONFLICTS_FILE
@@ -74,23 +89,23 @@ def load_conflicts(folder: Path, proof: FieldProof) -> list[Conflict]:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
-        found = _conflicts_in(content, proof)
+        found = _conflicts_in(content, driver)
     except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
         told = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(str(path), f"it is damaged ({told})", "a file as jld explore left it, or none") from None
     return found
 
 
-def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
+def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]:
     """Add the meshes of a file to `proof`; return its conflicts of finite bounds, weighed again."""
-    if int(content["shared"]) != proof.refuter.cases:
+    if int(content["shared"]) != driver.refuter.cases:
         return []
     cases = content["case"].tolist()
     parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
     for place, load in enumerate(content["load"].tolist()):
         shapes = {"points": (-1, 2), "triangles": (-1, 3), "tagged": (-1, 2)}
         arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
-        proof.refuter.add_problem(load, Mesh(**arrays))
+        driver.refuter.add_problem(load, Mesh(**arrays))
     triples = zip(
         _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
     )
@@ -98,7 +113,7 @@ def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
         one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
-        bound = proof.refuter.weigh(one)
+        bound = driver.refuter.weigh(one)
         if np.isfinite(bound):
             found.append(replace(one, bound=bound))
     return found
@@ -115,19 +130,37 @@ def _parted(content: dict[str, Any], name: str) -> list[Floats]:
     return np.split(content[name], np.cumsum(content[f"{name}_sizes"])[:-1]) if len(content[f"{name}_sizes"]) else []
 
 
-# Largest share of the time left for listing the possible blocks; the formula works without the list
-_LISTING: Final = 0.3
-
 _ANNEALED: Final = 0.25  # largest share of a time limit for the labellings evaluated before the proof
 
+_PATIENCE: Final = 300  # conflicts before the bound is lowered in smaller steps, about a minute
 
-class FieldExact(Driver):
+_FIRST: Final = 8  # evaluated labellings of greatest lower bound that are refined before the proof begins
+
+_FIRST_OF_COUNT: Final = 2  # number as `_FIRST`, for each count of a front
+
+# Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined
+_ALIKE: Final = 1e-4
+
+_DRY: Final = 0.5  # probability that a drawn labelling prefers a face dry
+
+_COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
+
+_ROOT_CAUTION: Final = 4.0  # least time left for another mesh that bounds all labellings, over the time of the last one
+
+# Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof
+_SHARP: Final = 0.4
+
+_LONG: Final = 40  # conflicts from which a proof counts as long
+
+_SHARPENED: Final = 2  # number of labellings refined together for a larger lower bound, in order of their lower bounds
+
+_SHARPENING: Final = 0.1  # largest share of the time left that one more mesh for a larger lower bound may take
+
+_CAUTION: Final = 1.5  # least time left for another batch of labellings, over the time of the longest batch
+
+
+class FieldExact(ProvingDriver):
     """Driver that proves, to a gap, the largest λ of a planar space whose blocks crack anywhere."""
-
-    name = "exact"
-    remembers = True
-    checks = True
-    Options = ExactOptions
 
     def __init__(
         self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, gap: float = 0.05, search: int = 30
@@ -137,127 +170,133 @@ class FieldExact(Driver):
         # until its own fields refute it or make it the strongest. A bracket as narrow as the gap is always refuted
         # above best / (1 − gap).
         super().__init__(space, seed)
-        aimed = aim_of(space, aim, gap)
-        blocks = _listed(space)
-        _require_formula(space, blocks, aimed)
-        self._proof, self._aim = FieldProof(space, blocks, seed, aimed), aim
-        self._search = Anneal(space, seed) if aimed.count is None else Genetic(space, seed, aim=aim)
+        self._aim, self._aimed_at = aim_of(space, aim, gap), aim
+        if space.void is not None:
+            raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
+        self._blocks = listed_blocks(space)
+        if (count := without_formula(space, self._blocks, self._aim.count)) is not None:
+            raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")
+        self._search = Anneal(space, seed) if self._aim.count is None else Genetic(space, seed, aim=aim)
         self._left = search * int(space.candidates.sum())
-        self._heartbeat: Callable[[], None] = lambda: None
         self._before = Deadline()
         self._folder: Path | None = None
         self._asked = False
-        self._contradictions: list[str] = []
+        self.refuter = FieldRefuter(space, self._blocks)
+        self.incumbents = FieldIncumbents(space, self._aim)
+        self._batch_seconds = 0.0
+        self._restart()
 
     @classmethod
     def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
-        """Make a driver that proves to a gap; InputError for a wrong option."""
+        """Make a driver that proves to a gap.
+
+        Raises InputError if an option is unknown or has a wrong value, and as the class.
+        """
         options = {key: value for key, value in given.items() if value is not None}
         for key in options:
             if key not in cls.Options.model_fields:
                 raise ParameterError(key, "the driver exact has no such option", "an option that it has")
         driver = cls.made(space, seed, options)
-        driver._proof.aim.gap = gap
+        driver._aim.gap = gap
         return driver
+
+    def _restart(self) -> None:
+        """Forget all conflicts and bounds on targets; keep evaluations and the pool."""
+        self._aim.restart()
+        self._state = ProofState(self.space)
+        self.refuter.restart()
+        self._formula: Formula | None = None
+        self._rng = np.random.default_rng([self.seed, 3])
+        self._schedule = TargetSchedule(_PATIENCE)
+        self._bound = self._left_open = self._aimed = math.inf
+        self._target: int | Range | None = None
+        self._began = 0
+        self._waiting: list[Bits] = []
+        self._begun = self._cut = self._settled = self._stopped = False
+        self._refuted = np.full(len(self.pool), np.inf)
+        self.pool.given_up[:] = False
+        self._proof_check = None
 
     # --- what is known ----------------------------------------------------------------------------------
 
     @property
     def pool(self) -> FieldPool:
-        """Labellings that are refined one by one, with their bounds."""
-        return self._proof.pool
+        return self.incumbents.pool
 
     @property
     def best(self) -> float:
-        """Largest governing factor that a layout is proven to carry; −inf without a layout."""
-        return self._proof.best
+        """Largest proven lower bound on the governing factor; −inf without a layout."""
+        return max(self.incumbents.best().values(), default=-math.inf)
 
     def bounds_above(self, labellings: Bits) -> Floats:
-        """Return upper bounds (k,) on governing factors; inf where nothing is proven."""
-        if self.complaints:
-            return np.full(len(labellings), np.inf)
-        return self._proof.bounds_above(labellings)
+        """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
+        return np.full(len(labellings), np.inf) if self.complaints else self._refuted_above(labellings)
+
+    def _refuted_above(self, labellings: Bits) -> Floats:
+        """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
+        found = np.full(len(labellings), self._bound)
+        for one in self._state.conflicts:
+            matching = has_conflict(one, labellings, self.space.group)
+            found[matching] = np.minimum(found[matching], one.bound)
+        return found
 
     @property
     def bound(self) -> float | None:
         """Proven upper bound on all governing factors; None after a failed check or two contradictions."""
-        failed = self._proof.check is not None and not self._proof.check.passed
-        return None if failed or self._given_up or not math.isfinite(self._proof.bound) else self._proof.bound
-
-    @property
-    def finished(self) -> bool:
-        return self._proof.check is not None and self._proof.check.passed
+        failed = self._proof_check is not None and not self._proof_check.passed
+        return None if failed or self._given_up or not math.isfinite(self._bound) else self._bound
 
     @property
     def open_layouts(self) -> int:
         """Number of layouts of better count that may carry the required factor."""
-        return int(self._proof.aim.facts({}, False).get("open_layouts", 0))
+        return int(self._aim.facts({}, False).get("open_layouts", 0))
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"aim": self._aim} if self._aim == "front" else {}
+        return {"aim": self._aimed_at} if self._aimed_at == "front" else {}
 
     @property
     def working(self) -> bool:
-        return not self._proof.settled and not self._given_up
+        return not self._settled and not self._given_up
 
     @property
-    def _given_up(self) -> bool:
-        """True if the proof was contradicted again after its restart."""
-        return len(self._contradictions) > 1
-
-    @property
-    def complaints(self) -> list[str]:
-        check = self._proof.check
-        return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
+    def relaxations(self) -> int:
+        """Number of programs solved."""
+        return self.refuter.programs + self.pool.programs
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        # "conflicts": number of conflicts. "relaxations": number of programs solved. "proof_check": result of the
-        # check, only after the proof has ended.
-        proof = self._proof
-        found: dict[str, Any] = {
-            "conflicts": len(proof.state.conflicts),
-            "relaxations": proof.refuter.programs + proof.pool.programs,
-        }
-        sure = not self.complaints
-        found |= proof.aim.facts(proof.incumbents.best(), sure)
-        return found if proof.check is None else {**found, "proof_check": proof.check.to_dict()}
-
-    def withdraw(self, reason: str) -> None:
-        # evaluations stay, conflicts do not; a second contradiction ends the proof
-        self._contradictions.append(reason)
-        self._proof.restart()
+        return super().facts(results, complete) | self._aim.facts(self.incumbents.best(), not self.complaints)
 
     def set_workers(self, jobs: int) -> None:
-        self._proof.pool.tasks.jobs = jobs
+        self.pool.tasks.jobs = jobs
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        own = Deadline() if deadline is None else deadline.earlier(0.3)
-        self._proof.deadline = self._proof.pool.deadline = own
-        self._before = own.within(_ANNEALED * own.remaining())
-        self._heartbeat = heartbeat
+        super().start(deadline, heartbeat, records)
+        self.pool.deadline = self._deadline
+        self._before = self._deadline.within(_ANNEALED * self._deadline.remaining())
         if records is not None:
             self._folder = records.folder
-            self._proof.take(load_conflicts(self._folder, self._proof))
+            self._add(load_conflicts(self._folder, self))
 
     def close(self) -> None:
-        self._proof.pool.tasks.close()
+        self.pool.tasks.close()
         if self._folder is not None and self._folder.is_dir():
-            save_conflicts(self._folder, self._proof)
-
-    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        self._learn(labellings, evaluations)
+            save_conflicts(self._folder, self)
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings to evaluate, (k, m), True = dry.
+
+        Empty if the proof ended, was given up, or has no time left.
+        """
         # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
         if not self._asked:
             self._asked = True
-            self._proof.bound_all()
-            if self._proof.reached:
+            self._bound_at_root()
+            if self._reached:
                 self._left = 1  # a study has one result
-        elif self._proof.reached:
+        elif self._reached:
             self._left = 0
         if self._left > 0 and not self._before.passed():
             found = self._search.ask(self._left if limit is None else min(limit, self._left))
@@ -265,39 +304,267 @@ class FieldExact(Driver):
             if len(found):
                 return found
         self._left = 0
-        proof = self._proof
-        while not proof.waiting and self.working and not proof.stopped and not proof.deadline.passed():
-            proof.work()
+        while not self._waiting and self.working and not self._stopped and not self._time_is_up:
+            self._work()
             self._heartbeat()
-        count = len(proof.waiting) if limit is None else limit
-        given, proof.waiting = proof.waiting[:count], proof.waiting[count:]
+        count = len(self._waiting) if limit is None else limit
+        given, self._waiting = self._waiting[:count], self._waiting[count:]
         return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m), for the search and as bounds for the proof.
+
+        The evaluations hold both bounds on the coarsest mesh.
+        """
         self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep the bounds of evaluated labellings (k, m)."""
+        """Keep the bounds of evaluated labellings."""
         low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
         high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
-        self._proof.learn(labellings, low, high)
+        self.incumbents.learn(labellings, low, high)
+        if self._begun:
+            self._join(list(labellings))
 
+    def _join(self, labellings: Sequence[Bits]) -> None:
+        """Add evaluated labellings (m,) to the pool."""
+        self._refuted = np.concatenate([self._refuted, self._refuted_above(self.incumbents.join(labellings))])
 
-def _listed(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space; None if they are too many, or listing takes too long."""
-    try:
-        with Deadline(_LISTING * time_left()).enforced():
-            return possible_blocks(space)
-    except DeadlinePassed:
-        return None
+    # --- the proof --------------------------------------------------------------------------------------
 
+    @property
+    def _goal(self) -> float:
+        """Governing factor above which labellings of the target must be refuted."""
+        return self._aim.goal(self.incumbents.best())
 
-def _require_formula(space: SearchSpace, blocks: PossibleBlocks | None, aim: ProofAim) -> None:
-    """Raise InputError if cells may be left out, or if a count has no formula."""
-    if space.void is not None:
-        raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
-    for count in [count for count, _ in space.limits.on_counts] + ([] if aim.count is None else [aim.count]):
-        terms = count.terms(space.assembly) if count.terms else None
-        if terms is None or (terms.blocks and blocks is None):
-            raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")
+    def _work(self) -> None:
+        """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
+        # The caller repeats it, and evaluates `_waiting` labellings, until `_settled` or `_stopped`.
+        best = self.incumbents.best() if self._begun else {}
+        if not self._begun:
+            self._begin()
+        elif (
+            self._aim.goal(best) > self._aimed
+            or self._aimed >= self._left_open
+            or self._aim.target(best) != self._target
+        ):
+            self._aim_formula()
+        elif (rows := self._open()).size:
+            self._refine(rows)
+        elif (rows := self._wide_rows()).size:
+            self._refine_lower(rows)
+        elif not self._draw():
+            self._lower()
+        elif self._schedule.is_stuck(len(self._state.conflicts) - self._began, self._left_open, self._aimed):
+            self._aim_formula()
+
+    def _begin(self) -> None:
+        """Bound all labellings on finer meshes, and aim at the first target."""
+        self._begun = True
+        self._bound_finer()
+        self._left_open = self._bound
+        self._join_promising()
+        self._aim_formula()
+
+    def _join_promising(self) -> None:
+        """Put the best evaluated labellings of the target into the pool."""
+        best = self.incumbents.best()
+        target, goal = self._aim.target(best), self._aim.enough(best)
+        number = _FIRST if target is None or isinstance(target, Range) else _FIRST_OF_COUNT
+        self._join(self.incumbents.promising(target, goal, number, _ALIKE))
+
+    def _bound_at_root(self) -> None:
+        """Lower `_bound` by one program for each load case, on the coarsest meshes."""
+        for case in range(self.refuter.cases):
+            self._bound_by(self.refuter.common(case), case)
+
+    def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
+        """Bound all labellings on the next mesh of a load case; store a lower bound."""
+        start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
+        found = meshes.step()
+        if found is not None and found.bound < self._bound:
+            mechanism = Mechanism(self.refuter.add_problem(case, found.mesh), found.found.velocity)
+            self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
+            self._bound = found.bound
+        self._batch_seconds = time.perf_counter() - start
+
+    def _bound_finer(self) -> None:
+        """Bound all labellings on finer meshes in the time there is; refute labellings on some."""
+        cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
+        while not self._reached and self._deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
+            left = [case for case, meshes in enumerate(cases) if not meshes.ended]
+            if not left:
+                break
+            for case in left:
+                self._bound_by(cases[case], case)
+        self.refuter.refute_on(cases)
+
+    @property
+    def _reached(self) -> bool:
+        """True if `_bound` meets the goal of the target, or proves that no layout stands."""
+        return self._bound <= max(self._goal, 0.0)
+
+    def _aim_formula(self) -> None:
+        """Aim the formula at the next factor to refute, or end a target that is reached."""
+        best = self.incumbents.best()
+        goal = self._aim.goal(best)
+        if self._left_open <= max(goal, 0.0):
+            self._end_target()
+            return
+        following = self._schedule.next_target(self._left_open, goal) if self._aim.in_steps else goal
+        self._aimed, self._target = max(goal, following), self._aim.target(best)
+        self._began = len(self._state.conflicts)
+        self._formula = self._formula or self._stated()
+        self._formula.aim(self._aimed, self._target)
+        for labels in [*self._waiting, *self.pool.labellings]:
+            self._formula.set_aside(np.arange(len(labels)), labels)
+
+    def _stated(self) -> Formula:
+        """Return the formula of the labellings that no conflict rules out."""
+        formula = Formula(self.space, self._blocks)
+        formula.learn(self._state.conflicts)
+        return formula
+
+    def _in_target(self) -> Bools:
+        """Return (k,) True for the labellings of the pool that belong to the target."""
+        return holds(self._target, self.incumbents.counts)
+
+    def _open(self) -> Ints:
+        """Return rows of the pool to refine, not refuted: best lower and upper bounds in turns."""
+        low, high = self.pool.low(), self.pool.high()
+        rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
+        by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
+        turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
+        return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
+
+    def _wide_rows(self) -> Ints:
+        """Return rows of the pool whose refinement may raise the best lower bound of a long proof."""
+        low, high = self.pool.low(), self.pool.high()
+        best = self._aim.enough(self.incumbents.best())
+        if len(self._state.conflicts) < _LONG or not best > 0.0 or not self._aim.in_steps:
+            return np.empty(0, dtype=np.int64)
+        allowed = _SHARPENING * self._deadline.remaining()
+        wide = high > best / (1.0 - _SHARP * self._aim.gap)
+        rows = np.flatnonzero(wide & ~self.pool.given_up & self._in_target())
+        rows = rows[[self.pool.expected_seconds(row) < allowed for row in rows.tolist()]] if rows.size else rows
+        return rows[np.argsort(-low[rows], kind="stable")][:_SHARPENED]
+
+    def _refine_lower(self, rows: Ints) -> None:
+        self.pool.refine(rows.tolist(), self._enough())
+
+    def _enough(self) -> Floats:
+        """Return for each labelling of the pool the factor (k,) that a useful lower bound exceeds."""
+        return np.full(len(self.pool), self._aim.enough(self.incumbents.best()))
+
+    def _refine(self, rows: Ints) -> None:
+        """Refine `rows` of the pool by one mesh; add the conflicts that their fields prove."""
+        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
+        for _, case, mesh, step in steps:
+            conflict: Conflict | None = step.more
+            if conflict is None or conflict.mechanism is None:
+                continue
+            mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
+            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
+
+    def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
+        """Return conflicts of other labellings of the pool that a mechanism refutes."""
+        rows = np.flatnonzero(self._refuted > self._aimed)
+        count, faces = len(rows), np.flatnonzero(self.refuter.free)
+        if not count:
+            return []
+        labels = self.pool.labellings[rows]
+        velocities = np.broadcast_to(mechanism.velocity, (count, *mechanism.velocity.shape))
+        bounds = self.refuter.relaxation.evaluate_mechanisms(
+            mechanism.case, velocities, labels, np.zeros_like(labels)
+        ).tolist()
+        pairs = zip(labels, bounds, strict=True)
+        return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
+
+    def _draw(self) -> bool:
+        """Draw and refute a batch, or set `stopped` without time for it; False if none is left."""
+        formula = self._formula
+        if formula is None:
+            raise RuntimeError("the proof has no formula before its first aim")
+        drawn: list[Bits] = []
+        while len(drawn) < TOGETHER:
+            wish = self._rng.random(len(self.refuter.free)) < _DRY
+            labels = formula.next(preferred=wish)
+            if labels is None:
+                break
+            formula.set_aside(np.arange(len(labels)), labels)
+            drawn.append(labels)
+        if _CAUTION * self._batch_seconds > self._deadline.remaining():
+            self._stopped = True
+            return True
+        start = time.perf_counter()
+        found = self.refuter.refute(drawn, self._aimed, self.pool.tasks)
+        self._batch_seconds = max(self._batch_seconds, time.perf_counter() - start)
+        for labels, conflict in zip(drawn, found, strict=True):
+            if conflict is None:
+                self._hand_over(np.asarray(canonical(labels[None], self.space.group))[0])
+            else:
+                self._add([conflict])
+        return bool(drawn)
+
+    def _hand_over(self, labels: Bits) -> None:
+        """Add a canonical labelling (m,) to the pool; one without evaluation waits for it first."""
+        if self.incumbents.is_known(labels):
+            self._join([labels])
+        else:
+            self._waiting.append(labels)
+
+    def _add(self, conflicts: Sequence[Conflict]) -> None:
+        """Add conflicts to the proof, the formula, and the bounds of the pool."""
+        self._state.add_conflicts(conflicts)
+        if self._formula is not None:
+            self._formula.learn(conflicts)
+        for one in conflicts:
+            matching = has_conflict(one, self.pool.labellings, self.space.group)
+            self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
+
+    def _lower(self) -> None:
+        """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
+        rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
+        self._left_open = min(self._left_open, max(self._aimed, rest))
+        if self._target is None:
+            self._bound = min(self._bound, self._left_open)
+        self._schedule.note_proven(len(self._state.conflicts) - self._began)
+        if self._left_open <= self._aimed and self._left_open > self._goal:
+            self._aim_formula()
+        else:
+            self._end_target()
+
+    def _end_target(self) -> None:
+        """Record the bound of a target; begin the next that has a labelling, or end the proof."""
+        self._cut |= self.pool.late and self._left_open > self._goal
+        open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
+        known = self._aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
+        while known is not None and not self._exists():
+            known = self._aim.next(-math.inf, {}, np.empty(0))
+        if known is None:
+            self._settle()
+            return
+        self._left_open, self._aimed = known, math.inf
+        self._schedule = TargetSchedule(_PATIENCE)
+        self._join_promising()
+        self._aim_formula()
+
+    def _exists(self) -> bool:
+        """Return whether the target has any labelling, however weak."""
+        self._formula = self._formula or self._stated()
+        self._formula.aim(-math.inf, self._aim.target(self.incumbents.best()))
+        return self._formula.next() is not None
+
+    def _settle(self) -> None:
+        """Check the ended proof, or set `stopped` if time left a target open."""
+        self._stopped, self._settled = self._cut, not self._cut
+        if self._stopped:
+            return
+        claims = self._aim.claims()
+        finite = all(math.isfinite(claim.threshold) for claim in claims)
+        problem = "" if finite else "a layout has no upper bound"
+        strongest = self.incumbents.strongest(_COMPARED)
+        self._proof_check = check_proof(
+            self.refuter.context(), self._state, claims, strongest, problem, self._deadline.elapsed()
+        )

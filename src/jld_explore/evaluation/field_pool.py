@@ -18,10 +18,9 @@ from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import mesh_seconds, time_rate
-from jld_explore.evaluation.worker_pool import TaskPool
+from jld_explore.evaluation.pool import Pool
 
-TOGETHER: Final = 4
-"""Layouts refined at a time, whatever the number of jobs, so that results do not depend on it."""
+TOGETHER: Final = 4  # layouts refined at a time, whatever the number of jobs, so that results do not depend on it
 
 _MOST_TRIANGLES: Final = 12_000  # triangles at which refinement of one layout ends
 
@@ -54,27 +53,16 @@ def step_of(fields: Fields, start: float, more: Any = None) -> FieldStep:
 
 @one_thread()
 def refined_step(setting: FieldSetting, labels: Bits, mesh: Mesh, required: float, enough: float) -> FieldStep:
-    """Solve for both fields of a labelling (m,) on a mesh, for one load case.
-
-    No stress field is computed if λ / required is proven to be below `enough`.
-    """
+    """Solve for both fields of a labelling (m,) on a mesh; no stresses if λ / required is below `enough`."""
     start = time.perf_counter()
     return step_of(Fields.on(setting, mesh, labels, enough * required), start)
 
 
 class FieldPool:
-    """Bounds on λ of many labellings of one assembly, by stress and velocity fields.
-
-    assembly: planar assembly, with or without load cases. labellings: (k, m) True = dry; the attribute holds those
-    added later, too. deadline: time after which no further program is begun. jobs: number of processes; results do not
-    depend on it. settings: data that all labellings share, one entry for each load case. given_up: (k,) labellings that
-    are refined no more, even if their brackets are wide. late: True if a labelling was given up for lack of time.
-    programs: number of cone programs solved. tasks: processes that refine; close it at the end. rate: time of a mesh
-    over a power of its triangles, s.
-    """
+    """Bounds on λ of many labellings of one planar assembly, by stress and velocity fields."""
 
     def __init__(self, assembly: Assembly, labellings: Bits, deadline: Deadline | None = None, jobs: int = 1) -> None:
-        self.deadline, self.tasks = Deadline() if deadline is None else deadline, TaskPool(jobs)
+        self.deadline, self.tasks = Deadline() if deadline is None else deadline, Pool(jobs)
         self.settings = [FieldSetting.of(case) for case in assembly.by_case]
         self._coarse: list[CoarseBounds] | None = None
         self.required = assembly.required
@@ -82,20 +70,17 @@ class FieldPool:
         self._low, self._high = np.empty((2, 0, len(self.settings)))
         self._least, self._most = np.empty((2, 0))
         self.bounded = np.zeros(0, dtype=bool)
-        self.given_up = np.zeros(0, dtype=bool)
+        self.given_up = np.zeros(0, dtype=bool)  # refined no more, even if their brackets are wide
         self._meshes: dict[tuple[int, int], Mesh] = {}
         self._steps: dict[tuple[int, int], int] = {}
+        # time of a mesh over a power of its triangles, s; cone programs solved; whether time ended a refinement
         self.rate, self.programs, self.late = 0.0, 0, False
         self.add(labellings)
 
     def add(
         self, labellings: Bits, low: Floats | None = None, high: Floats | None = None, cases: Floats | None = None
     ) -> None:
-        """Add labellings (k, m) to the pool, with bounds that are known.
-
-        low, high: (k,) bounds on the governing factor, NaN where unknown; None if all are unknown. cases: (k, c) lower
-        bounds on λ under each load case, alike.
-        """
+        """Add labellings (k, m) with known bounds (k,), NaN if unknown, and lower bounds (k, c) of cases."""
         count, several = len(labellings), len(self.settings)
         self.labellings = np.concatenate([self.labellings, labellings])
         lowest = np.full((count, several), -np.inf)
@@ -108,10 +93,7 @@ class FieldPool:
         self.given_up = np.concatenate([self.given_up, np.zeros(count, dtype=bool)])
 
     def take_from(self, other: FieldPool) -> None:
-        """Take over the bounds and the number of programs of another pool of the same assembly.
-
-        Bounds of labellings that this pool does not hold are left out.
-        """
+        """Take over the bounds and the number of programs of another pool of the same assembly."""
         place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
         both = zip(other.low().tolist(), other.high().tolist(), strict=True)
         for theirs, (labels, (low, high)) in enumerate(zip(other.labellings, both, strict=True)):
@@ -132,23 +114,19 @@ class FieldPool:
 
     @property
     def refined(self) -> int:
-        """Return the number of labellings that `refine` has treated."""
+        """Number of labellings that `refine` has treated."""
         return len({row for row, _ in self._steps})
 
     @property
     def coarse(self) -> list[CoarseBounds]:
-        """Return the bounds on the coarsest mesh under each load case, set up when first needed."""
+        """Bounds on the coarsest mesh under each load case, set up when first needed."""
         if self._coarse is None:
             self._coarse = [CoarseBounds(setting) for setting in self.settings]
         return self._coarse
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Return the lower and upper bounds (k, c) on λ under each load case, scene units.
-
-        They are infinite where there is none. Upper bounds on the governing factor that were given to `add`, `cap` or
-        `take_from` are not included, since they hold for no single case; see `high`.
-        """
+        """Lower and upper bounds (k, c) on λ under each load case, scene units, infinite where unknown."""
         # bounds on the governing factor that were known before hold for every case from below
         return np.maximum(self._low, self._least[:, None] * self.required), self._high
 
@@ -161,20 +139,14 @@ class FieldPool:
         return np.asarray(np.minimum(self._most, (self._high / self.required).min(axis=1)))
 
     def closed(self, gap: float) -> Bools:
-        """Return a mask (k,) of the labellings whose bounds lie within a relative gap.
-
-        A labelling that lacks a bound is not closed.
-        """
+        """Return the labellings (k,) whose bounds, both known, lie within a relative gap."""
         low, high = self.low(), self.high()
         known = np.isfinite(low) & np.isfinite(high)
         low, high = np.where(known, low, 0.0), np.where(known, high, 0.0)
         return np.asarray(known & (high - low <= gap * np.maximum(abs(high), abs(low))))
 
     def bound_above(self, row: int) -> None:
-        """Bound the labelling of index `row` from above on the coarsest mesh, under all cases.
-
-        The mechanisms lower the bounds of the other labellings as well.
-        """
+        """Bound a labelling from above on the coarsest mesh, and others by its mechanisms."""
         self.bounded[row] = True
         for case, coarse in enumerate(self.coarse):
             bound, mechanism = coarse.upper(self.labellings[row])
@@ -182,10 +154,7 @@ class FieldPool:
             self._learn(row, case, (-math.inf, bound), None, mechanism)
 
     def bound_below(self, row: int) -> None:
-        """Bound the labelling of index `row` from below on the coarsest mesh.
-
-        Only cases without a lower bound are solved. The stresses raise the bounds of the other labellings as well.
-        """
+        """Bound a labelling from below on the coarsest mesh, and others by its stresses."""
         for case, coarse in enumerate(self.coarse):
             if not math.isfinite(self._low[row, case]):
                 bound, stresses = coarse.lower(self.labellings[row])
@@ -193,15 +162,12 @@ class FieldPool:
                 self._learn(row, case, (bound, math.inf), stresses, None)
 
     def _next(self, row: int) -> tuple[int, Mesh]:
-        """Return the load case and the mesh on which a labelling is refined next.
-
-        It is the case with the least lower bound.
-        """
+        """Return the load case of least lower bound, and the mesh on which a labelling is refined next."""
         case = int(np.argmin(self._low[row] / self.required))
         return case, self._meshes.get((row, case), self.settings[case].coarse)
 
     def expected_seconds(self, row: int) -> float:
-        """Return the expected time of the next mesh of a labelling, s; 0 if no time is known."""
+        """Return the expected time of the next mesh of a labelling, s; 0 if unknown."""
         return mesh_seconds(self.rate, len(self._next(row)[1]))
 
     def refine(
@@ -211,16 +177,10 @@ class FieldPool:
         step: Callable[..., FieldStep] = refined_step,
         more: tuple[Any, ...] = (),
     ) -> list[tuple[int, int, Mesh, FieldStep]]:
-        """Solve the load case with the least lower bound on the next mesh, for some labellings.
+        """Refine labellings `rows` by one mesh: return row, load case, mesh and step of each.
 
-        The first mesh of a labelling is the coarsest one. The fields found bound all other labellings as well. A
-        labelling without a finer mesh, or without bounds after several meshes, is given up.
-
-        rows: indices of the labellings to refine. If the time left is too short for the next mesh of a labelling, it is
-        given up. enough: (k,) governing factor of each labelling below which no lower bound is asked for. step:
-        function that solves on one mesh. Its arguments are setting, labels, mesh, required, enough, then `more`. more:
-        further arguments of `step`. Result: labelling, load case, mesh and its bounds for each labelling refined, in
-        the order of `rows`.
+        enough: (k,) governing factor below which no lower bound is asked for. A labelling without a finer mesh, without
+        time for it, or without bounds after several is given up.
         """
         tasks: list[tuple[int, int, Mesh, tuple[Any, ...]]] = []
         for row in rows:
@@ -233,7 +193,7 @@ class FieldPool:
                 break  # it is refined later, if there is time for it beside the others
             required, least = float(self.required[case]), float(enough[row])
             tasks.append((row, case, mesh, (self.settings[case], self.labellings[row], mesh, required, least, *more)))
-        found = self.tasks.run(step, [arguments for *_, arguments in tasks])
+        found = list(self.tasks.run(step, [arguments for *_, arguments in tasks]))
         self.programs += 2 * len(tasks)
         for (row, case, mesh, _), one in zip(tasks, found, strict=True):
             self.rate = max(self.rate, time_rate(one.seconds, len(mesh)))
@@ -254,10 +214,7 @@ class FieldPool:
         stresses: FieldStresses | None,
         mechanism: FieldMechanism | None,
     ) -> None:
-        """Update the bounds under one load case: of one labelling, and of all by its fields.
-
-        bounds: (lower, upper) bound on λ of this labelling, scene units.
-        """
+        """Update the bounds under one load case: of one labelling, and of all by its fields."""
         low, high = self._low[:, case], self._high[:, case]
         if stresses is not None:
             np.maximum(low, stresses.bounds(self.labellings), out=low)

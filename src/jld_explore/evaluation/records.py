@@ -27,7 +27,7 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_explore.evaluation.cases import IncumbentFront
-from jld_explore.evaluation.process_settings import deferred_signals
+from jld_explore.evaluation.pool import deferred_signals
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.evaluation.ranking import (
     COLUMNS,
@@ -40,7 +40,7 @@ from jld_explore.evaluation.ranking import (
     record_type,
     rows_of,
 )
-from jld_explore.evaluation.worker_pool import Run, Workers
+from jld_explore.evaluation.workers import Run, Workers
 from jld_explore.space import keys
 from jld_explore.space.labelling import orbit_sizes
 

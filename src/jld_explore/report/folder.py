@@ -29,9 +29,9 @@ from jld_explore.report.columns import columns, csv_of, front_rows, values_on, w
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
 from jld_explore.report.summary import Summary
 from jld_explore.report.tables import without_parquet, write_results
+from jld_explore.search.state import StopReason, name_of
+from jld_explore.search.study import Study
 from jld_explore.space import registered
-from jld_explore.study import Study
-from jld_explore.study_state import StopReason, name_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -112,8 +112,8 @@ def check_certificate_file(path: Path, folder: Path) -> None:
         raise ParameterError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
-def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None, alone: bool = True) -> Exploration:
-    """Write all tables of a finished study; not alone: the caller adds columns and writes the results."""
+def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
+    """Write the tables of a finished study, but results and summary, which `save_tables` writes."""
     own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
@@ -127,7 +127,6 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     )
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
-    counts = [name for name, _ in axes]
     front = tables.front_table(results, axes)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
@@ -152,6 +151,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")
+    counts = [name for name, _ in axes]
     on_front = {str(value) for value in values_on(front, counts)}
     found["front"] = [row for row in every if str(row["count"]) in on_front]
     found["best_by_count"] = every
@@ -161,30 +161,28 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
         found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
     if study.scene.cracks != "faces":
         found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
-    found["cracks"] = cracks_to_json(study.scene.cracks)
-    found |= {"by_fields": _bracket_of_best(results) if by_fields else None, "uncut": None}
+    found |= {"cracks": cracks_to_json(study.scene.cracks), "uncut": None}
+    found["by_fields"] = _bracket_of_best(results) if by_fields else None
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
-    if alone:
-        write_results(study.folder, results, csv=study.settings.csv)
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
-    write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
-    return _with_least_load_factor(done)
-
-
-def _with_least_load_factor(done: Exploration) -> Exploration:
-    """Add the λ from which on the best layout stands, where it falls under its dead load alone."""
     if done.summary.stands_at_zero is not False:
         return done
-    fields = isinstance(done.scene.cracks, FieldCracks)
-    least = math.nan if fields else getattr(done.result(), "least_load_factor", math.nan)
-    facts = done.summary.facts | {"least_load_factor": least if math.isfinite(least) else None}
-    write_text(done.folder / "summary.json", json.dumps(facts, indent=1))
-    return replace(done, summary=Summary.of(facts))
+    least = math.nan if by_fields else getattr(done.result(), "least_load_factor", math.nan)  # unknown by fields
+    return replace(done, summary=Summary.of({**found, "least_load_factor": least if math.isfinite(least) else None}))
+
+
+def save_tables(done: Exploration, saved: Exploration | None = None, *, csv: bool = False) -> Exploration:
+    """Write results and summary of a search, except what `saved`, which is on disk, has too; return the search."""
+    if saved is None or done.results is not saved.results:
+        write_results(done.folder, done.results, csv=csv)
+    if saved is None or done.summary is not saved.summary:
+        write_text(done.folder / "summary.json", json.dumps(done.summary.to_json(), indent=1))
+    return done
 
 
 def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:

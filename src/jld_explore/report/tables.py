@@ -27,11 +27,11 @@ from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.evaluation.standing import Standing
 from jld_explore.report import summary as required
 from jld_explore.report.columns import csv_of
+from jld_explore.search.state import StopReason, versions
+from jld_explore.search.study import Study
 from jld_explore.space import Count, SearchSpace, registered, unpack
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import letters_of
-from jld_explore.study import Study
-from jld_explore.study_state import StopReason, versions
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -77,8 +77,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         proof = "but some layouts are locked: they carry any load"
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
-        gap = f"{BOUNDED_BY.get(facts.get('bound_by'), '')}{gap}"
-        proof += f": none carries more than {facts['bound']:.9g}{gap}"
+        by = BOUNDED_BY.get(str(facts.get("bound_by")), "")
+        proof += f": none carries more than {facts['bound']:.9g}{by}{gap}"
     if facts.get(STANDS) is False:
         proof = f"{'strongest' if facts['proven'] else 'not proven strongest'} {falls_below(facts)}"
     if facts.get("race", {}).get("decided"):

@@ -142,7 +142,7 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
     found = import_file(file, options.reading, feet=True)
     report = found.report
-    notes = Notes(*(list(getattr(report, one)) for one in ("found", "snapped", "assumed", "skipped", "doubtful")))
+    notes = Notes(found=list(report.found), assumed=list(report.assumed), doubtful=list(report.doubtful))
     with reading(file):
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")

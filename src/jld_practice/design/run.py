@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import joblib
 import numpy as np
 
 from jld_core.arrays import Bits
@@ -22,13 +21,14 @@ from jld_core.limit import Status
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
+from jld_explore import ExploreSettings
+from jld_explore.evaluation import Pool
 from jld_explore.explore import explore
 from jld_explore.report import Exploration
-from jld_explore.settings import ExploreSettings
+from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string, search_space
 from jld_explore.space.search_space import feasible
-from jld_explore.study_state import Interrupted
-from jld_explore.writing_time import busy_factor
+from jld_explore.steps.time_limit import busy_factor
 from jld_geometry.optimise import move_joints
 from jld_practice.design.crushing import with_crushing, with_materials_of
 from jld_practice.design.options import DesignOptions
@@ -158,13 +158,13 @@ def _run(
     waves = max(1, int(until.remaining() / _LEAST_MOVE))
     tasks = tasks[: jobs * waves]
     each = min(until.remaining() / max(1, math.ceil(len(tasks) / jobs)), _LONGEST)
-    workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
     refused: dict[str, None] = {}
-    for found in workers(joblib.delayed(moved_trial)(task, strength, _SLACK * each) for task in tasks):
-        if isinstance(found, Trial):
-            work.trials = [*work.trials, found]
-        else:
-            refused[found] = None
+    with Pool(jobs) as pool:
+        for found in pool.run(moved_trial, [(task, strength, _SLACK * each) for task in tasks]):
+            if isinstance(found, Trial):
+                work.trials = [*work.trials, found]
+            else:
+                refused[found] = None
     for words in refused:
         say(f"round {number}      joints cannot move: {words}")
 
@@ -444,20 +444,20 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     """Refine the bounds by fields of layouts that may exceed the winner, in worker processes."""
     jobs = work.options.jobs
     deadline = until.earlier(_CHECKS * work.options.seconds)
-    for wave in range(_WAVES):
-        least = work.winner.proven if work.winner is not None else -math.inf
-        open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
-        # the winner, and what may carry most
-        promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
-        seconds = deadline.remaining() / (_WAVES - wave)
-        if seconds < 1.0 or not promising:
-            return
-        workers = joblib.Parallel(n_jobs=jobs)
-        found = workers(joblib.delayed(refined_bounds)(one.scene, _REFINED * seconds) for one in promising)
-        for one, (low, high) in zip(promising, found, strict=True):
-            better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
-            work.trials = [better if trial is one else trial for trial in work.trials]
-            say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+    with Pool(jobs) as pool:
+        for wave in range(_WAVES):
+            least = work.winner.proven if work.winner is not None else -math.inf
+            open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+            # the winner, and what may carry most
+            promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
+            seconds = deadline.remaining() / (_WAVES - wave)
+            if seconds < 1.0 or not promising:
+                return
+            found = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
+            for one, (low, high) in zip(promising, found, strict=True):
+                better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
+                work.trials = [better if trial is one else trial for trial in work.trials]
+                say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
 
 
 @one_thread()

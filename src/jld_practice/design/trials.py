@@ -31,7 +31,7 @@ from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
 from jld_explore.report.languages import stronger_cut
 from jld_explore.space import search_space
-from jld_explore.uncut import most_without_cuts
+from jld_explore.steps.uncut import most_without_cuts
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_practice.design.crushing import why_no_fields, with_crushing

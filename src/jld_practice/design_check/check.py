@@ -34,7 +34,6 @@ from jld_core.strengths import Route
 from jld_core.threads import one_thread
 from jld_practice.reactions.force_range import extreme_value
 from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
-from jld_practice.reliability.bounds import SampleBounds
 from jld_practice.reliability.form import LimitFunction
 from jld_practice.reliability.structure import Growth, RandomStructure, SampleBounds, Variables
 

@@ -22,10 +22,7 @@ _COLOURS: Final = 64  # number of colours of the animation: drawings have few
 
 
 def save_laying_animation(laying: Laying, path: Path) -> None:
-    """Write the stages of an assembly sequence as an animated GIF that repeats.
-
-    Raises ValueError for a sequence without steps, and DeadlinePassed as drawing does.
-    """
+    """Write the stages of an order of laying as a GIF that repeats; ValueError without steps."""
     # Each stage is drawn as by `figure_of_stage`.
     frames = []
     for number in range(1, len(laying.steps) + 1):

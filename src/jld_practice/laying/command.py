@@ -37,7 +37,7 @@ _WRITING: Final = 0.3
 
 
 def start_of_design(source: Path) -> LayingStart:
-    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
+    """Return from where the stones of a design are laid; "ground" of any other source."""
     if best_of_design(source) == source:
         return "ground"
     facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
@@ -122,7 +122,7 @@ def assembly(
 
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
-    """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
+    """Draw an order of laying into a folder; return pictures left out for lack of time."""
     from jld_core.views.figures import save_figure
     from jld_practice.laying.animation import save_laying_animation
     from jld_practice.laying.strip import figure_of_laying
@@ -147,7 +147,6 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
 
 
 def _save_stage(laying: Laying, number: int, path: Path) -> None:
-    """Draw one stage of an assembly sequence; number: from 1."""
     from jld_core.views.figures import save_figure
     from jld_practice.laying.strip import figure_of_stage
 
@@ -205,12 +204,11 @@ def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -
 
 
 def _unsolved(laying: Laying) -> bool:
-    """Return whether an order has steps and none of their stages was solved."""
     return bool(laying.steps) and not any(np.isfinite(step.stage.error) for step in laying.steps)
 
 
 def words_of(laying: Laying) -> str:
-    """Describe an assembly sequence, or why there is none, in one line for the terminal."""
+    """Describe an order of laying, or why there is none, in one line for the terminal."""
     blocks = laying.blocks
     if laying.locked:
         named = ", ".join(blocks.name(block) for block in laying.locked)

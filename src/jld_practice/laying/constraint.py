@@ -1,11 +1,4 @@
-"""Assembly sequence as a constraint on labellings, with the labels that violate it.
-
-Blocks that lock one another do so in every labelling in which each of them is part of a separate block. Further blocks
-only add obstacles, and a group that could leave would leave with those of them that it contains. Two kinds of labels
-therefore suffice as a conflict: inner faces that hold each of these blocks together, and dry faces around all of them
-but one, which keep them separate. A single block, locked between supports, must also stay separate from the supports.
-Obstacles joined to a support are held there by inner faces.
-"""
+"""Assembly sequence as a constraint on labellings, with the labels that violate it."""
 
 from __future__ import annotations
 
@@ -56,7 +49,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
     looked, settled = 0, True
 
     def search(laid: Bools) -> bool | None:
-        """Return True if the laid blocks can be completed, False if not, None at the limit."""
+        """Return whether the laid blocks can be completed, None at the limit."""
         nonlocal looked, settled
         key = np.packbits(laid).tobytes()
         if laid.all():
@@ -87,18 +80,14 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
     return Built(possible if possible or settled else None, tried[blocks.of])
 
 
-COUNTED: Final = {"translation": 2000, "standing": 60}
-"""Number of labellings that can be tested within seconds, by rule."""
+COUNTED: Final = {"translation": 2000, "standing": 60}  # labellings that can be tested within seconds, by rule
 
 _COMPARED: Final = 8  # largest number of refused labellings whose orders are compared for a message
 
 
 @dataclass(frozen=True)
 class Lock:
-    """Conflict of the assembly constraint: labels on some faces that allow no assembly order.
-
-    Every labelling with `labels` on `faces` is refused.
-    """
+    """Labels on some faces that allow no order of laying."""
 
     faces: Ints  # (k,) faces of the conflict
     labels: Bits  # (k,) their labels, True = dry
@@ -109,14 +98,11 @@ class Lock:
 
 
 class SequenceConstraint:
-    """Test whether labellings of one assembly can be assembled, with memory of results.
-
-    Conflicts found for one labelling also refute other labellings.
+    """Test whether labellings of one assembly can be laid; it remembers results and conflicts.
 
     Parameters
     ----------
     assembly : Assembly
-        The structure.
     wish : {"translation", "standing"}
         Some order by translations must exist; "standing": every stage of it must also stand without props.
     may_join : (m,) bool array
@@ -144,30 +130,21 @@ class SequenceConstraint:
 
     @property
     def counted(self) -> int:
-        """Return the number of labellings that can be tested one by one within seconds.
-
-        Callers do not test more of them.
-        """
+        """Number of labellings that can be tested one by one within seconds."""
         return COUNTED[self.wish]
 
     @property
     def refused(self) -> int:
-        """Number of different labellings tested so far without finding a sequence."""
+        """Number of labellings found without a sequence."""
         return sum(lock is not None for lock in self._known.values())
 
     @property
     def undecided(self) -> int:
-        """Return the number of refused labellings whose conflict is not proven.
-
-        An unlimited search might find a sequence for them.
-        """
+        """Number of refused labellings for which an unlimited search might find a sequence."""
         return sum(lock is not None and not lock.proven for lock in self._known.values())
 
     def farthest(self) -> Laying | None:
-        """Return the order of a refused labelling with the largest share of standing steps.
-
-        None if no stage of the refused labellings is proven to fall.
-        """
+        """Return the order of a refused labelling with the largest share of standing steps, or None."""
         # Up to eight labellings are compared, the first to be refused.
         refused = [key for key, lock in self._known.items() if lock is not None][:_COMPARED]
         best: tuple[float, Laying] | None = None
@@ -182,7 +159,7 @@ class SequenceConstraint:
         return None if best is None else best[1]
 
     def words_of_farthest(self, seconds: float) -> str | None:
-        """Describe where the refused order that gets farthest falls; None if none is found within `seconds`."""
+        """Describe where that order falls; None if none is found in time, s."""
         try:
             with Deadline(seconds).enforced():
                 laying = self.farthest()
@@ -191,10 +168,7 @@ class SequenceConstraint:
         return None if laying is None or laying.first_fall is None else words_of_fall(laying, *laying.first_fall)
 
     def lock(self, labels: Bits) -> Lock | None:
-        """Return the conflict that refuses a labelling; None where an assembly sequence was found.
-
-        labels: (m,) True = dry. Results are stored, and conflicts found before are tried first.
-        """
+        """Return the conflict that refuses labels (m,); None where they can be laid."""
         key = np.packbits(labels).tobytes()
         if key not in self._known:
             known = next((one for one in self.locks if np.array_equal(labels[one.faces], one.labels)), None)
@@ -202,14 +176,11 @@ class SequenceConstraint:
         return self._known[key]
 
     def possible(self, labellings: Bits) -> Bools:
-        """Return a mask (k,) of the labellings for which an assembly sequence was found.
-
-        labellings: (k, m), True = dry.
-        """
+        """Return which labellings (k, m) can be laid."""
         return np.array([self.lock(labels) is None for labels in labellings], dtype=bool)
 
     def _found(self, labels: Bits) -> Lock | None:
-        """Test a labelling (m,) and return its conflict, or None."""
+        """Test labels (m,) and return their conflict, or None."""
         members = locked_blocks(self.assembly, labels, group=self.group, bodies=self._bodies)
         if members:
             lock = self._lock_conflict(labels, np.array(members, dtype=np.int64))
@@ -218,12 +189,8 @@ class SequenceConstraint:
         return None if self.wish == "translation" else self._stage_conflict(labels)
 
     def _stage_conflict(self, labels: Bits) -> Lock | None:
-        """Return the conflict of a labelling without an order whose every stage stands.
-
-        None if there is such an order. labels: (m,) True = dry; blocks can be laid by translations. The conflict covers
-        all faces if the complete structure does not stand, or if blocks may be laid in groups. The conflict is not
-        proven if a search stopped at its limit or a stage was undecided.
-        """
+        """Return the conflict of labels (m,) without an order whose every stage stands, or None."""
+        # it has all faces if the whole structure does not stand or blocks may be laid in groups
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
@@ -246,11 +213,7 @@ class SequenceConstraint:
         return replace(whole, proven=not laying.undecided and laying.stands is not None)
 
     def _visited_conflict(self, seen: Bools, labels: Bits) -> Lock:
-        """Return the conflict that an exhaustive search without success proves.
-
-        It has all faces of the elements that the search visited, and is stored if these are not all faces. seen: (n,)
-        mask of these elements. labels: (m,) True = dry.
-        """
+        """Return the conflict of all faces of the elements `seen` (n,) by a search without success."""
         faces, free = self.assembly.interfaces, ~self.assembly.elements.support
         seen = seen & free
         about = np.flatnonzero(seen[faces.a] | seen[faces.b])
@@ -260,10 +223,11 @@ class SequenceConstraint:
         return lock
 
     def _lock_conflict(self, labels: Bits, members: Ints) -> Lock:
-        """Return the conflict of blocks that lock one another.
-
-        labels: (m,) True = dry. members: (e,) elements of the blocks.
-        """
+        """Return the conflict of blocks, by their elements, that lock one another."""
+        # Such blocks do so in every labelling that has each of them in a separate block: further blocks only add
+        # obstacles. The conflict thus has inner faces that hold each together, and dry faces around all but one. A
+        # single block must stay separate from the supports that lock it, and obstacles joined to a support are held
+        # there by inner faces.
         elements, faces, count = self.assembly.elements, self.assembly.interfaces, len(self.assembly.elements)
         # represent all supports by one node
         place = np.where(elements.support, elements.support.argmax(), np.arange(count))
@@ -295,10 +259,9 @@ class SequenceConstraint:
         return Lock(found, labels[found], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
-        """Return a spanning forest of the inner faces between some elements, as face indices.
+        """Return a spanning forest of the inner faces between elements `among` (n,), as faces.
 
-        among: (n,) mask of the elements. a, b: (m,) nodes of each face, all supports being one node. labels: (m,) True
-        = dry.
+        a, b: (m,) nodes of each face, all supports being one node.
         """
         faces = self.assembly.interfaces
         inside = np.flatnonzero(among[faces.a] & among[faces.b] & ~labels)
@@ -307,12 +270,8 @@ class SequenceConstraint:
         return np.asarray(inside[first[np.round(tree).astype(np.int64) - 1]])
 
     def _in_the_way(self, labels: Bits, among: Bools, ground: Bools) -> Bools:
-        """Return a small set of elements, held by supports, that lock blocks as obstacles.
-
-        labels: (m,) True = dry. among: (n,) mask of the elements of the locked blocks. ground: (n,) mask of the
-        candidates, free elements that a support holds. Candidates are dropped one by one while the blocks stay locked.
-        Returns a mask (n,), small but not minimum.
-        """
+        """Return few elements (n,) of `ground`, held by supports, that lock the elements `among` (n,)."""
+        # dropped one by one while the blocks stay locked: few, but not the fewest
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
         first = np.unique(blocks.of, return_index=True)[1]

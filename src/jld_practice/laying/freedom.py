@@ -1,13 +1,6 @@
-"""Free translations of blocks, and the blocks that obstruct them.
+"""Free translations of blocks, and the blocks that obstruct them in each direction."""
 
-Along one direction to infinity, a block is obstructed by every other block that meets its swept volume. This gives a
-directed graph for each direction; a set without outgoing edges can be removed together. Source: Wilson & Latombe,
-Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396.
-
-The directions tried for a block depend on the block alone, and those for groups on the assembly alone. They never
-depend on the other blocks present. A block or group that can be removed can therefore still be removed when fewer
-blocks remain. Blocks that lock one another do so beside any other blocks.
-"""
+# Wilson & Latombe, Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396
 
 from __future__ import annotations
 
@@ -25,8 +18,7 @@ from jld_practice.laying.solids import Solids, tangents
 
 _SMALLER: Final = 1e-6  # relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding
 
-TURN: Final = 1e-7
-"""Angle, radians, by which a direction may point into an obstacle: accuracy of normals in drawings."""
+TURN: Final = 1e-7  # angle, radians, by which a direction may point into an obstacle: accuracy of normals in drawings
 
 _SAME: Final = 1e-9  # distance, relative to the largest element, up to which two corners coincide
 
@@ -43,14 +35,10 @@ _CHUNK: Final = 1 << 22  # number of entries of one batch of the blocking table
 
 
 class Arcs:
-    """Blocked translation directions between the elements of a planar assembly.
-
-    Elements that are not convex are split into triangles. The resulting convex *pieces* are numbered over all elements;
-    `owner` (p,) is the element of each. For each pair, the directions in which one piece meets the other at rest form
-    one arc of angles. The arcs do not depend on the labelling.
-    """
+    """Blocked directions of translation between the convex pieces of planar elements, as arcs of angles."""
 
     def __init__(self, assembly: Assembly) -> None:
+        # elements that are not convex are split into triangles; `owner` (p,) is the element of each piece
         self.assembly = assembly
         pieces, owner = [], []
         for element, shape in enumerate(assembly.elements.shape):
@@ -68,11 +56,11 @@ class Arcs:
         self._exact: dict[int, Floats] = {}
 
     def of(self, piece: int) -> Floats:
-        """Return the directions in which a piece would meet each of the p pieces, as arcs (p, 2).
+        """Return the directions in which a piece meets each of the p pieces, as arcs (p, 2).
 
-        A row has the begin in [0, 2π) and the width of the arc, radians. A width below 0 means that the piece is never
-        met. The pieces at rest are shrunk by a relative 1e-6, so that sliding along a contact is free.
+        A row has the begin, 0 to 2π, and the width; a width below 0 means never.
         """
+        # pieces at rest are shrunk, so that sliding along a contact is free
         if piece not in self._of:
             begin, width = self._seen(piece, self._smaller, 0.0)
             found = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
@@ -81,11 +69,8 @@ class Arcs:
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
-        """Return the directions in which a piece would meet each piece at its exact size, (p, 2).
-
-        A row has the angles of begin and end, radians; NaN for a piece that is never met. Motion along an end is
-        parallel to the faces in contact, which the shrunk pieces of `of` do not give exactly.
-        """
+        """Return the directions (p, 2) in which a piece begins and ends to meet each piece; NaN for never."""
+        # at the exact size: motion along an end is parallel to the faces in contact, which `of` does not give
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)
             found = np.column_stack([begin, begin + width])
@@ -94,10 +79,7 @@ class Arcs:
         return self._exact[piece]
 
     def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
-        """Compute the begin (p,) and width (p,) of the directions that each resting piece blocks.
-
-        resting: (p, k, 2) corners of the pieces at rest.
-        """
+        """Compute begin (p,) and width (p,) of the directions blocked by pieces at rest (p, k, 2)."""
         arm = resting[:, None] - self._corner[piece][None, :, None]
         arm = arm.reshape(len(self._corner), -1, 2)
         towards = self._middle - self._middle[piece]
@@ -111,10 +93,9 @@ class Arcs:
         return np.arctan2(towards[:, 1], towards[:, 0]) + low, high - low
 
     def way_out(self, moving: Bools, still: Bools, up: Floats) -> Floats | None:
-        """Return the direction nearest to `up` in which elements can leave others, or None.
+        """Return the direction (2,) nearest to `up` in which elements can leave others, or None.
 
-        moving, still: (n,) bool masks of the elements that move together and of those at rest. up: (2,) unit vector.
-        The result is a unit vector (2,); it is None where every direction is blocked.
+        moving, still: (n,) masks of the elements that move together, and of those at rest.
         """
         mine, others = np.flatnonzero(moving[self.owner]), still[self.owner]
         arcs = np.concatenate([self.of(int(piece))[others] for piece in mine])
@@ -157,10 +138,9 @@ class Arcs:
         return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
 
     def blocking(self, of: Ints, count: int) -> Bools:
-        """Return a table (k, b, b) of the blocks that obstruct others, by direction of `turns`.
+        """Return a table (k, b, b): in a direction of `turns`, block i meets block j.
 
-        of: (n,) block of each element. count: number b of blocks. Entry (direction, i, j) is True where block i, moved
-        along the direction, meets block j.
+        of: (n,) block of each element. count: number b of blocks.
         """
         place = of[self.owner]
         table = np.array([self.of(piece) for piece in range(len(self.owner))])
@@ -188,10 +168,8 @@ def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Flo
 
 
 def _different(angles: Floats) -> Floats:
-    """Reduce angles to [0, 2π) and drop repeated ones, equal when rounded to 1e-6.
-
-    The order is that of the rounded angles, modulo 2π. An angle just below 2π therefore counts as 0 and may come first.
-    """
+    """Reduce angles to [0, 2π) and drop those that are equal when rounded to 1e-6."""
+    # the order is that of the rounded angles modulo 2π: one just below 2π counts as 0 and may come first
     angles = angles % (2.0 * np.pi)
     _, first = np.unique(np.round(angles, 6) % round(2.0 * np.pi, 6), return_index=True)
     return angles[first]
@@ -210,10 +188,7 @@ def _convex_pieces(shape: Floats) -> list[Floats]:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of a labelling, numbered by their first element.
-
-    All elements joined to a support belong to one fixed block.
-    """
+    """Blocks of a labelling, numbered by their first element; all supports form one fixed block."""
 
     assembly: Assembly
     of: Ints  # (n,) block of each element
@@ -227,18 +202,15 @@ class Blocks:
         return len(self.fixed)
 
     def elements(self, block: int) -> Ints:
-        """Return the indices of the elements of a block, ascending."""
+        """Return the elements of a block, ascending."""
         return np.flatnonzero(self.of == block)
 
     def name(self, block: int) -> str:
-        """Return the name of a block: the id of its first element."""
+        """Return the id of the first element of a block."""
         return self.assembly.elements.ids[int(self.elements(block)[0])]
 
     def contacts_of(self, block: int) -> tuple[Ints, Floats]:
-        """Return the neighbour across each contact of a block (c,), and unit normals (c, d) to it.
-
-        A neighbour with several contacts is listed several times.
-        """
+        """Return the neighbour across each contact of a block (c,), and unit normals (c, d) to it."""
         out, back = self.first == block, self.second == block
         return (
             np.concatenate([self.second[out], self.first[back]]),
@@ -247,10 +219,7 @@ class Blocks:
 
 
 def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
-    """Return the blocks of a labelling as rigid bodies; all supports form one fixed body.
-
-    labels: (m,) True = dry. Result: the k blocks and the contacts between them.
-    """
+    """Return the blocks of labels (m,) as rigid bodies, with the contacts between them."""
     faces, elements = assembly.interfaces, assembly.elements
     ground = np.flatnonzero(elements.support)
     of = blocks_of(assembly, labels, (ground[:-1], ground[1:]))
@@ -269,13 +238,10 @@ _SIDEWAYS: Final = (0.0, 0.0, 1.0)  # direction out of the plane of a planar wal
 
 
 class Bodies:
-    """Translation data of an assembly's elements, computed once for all its labellings.
-
-    sideways: blocks of a planar wall may leave it out of its plane; without effect in space. The attribute `up` (d,) is
-    the unit vector against the total weight, or the last axis without weight.
-    """
+    """Data on translations of the elements of an assembly, shared by all its labellings."""
 
     def __init__(self, assembly: Assembly, sideways: bool = False) -> None:
+        # sideways: blocks of a planar wall may leave it out of its plane
         self.assembly = assembly
         self.sideways = sideways and assembly.dimension == 2
         weight = assembly.elements.weight.sum(axis=0)
@@ -285,28 +251,23 @@ class Bodies:
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Return the directions in which pairs of elements block each other (planar only)."""
+        """Directions in which pairs of elements block each other, in the plane."""
         return Arcs(self.assembly)
 
     @cached_property
     def solids(self) -> Solids:
-        """Return the sweep tests between the elements of a spatial assembly."""
+        """Sweep tests between the elements, in space."""
         return Solids(self.assembly)
 
     @cached_property
     def common(self) -> Floats:
-        """Return the unit directions in space (k, 3) that are tried for groups, at most 400.
-
-        They follow from the contact normals of the assembly.
-        """
+        """Unit directions in space (k, 3) that are tried for groups."""
         return _directions(self.assembly.interfaces.normal)
 
     def ways_of(self, mine: Bools) -> Floats:
-        """Return the unit directions in space (k, 3) that are tried for one block, upward first.
-
-        mine: (n,) bool mask of the block's elements. The directions follow from the normals of its own contacts, and
-        include `common`.
-        """
+        """Return the unit directions in space (k, 3) that are tried for a block (n,), upward first."""
+        # They follow from the block's own contacts and from the assembly, never from other blocks present: a block that
+        # can be removed can still be removed when fewer remain, and blocks that lock one another always do.
         key = np.packbits(mine).tobytes()
         if key not in self._ways:
             faces = self.assembly.interfaces
@@ -318,10 +279,7 @@ class Bodies:
 
 
 class Freedom:
-    """Tests in which directions the blocks of one labelling can be translated away.
-
-    bodies: translation data of the assembly; made with `sideways` if not given.
-    """
+    """Tests in which directions the blocks of one labelling can be translated away."""
 
     def __init__(self, blocks: Blocks, sideways: bool = False, bodies: Bodies | None = None) -> None:
         self.blocks = blocks
@@ -331,11 +289,9 @@ class Freedom:
         self._apart: dict[bytes, bool] = {}
 
     def way_out(self, block: int, there: Bools) -> Floats | None:
-        """Return a unit direction (d,) in which one block can leave the other blocks present.
+        """Return the unit direction nearest to upward in which a block can leave those in `there`, or None.
 
-        there: (k,) bool mask of the blocks present. The free direction nearest to upward is chosen among those tried;
-        None where there is none. Where `sideways` applies, the result is always the out-of-plane vector (3,). Raises
-        DeadlinePassed after an enforced deadline.
+        there: (k,) mask of the blocks present. The direction is (d,), or (3,) for out of the plane.
         """
         checkpoint()
         if self.sideways:
@@ -353,20 +309,17 @@ class Freedom:
         return next(free, None)
 
     def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
-        """Return the smallest group of blocks that can leave together, and its direction.
+        """Return the smallest group of at most `most` blocks that can leave `there` (k,) together, or None.
 
-        there: (k,) bool mask of the blocks present, fixed ones included. most: largest size of the group. Returns the
-        block indices, ascending, and a unit vector (d,); None where no such group exists. In space, the blocks of the
-        group must also be separable from one another afterwards. Those of a planar wall can be put together from the
-        side beforehand.
+        It comes as blocks, ascending, and a unit direction (d,).
         """
+        # in space the group must come apart afterwards; blocks of a planar wall are put together from the side
         return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
 
     def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
-        """Return the smallest group that must leave with each block, for each direction tried.
+        """Return the smallest group that must leave with each block, in each direction, smaller ones first.
 
-        there: (k,) mask of the blocks present. most: largest size of a group. Groups that hold a fixed block are left
-        out. Each comes as block indices with a unit direction (d,), smaller groups first.
+        there: (k,) mask of the blocks present. most: largest size of a group.
         """
         blocks = self.blocks
         ways, table = self._blocking
@@ -383,7 +336,7 @@ class Freedom:
         return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
 
     def _separable(self, group: Ints) -> bool:
-        """Return True if the blocks of a group can be separated by translations."""
+        """Return whether the blocks of a group can be separated by translations."""
         if len(group) < 2:
             return True
         key = group.tobytes()
@@ -398,7 +351,7 @@ class Freedom:
 
     @cached_property
     def _blocking(self) -> tuple[Floats, Bools]:
-        """Return directions (k, d) and a table (k, b, b) of the blocks that obstruct others."""
+        """Directions (k, d), and a table (k, b, b) of the blocks that obstruct others."""
         # Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:

@@ -1,8 +1,4 @@
-"""Search for an assembly order by disassembly: the block removed last is laid first.
-
-Removing a block never obstructs another one. If single blocks can be removed until nothing is left, any order of
-choices succeeds; only the condition that every stage stands needs a search.
-"""
+"""Search for an order of laying by disassembly: the block removed last is laid first."""
 
 from __future__ import annotations
 
@@ -20,9 +16,10 @@ from jld_core.scene.units import force_in_words
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
 
+# where laying starts: at the ground, from a side, or from all supports alike
 LayingStart = Literal["ground", "left", "right", "springings"]
-"""Where laying starts: at the ground, from a side, or from all supports alike."""
 
+# wishes for laying: the limit `search.assemble` of each, and where laying starts
 LAID: Final[dict[str, tuple[str, LayingStart]]] = {
     "translation": ("translation", "ground"),
     "standing": ("standing", "ground"),
@@ -30,19 +27,15 @@ LAID: Final[dict[str, tuple[str, LayingStart]]] = {
     "right-to-left": ("translation", "right"),
     "springings": ("translation", "springings"),
 }
-"""Wishes for laying: the limit `search.assemble` of each, and where laying starts."""
 
 _EQUAL: Final = 6  # decimals, relative to the size of the structure, to which two places are the same
 
+# sort key of a removal, by the blocks present and those removed; the least is removed first
 Turn = Callable[[Bools, Sequence[int]], tuple[float, ...]]
-"""Sort key of a removal: of the blocks present and those removed; the least is removed first."""
 
 
 def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
-    """Return the sort key by which removals are tried, so that laying begins at `start`.
-
-    Raises InputError for another start.
-    """
+    """Return the sort key by which removals are tried, so that laying begins at `start`."""
     # ground: highest first, then fewest contacts, so that gaps grow from their edges. left, right:
     # farthest from that side first. springings: farthest from the supports first, in blocks between them.
     if start not in get_args(LayingStart):
@@ -56,10 +49,7 @@ def turn_of(blocks: Blocks, start: LayingStart = "ground") -> Turn:
         far = elements.centroid @ _to_the_right(blocks, up) * (1.0 if start == "left" else -1.0)
 
     def key(there: Bools, removed: Sequence[int]) -> tuple[float, ...]:
-        """Return the sort key of removing some blocks: distance from the start, height, contacts.
-
-        there: (k,) mask of the blocks present.
-        """
+        """Return the sort key of a removal: distance from the start, height, contacts."""
         touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in removed)
         chosen = np.isin(blocks.of, removed)
         weights = elements.volume[chosen]
@@ -81,10 +71,7 @@ def upwards(blocks: Blocks) -> Floats:
 
 
 def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
-    """Return the horizontal unit direction (d,) from left to right.
-
-    In space it runs along the longer side of the plan. up: (d,) unit vector.
-    """
+    """Return the horizontal unit direction (d,) to the right, in space along the longer side."""
     if blocks.assembly.dimension == 2:
         return np.array([up[1], -up[0]])
     elements = blocks.assembly.elements
@@ -94,10 +81,7 @@ def _to_the_right(blocks: Blocks, up: Floats) -> Floats:
 
 
 def _steps_from_supports(blocks: Blocks) -> Floats:
-    """Return for each element (n,) the least number of contacts from its block to a support.
-
-    Elements of fixed blocks have 0; without a connection the number is that of all blocks.
-    """
+    """Return for each element (n,) the least number of contacts to a support; without any, of blocks."""
     steps = np.where(blocks.fixed, 0.0, np.inf)
     while True:
         across = np.concatenate([steps[blocks.first], steps[blocks.second]])
@@ -108,14 +92,12 @@ def _steps_from_supports(blocks: Blocks) -> Floats:
         steps = reached
 
 
+# an order by translations alone, or one whose stages also stand without props
 SequenceRule = Literal["translation", "standing"]
-"""Rule for an assembly sequence: translations only, or also stages that stand without props."""
 
-GROUP: Final = 3
-"""Largest number of blocks that are moved together where single blocks are locked."""
+GROUP: Final = 3  # largest number of blocks that are moved together where single blocks are locked
 
-MOST_STAGES: Final = 400
-"""Largest number of stages examined in the search for an order whose stages stand."""
+MOST_STAGES: Final = 400  # largest number of stages examined in the search for an order whose stages stand
 
 _TRIED: Final = 6  # number of removals, the first in order, of which one is chosen
 
@@ -124,14 +106,13 @@ _SAME: Final = 1e-6  # difference of prop forces, relative to the weight, below 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of an assembly sequence: blocks that are laid together.
+    """Step of an order of laying: blocks that are laid together.
 
     Attributes
     ----------
     blocks : tuple of int
-        Numbers of the blocks that are laid; several where they can only be moved together.
     direction : (d,) or (3,) array
-        Unit vector along which they could be removed; they arrive along its negative. (3,) for out of the plane.
+        Unit vector along which they could be removed; (3,) for out of the plane.
     stage : Stage
         Stability of the structure after the step.
     """
@@ -143,22 +124,20 @@ class Step:
 
 @dataclass(frozen=True)
 class Laying:
-    """Assembly sequence of a labelling, or the blocks that make one impossible.
+    """Order of laying of a labelling, or the blocks that make one impossible.
 
     Attributes
     ----------
     blocks : Blocks
         Blocks of the labelling.
     steps : tuple of Step
-        Steps in the order of laying; empty where there is no order.
+        In the order of laying; empty where there is none.
     locked : tuple of int
-        Blocks that lock one another: none of them, and no group up to the given size, can be moved. Empty where an
-        order exists.
+        Blocks that lock one another, empty where an order exists.
     searched : bool
-        True where the search for an order whose every stage stands found none, at its limit or exhaustively. Another
-        order may exist; `steps` then hold an order by translations.
+        True where no order with standing stages was found; `steps` are then an order by translations.
     undecided : bool
-        True where that search stopped at its limit or met an undecided stage, so that an order of its kind may exist.
+        True where one may exist, because the search stopped at its limit or at an undecided stage.
     """
 
     blocks: Blocks
@@ -169,21 +148,18 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """Return True if an order that meets the requested rule was found."""
+        """True if an order by the rule asked for was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """Return True if every stage of the order stands without props; None if one is undecided."""
+        """Whether every stage stands without props; None if one is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
     @property
     def first_fall(self) -> tuple[int, Step] | None:
-        """Return number and step of the first stage proven to fall without props; None if none is.
-
-        Steps are numbered from 1.
-        """
+        """Number, from 1, and step of the first stage proven to fall without props; None if none is."""
         return next(((k, step) for k, step in enumerate(self.steps, 1) if step.stage.stands is False), None)
 
 
@@ -213,34 +189,30 @@ def assembly_order(
     Parameters
     ----------
     assembly : Assembly
-        Assembly with m interfaces.
     labels : (m,) bool array
-        Labels, True = dry.
+        True = dry.
     wish : {"translation", "standing"}
-        "standing" searches an order whose every stage stands under its own weight without props. "translation" accepts
-        any order and prefers stages that stand or need little prop force.
+        "standing": every stage stands without props. "translation": any order, with little prop force where possible.
     sideways : bool
         Allow a planar wall to be assembled out of its plane.
     group : int
         Largest number of blocks that are moved together where single blocks are locked.
     start : {"ground", "left", "right", "springings"}
-        Start of laying: by courses from the ground, from a side, or from all supports alike, as an arch from its
-        springings. Directions and stages may enforce another order.
+        Where laying starts, if directions and stages allow it.
     bodies : Bodies, optional
-        Translation data of the assembly, for reuse.
     parts : Parts, optional
-        Solved stages of the assembly, for reuse.
+        Data of the assembly, for reuse.
 
     Returns
     -------
     Laying
-        Steps with their stages, or the blocks that lock one another.
 
     Raises
     ------
     InputError
-        `start` is none of these names.
+        For another start.
     """
+    # removing a block never obstructs another: any choice of single blocks succeeds, only stages need a search
     assembly.members.refuse("an assembly sequence")
     labels = labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
@@ -265,11 +237,7 @@ def locked_blocks(
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
-    """Return the elements of blocks that prevent any assembly by translations.
-
-    labels: (m,) True = dry. Result: element indices, ascending; empty where the labelling can be assembled by
-    translations.
-    """
+    """Return the elements of blocks that prevent any order by translations, ascending."""
     # The blocks found lock one another in every labelling that has them.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
@@ -281,15 +249,11 @@ def locked_blocks(
     return tuple(int(e) for e in np.flatnonzero(np.isin(blocks.of, lock)))
 
 
-Move = tuple[tuple[int, ...], Floats]
-"""One step of disassembly: block numbers and their direction of removal."""
+Move = tuple[tuple[int, ...], Floats]  # step of disassembly: blocks, and the direction in which they are removed
 
 
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
-    """List the blocks that can be removed now with directions; else the smallest group.
-
-    there: (k,) mask of the blocks present.
-    """
+    """List the blocks of `there` (k,) that can be removed now, with directions; else the smallest group."""
     blocks = freedom.blocks
     found: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -304,7 +268,7 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
-    """Return a mask (k,) of the blocks present after a move."""
+    """Return the blocks (k,) present after a move."""
     left = there.copy()
     left[list(move[0])] = False
     return left
@@ -354,10 +318,7 @@ def _disassembly(
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
-    """Return the mask (k,) of blocks that remain when all that can leave are removed.
-
-    there: (k,) bool mask of the blocks present.
-    """
+    """Return the blocks of `there` (k,) that remain when all that can leave are removed."""
     blocks = freedom.blocks
     there = there.copy()
     while np.any(there & ~blocks.fixed):
@@ -375,10 +336,7 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return the indices of an irreducible set of blocks that lock one another.
-
-    there: (k,) mask of the blocks present.
-    """
+    """Return an irreducible set of blocks of `there` (k,) that lock one another."""
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -399,7 +357,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
     looked, settled = 0, True
 
     def search(there: Bools, taken: list[Move]) -> list[Move] | None:
-        """Return the moves that take the remaining blocks away with stages that stand, or None."""
+        """Return moves that take the remaining blocks away with standing stages, or None."""
         nonlocal looked, settled
         if not np.any(there & ~blocks.fixed):
             return taken
@@ -425,7 +383,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:
-    """Reverse moves of disassembly to the steps of laying, each with the stage after it."""
+    """Reverse moves of disassembly to steps of laying, each with the stage after it."""
     laid = blocks.fixed.copy()
     steps = []
     for move in reversed(taken):

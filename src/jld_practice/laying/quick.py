@@ -1,7 +1,4 @@
-"""Find an assembly order by translations alone, without solving its stages.
-
-Solved stages of large structures take minutes; this order is there in seconds where one exists.
-"""
+"""Find an order of laying by translations alone, in seconds, where solved stages would take minutes."""
 
 from __future__ import annotations
 
@@ -24,11 +21,8 @@ def order_without_stages(
     start: LayingStart = "ground",
     bodies: Bodies | None = None,
 ) -> Laying | None:
-    """Find an order by translations whose stages are not solved, so that props are unknown.
-
-    Parameters as in `assembly_order`. Result: steps whose stages have no props and an infinite error; None where blocks
-    lock one another. Raises DeadlinePassed after an enforced deadline.
-    """
+    """Find an order whose stages are not solved, or None where blocks lock one another."""
+    # arguments as of `assembly_order`; stages have no props and an infinite error
     # Of the blocks that can be removed, the first in the order of `start` is removed next.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)

@@ -16,21 +16,15 @@ from jld_core.errors import ParameterError
 from jld_core.geometry import area_of, area_vector
 from jld_core.geometry.vectors import across
 
+# relative volume by which a sweep may overlap an element by rounding; its power 2/3 times the size is a depth
 SHARED: Final = 1e-6
-"""Relative volume by which a sweep may overlap another element: rounding at contacts.
-
-Its power 2/3, times the element size, is the allowed penetration.
-"""
 
 
 class Solids:
-    """Tests whether elements of a spatial assembly meet others when translated to infinity.
-
-    An element that is not convex is represented by the triangles of its surface, against a convex partner. Where both
-    are not convex, the moving one is replaced by its convex hull.
-    """
+    """Tests whether elements of a spatial assembly meet others when translated to infinity."""
 
     def __init__(self, assembly: Assembly) -> None:
+        # an element that is not convex is its surface, or its hull where it moves past one that is not convex
         elements = assembly.elements
         self.elements = elements
         self.size = (elements.upper - elements.lower).max(axis=1)
@@ -42,10 +36,7 @@ class Solids:
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Return the elements of `others` (k,) that an element of `mine` meets along a direction (3,), a unit vector.
-
-        mine, others, and the result: indices of elements.
-        """
+        """Return those of `others` (k,) that an element of `mine` meets along a unit vector (3,)."""
         low, high = self.elements.lower, self.elements.upper
         met = np.zeros(len(others), dtype=bool)
         for e in mine.tolist():
@@ -58,20 +49,13 @@ class Solids:
         return others[met]
 
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return True if an element translated along a direction would overlap another at rest.
-
-        direction: (3,) unit vector. Sliding contact is no overlap. Results are stored.
-        """
+        """Return whether an element moved along a unit vector (3,) would overlap another; results are stored."""
         key = (moving, still, direction.tobytes())
         if key not in self._met:
             self._met[key] = self._meets(moving, still, direction)
         return self._met[key]
 
     def _meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return True if an element moved along a direction would overlap another at rest.
-
-        It computes the result of `meets` without the store.
-        """
         if self.convex[still]:
             if self.convex[moving]:
                 return self._solid_meets(moving, still, direction)
@@ -80,7 +64,7 @@ class Solids:
         return any(self._solid_meets_face(moving, face, direction) for face in self._skin(still))
 
     def _solid_meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return True if a convex element moved along a direction overlaps a convex one."""
+        """Return whether a convex element moved along a direction overlaps a convex one."""
         p, q = self.planes[moving], self.planes[still]
         depth = self._depth(moving, still)
         ahead = (self.elements.shape[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
@@ -99,10 +83,7 @@ class Solids:
         return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
 
     def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
-        """Return True if a point inside a moving convex element comes to lie on a triangle.
-
-        face: (3, 3) corners of the triangle. direction: (3,) unit vector.
-        """
+        """Return whether a convex element, moved along a direction, takes in a triangle (3, 3)."""
         p = self.planes[moving]
         normal = np.cross(face[1] - face[0], face[2] - face[0])
         normal = normal / np.linalg.norm(normal)
@@ -148,7 +129,6 @@ class Solids:
 
     @cached_property
     def _skins(self) -> dict[int, Floats]:
-        """Return the cache of surface triangles by element."""
         return {}
 
 
@@ -178,10 +158,7 @@ def _triangles(face: Floats) -> Floats:
 
 
 def tangents(normal: Floats) -> Floats:
-    """Return two axes of the plane of a contact and their negatives: (4, 3) unit vectors.
-
-    normal: (3,) unit normal of the plane.
-    """
+    """Return two axes of the plane of a unit normal (3,), and their negatives: (4, 3)."""
     plane = across(normal)
     return np.concatenate([plane, -plane])
 
@@ -198,11 +175,7 @@ class Stations:
 
 
 def stations_below(assembly: Assembly, spacing: float) -> Stations:
-    """Return places below a planar structure at equal horizontal distances.
-
-    Raises ParameterError for a spacing that is not above 0, leaves no place or more than 500, and for a spatial
-    structure.
-    """
+    """Return places at equal distances below a planar structure; ParameterError for a wrong spacing."""
     # Places are the same on both sides of the structure's middle. Places above a support are left out.
     if assembly.dimension != 2:
         raise ParameterError("props", "props along a line are for planar scenes", "a search without it")
@@ -241,10 +214,7 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
 
 
 def _lowest(across: Floats, height: Floats, place: float) -> float | None:
-    """Return the lowest height of a polygon at a horizontal place; None beside it.
-
-    across, height: (k,) of corners.
-    """
+    """Return the lowest height of a polygon, by its corners (k,), at a horizontal place; None beside it."""
     after, above = np.roll(across, -1), np.roll(height, -1)
     crossed = (np.minimum(across, after) <= place) & (place <= np.maximum(across, after)) & (across != after)
     if not crossed.any():

@@ -1,11 +1,4 @@
-"""Stability of assembly stages under self-weight, and the least prop forces otherwise.
-
-A prop is an upward force (against the weight) on an element, at its centroid or at the ends of its width. The least sum
-of prop forces is a conic program over equilibrium and the yield sets of the laid faces.
-
-Parts of a stage that do not touch one another are independent. They are solved separately, and each once for all
-labellings of an assembly (`Parts`).
-"""
+"""Stability of stages under self-weight, and the least prop forces otherwise, by conic programs."""
 
 from __future__ import annotations
 
@@ -47,15 +40,12 @@ class Stage:
 
     @property
     def elsewhere(self) -> float:
-        """Return the sum of props that stand at no place of a line of props, force."""
+        """Sum of props beside the places of a line of props, force."""
         return float(self.props.sum() - self.along.sum()) if self.along.size else 0.0
 
     @property
     def stands(self) -> bool | None:
-        """Return True if the stage stands without props, False if not; None if it was not solved.
-
-        A stage is solved if its error is at most 1e-6. It stands if all props together are at most 1e-5 of its weight.
-        """
+        """Whether the stage stands without props; None if it was not solved."""
         if not self.error <= _NONE:
             return None
         return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
@@ -72,11 +62,7 @@ class _Part:
 
 
 class Standing:
-    """Solved assembly stages of one labelling, stored by the set of laid blocks.
-
-    blocks: blocks of the labelling. labels: (m,) True = dry. parts: parts solved for other labellings of the same
-    assembly, for reuse; created if not given.
-    """
+    """Solved stages of one labelling, stored by the set of laid blocks."""
 
     def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
@@ -84,11 +70,7 @@ class Standing:
         self._known: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
-        """Return the stability of the stage in which some blocks, and the fixed ones, are laid.
-
-        laid: (k,) bool mask of blocks. A stage is solved at the first call and stored. Raises DeadlinePassed after an
-        enforced deadline.
-        """
+        """Return the stability of the stage in which blocks `laid` (k,), and the fixed ones, are laid."""
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
         if key not in self._known:
@@ -109,33 +91,27 @@ class Standing:
 
 
 class Parts:
-    """Store of solved parts of stages, shared by all labellings of one assembly.
-
-    Laid elements that touch one another, apart from supports, form a part. Its prop forces depend only on its elements
-    and the labels between them. stations: places of props. Props stand elsewhere only if these places cannot hold a
-    stage, or if a hundredth of the force suffices there.
-    """
+    """Store of solved parts of stages, shared by all labellings of one assembly."""
 
     def __init__(self, assembly: Assembly, stations: Stations | None = None) -> None:
+        # Laid elements that touch form a part, apart from supports. Its props depend on its elements and the labels
+        # between them alone. They stand beside `stations` only where these cannot hold a stage, or a hundredth of the
+        # force suffices.
         self.assembly, self.stations = assembly, stations
         self._known: dict[bytes, _Part] = {}
 
     @property
     def places(self) -> int:
-        """Return the number of places of props along a line, 0 without one."""
+        """Number of places of props along a line, 0 without one."""
         return 0 if self.stations is None else len(self.stations.element)
 
     @cached_property
     def template(self) -> Template:
-        """Return the program template of the first load case; its loads are not used."""
+        """Program of the first load case; its loads are not used."""
         return Template(self.assembly.by_case[0])
 
     def of(self, here: Bools, labels: Bits) -> list[_Part]:
-        """Return the prop forces of each part of a stage, solved or from the store.
-
-        here: (n,) bool mask of the laid elements. labels: (m,) True = dry. An empty list means that no free element is
-        laid.
-        """
+        """Return the props of each part of the stage of elements `here` (n,), solved or from the store."""
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         free = here & ~support
         joined = np.flatnonzero(free[faces.a] & free[faces.b])
@@ -145,10 +121,7 @@ class Parts:
         return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
-        """Return one part from the store, or solve and store it.
-
-        here: (n,) mask of the elements of the part. labels: (m,) True = dry.
-        """
+        """Return the part of elements `here` (n,) from the store, or solve it."""
         faces = self.assembly.interfaces
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:
@@ -157,10 +130,7 @@ class Parts:
         return self._known[key]
 
     def _solved(self, here: Bools, labels: Bits) -> _Part:
-        """Minimise the sum of prop forces of one part.
-
-        here: (n,) mask of the elements of the part. labels: (m,) True = dry. A part without weight needs no props.
-        """
+        """Minimise the sum of prop forces of the part of elements `here` (n,)."""
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
         props = np.zeros(len(here))
@@ -210,9 +180,7 @@ class Parts:
     def _props(self, standing: Ints) -> tuple[Floats, Ints, Ints]:
         """Return unit prop forces (q·k, props), and element and place (props,) of each.
 
-        standing: (k,) laid elements as indices among the free elements. Props act upwards at the centroid, at extreme
-        corners of each element, and at the stations. A place is the number of a station, −1 elsewhere. A column holds
-        force and moment in the scaled equations of the laid elements.
+        standing: (k,) laid elements among the free ones. A place is the number of a station, −1 elsewhere.
         """
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
@@ -248,10 +216,8 @@ class Parts:
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
-    """Return the largest violation of primal and dual rows and the duality gap of a solution.
-
-    Computed anew, independently of the solver's own status.
-    """
+    """Return the largest violation of primal and dual rows, and the duality gap, of a solution."""
+    # computed anew, whatever the solver says
     if not (np.isfinite(point).all() and np.isfinite(dual).all()):
         return np.inf
     structure = program.structure

@@ -18,14 +18,14 @@ from jld_core.views.structure import painter_order, projection_of
 from jld_practice.laying import Laying
 from jld_practice.laying.order import Step
 
+# blocks laid before
 LAID: Final = "#d9d4c7"
-"""Fill colour of blocks laid before."""
 
+# arriving blocks
 COMING: Final = "#d98c3f"
-"""Fill colour of arriving blocks."""
 
+# props
 PROP: Final = "#2c5f9e"
-"""Colour of props."""
 
 _ACROSS: Final = 5  # largest number of stages per row
 
@@ -33,10 +33,7 @@ _MOST: Final = 60  # largest number of stages drawn
 
 
 def figure_of_laying(laying: Laying, title: str) -> Figure:
-    """Return a figure of an assembly sequence: a strip of its stages in order.
-
-    Raises DeadlinePassed after an enforced deadline.
-    """
+    """Return a figure of an order of laying: a strip of its stages."""
     # Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
     # blue triangles below the blocks, or at their places along a line; the title of each stage has their total force.
     # Of more than 60 stages a regular selection is drawn.
@@ -73,7 +70,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
 
 def figure_of_stage(laying: Laying, number: int) -> Figure:
-    """Return a figure of one stage of an assembly sequence, drawn as in the strip."""
+    """Return a figure of one stage, drawn as in the strip."""
     low, high = _span(laying)
     ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
     figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")

@@ -1,10 +1,4 @@
-"""Least and greatest value of a linear function of the forces at interfaces, in equilibrium with the dead load.
-
-The function R(F) may be a reaction, the resultant of a joint, or the work of reactions on a movement of supports. Each
-end of its range is a limit analysis with R in the place of λ: one more row, R(F) ∓ λ = 0, and one more velocity. λ is
-counted from a value that no state reaches, so that it is positive. Both ends have the two bounds of every λ
-(docs/method.md (3.3) and "Supports that move").
-"""
+"""Least and greatest value of a linear function of forces, in equilibrium with the dead load."""
 
 from __future__ import annotations
 
@@ -51,11 +45,6 @@ class Thrust:
     state: LimitAnalysisResult | None
 
     def to_json(self) -> dict[str, Any]:
-        """Return this end of the range as plain numbers.
-
-        Result: reaction, bracket, gap, status, mechanism and forces in the form of `jld solve --json`; None where
-        missing.
-        """
         whole = None if self.state is None else self.state.to_json()
         return {
             "reaction": number(self.value),
@@ -78,9 +67,10 @@ def extreme_value(
 ) -> Thrust:
     """Compute the least or the greatest value of a function of forces, with both bounds.
 
-    labels: (m,) True = dry. greatest: True for the greatest value, False for the least. moved: (n, q) velocities of
-    supports, scene units, of which R is the work rate; they are added to the mechanism.
+    moved: (n, q) velocities of supports, scene units, of which R is the work rate.
     """
+    # R takes the place of λ in a limit analysis, by one more row R(F) ∓ λ = 0 (docs/method.md, "Supports that move"); λ
+    # is counted from a value that no state reaches, so that it is positive
     # The model has associative friction and convex contact. All states in equilibrium with the dead load count.
     sign = 1.0 if greatest else -1.0
     if not function.weights.any():
@@ -118,11 +108,7 @@ def _thrust(
     origin: float,
     moved: Floats | None,
 ) -> Thrust:
-    """Convert a proof about scaled λ to the least or greatest value of the function R.
-
-    labels: (m,) True = dry. moved: (n, q) as in `extreme_value`. All numbers are NaN if R is unbounded, or if the proof
-    lacks forces or a mechanism.
-    """
+    """Convert a proof about scaled λ to the least or greatest value of R; NaN where it lacks one."""
     assembly, scaling, unit = analysis.assembly, analysis.template.scaling, function.unit
     if proof.status is Status.LOCKED:
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "unbounded", None)
@@ -164,17 +150,14 @@ class Settled:
     Attributes
     ----------
     settlement : Settlement
-        The support movement.
     assembly : Assembly
         The structure under its dead load, with the settlement's share of live load added.
     labels : (m,) bool array
-        Labels, True = dry.
     stands : bool or None
-        True if the structure stands under this load, False if not; None where undecided.
+        Whether it stands under this load; None where undecided.
     least, most : Thrust or None
-        Ends of the range of R; None if the structure does not stand.
+        Ends of the range; None if it does not stand.
     seconds : float
-        Wall-clock time.
     """
 
     settlement: Settlement
@@ -186,13 +169,7 @@ class Settled:
     seconds: float
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object that `jld settlement --json` prints for each settlement.
-
-        Returns
-        -------
-        dict
-            Name, moved supports with their velocities, load, whether it stands, and both ends of the range.
-        """
+        """Return the object that `jld settlement --json` prints for each settlement."""
         ids = self.assembly.elements.ids
         moved = np.flatnonzero(self.settlement.velocity.any(axis=1)).tolist()
         return {
@@ -210,11 +187,7 @@ class Settled:
 def settle(
     assembly: Assembly, settlement: Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
 ) -> Settled:
-    """Compute the range of thrust after a support movement, and the mechanisms at its ends.
-
-    labels: (m,) labels, True = dry. Default: those of the assembly. Raises InputError if a material that the labelling
-    needs is missing, or the assembly has members.
-    """
+    """Compute the range of thrust after a support movement, by the assembly's labels unless given."""
     # The model has associative friction and convex contact.
     assembly.members.refuse("the range of reactions under a movement of supports")
     start = time.perf_counter()
@@ -236,11 +209,7 @@ def settle(
 
 
 def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
-    """Compute the resultants of the interface forces on some elements, supports included.
-
-    forces: (m, q) resultants of the faces, scene units. elements: (k,) indices of the elements. Returns (k, q): force
-    and moment on each element about its centroid, scene units.
-    """
+    """Compute the resultants (k, q) of forces (m, q) at faces on elements (k,), about their centroids."""
     matrix, rows = _support_rows(assembly, np.isin(np.arange(len(assembly.elements)), elements))
     found = np.zeros((len(assembly.elements), assembly.freedoms))
     found[rows] = (matrix @ forces.ravel()).reshape(len(rows), -1)
@@ -248,21 +217,14 @@ def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
 
 
 def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
-    """Build the equilibrium matrix in which some supports count as free elements.
-
-    moving: (n,) True for these supports. Returns the matrix (q·free, q·m) and the free elements (free,), in the order
-    of its rows.
-    """
+    """Build the equilibrium matrix in which some supports (n,) are free; return the free elements too."""
     elements = replace(assembly.elements, support=assembly.elements.support & ~moving)
     return equilibrium_matrix(replace(assembly, elements=elements)), elements.free
 
 
 def _work_of_reactions(assembly: Assembly, velocity: Floats) -> ForceFunction:
-    """Build the function of forces that gives the work rate of moving supports.
-
-    velocity: (n, q) of all elements about their centroids; only supports count. The unit of the function is the largest
-    speed of a translation.
-    """
+    """Build the function of forces that gives the work rate of supports moving at `velocity` (n, q)."""
+    # its unit is the largest speed of a translation
     speed = float(np.linalg.norm(velocity[:, : assembly.dimension], axis=1).max()) or (
         assembly.size * float(abs(velocity).max())
     )

@@ -17,7 +17,7 @@ from jld_practice.reactions.force_range import Thrust
 
 
 def figure_of_settled(found: Settled) -> Figure:
-    """Return a figure of a settlement: both ends of the reaction's range, and the mechanism."""
+    """Return a figure of a settlement: forces at both ends of the range, and the mechanism."""
     # The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
     # The title says where the structure falls under its dead load alone.
     if not found.settlement.load:
@@ -42,7 +42,6 @@ def without_live_load(found: Settled) -> Settled:
     bare = replace(found.assembly, live_loads=0.0 * found.assembly.live_loads)
 
     def stripped(end: Thrust | None) -> Thrust | None:
-        """Return one end of the range without live loads."""
         return end if end is None or end.state is None else replace(end, state=replace(end.state, assembly=bare))
 
     return replace(found, assembly=bare, least=stripped(found.least), most=stripped(found.most))
@@ -60,7 +59,7 @@ def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> Non
 
 
 def draw_movement(ax: Axes, found: Settled) -> None:
-    """Draw an arrow at the centroid of every translating support, along its movement."""
+    """Draw an arrow at each translating support, along its movement."""
     assembly, velocity = found.assembly, found.settlement.velocity
     d, projection = assembly.dimension, projection_of(assembly)
     size = float(np.linalg.norm(velocity[:, :d], axis=1).max())
@@ -74,7 +73,7 @@ def draw_movement(ax: Axes, found: Settled) -> None:
 
 
 def words_of(end: Thrust | None, force: str) -> str:
-    """Describe the least or greatest reaction with its unit, for a title or a terminal."""
+    """Describe the least or greatest reaction with its unit."""
     if end is None:
         return "none"
     if end.status == "unbounded":

@@ -1,10 +1,4 @@
-"""Proven ranges of reactions of supports and of resultants across joints, under a given load.
-
-A structure of rigid blocks has many states of equilibrium, so that a reaction is an interval and not a number. Both
-ends of the interval are optima over all admissible states and are bracketed like λ (`force_range`). Whatever state a
-test, a distinct-element program or an elastic analysis finds, its reaction lies in this interval if friction and
-strengths are those of the model.
-"""
+"""Proven ranges of reactions of supports and of resultants across joints, under a given load."""
 
 from __future__ import annotations
 
@@ -58,17 +52,10 @@ class ResultantRange:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Return the proven interval that contains the resultant in every admissible state.
-
-        An end without a proven bound is None.
-        """
+        """Proven interval of the resultant in every admissible state; None where unproven."""
         return number(self.least.bracket[0]), number(self.most.bracket[1])
 
     def to_json(self) -> dict[str, Any]:
-        """Return the range as plain numbers.
-
-        Result: place, component, point, interval, and of both ends value, bracket, gap and status; None where missing.
-        """
         what = self.resultant
         return {
             "place": what.place,
@@ -99,10 +86,7 @@ class ThrustRanges:
     seconds: float  # wall-clock time
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object that `jld thrust --json` prints for each load case.
-
-        Result: load factor, whether it stands, ranges and seconds.
-        """
+        """Return the object that `jld thrust --json` prints for each load case."""
         return {
             "load_factor": self.load_factor,
             "stands": self.stands,
@@ -147,11 +131,7 @@ def thrust_ranges(
 
 
 def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None) -> tuple[Resultant, ...]:
-    """Return all components of the reactions that supports put on a structure.
-
-    Result: three (planar) or six (spatial) per support, in the axes of the scene. Raises ParameterError if a name is no
-    support that touches a free element; the parameter is `support`.
-    """
+    """Return all components of the reactions of supports, in the axes of the scene."""
     # Moments are about the centroid of the contact with the structure.
     elements, faces = assembly.elements, assembly.interfaces
     bearing = [k for k in np.flatnonzero(elements.support).tolist() if ((faces.a == k) | (faces.b == k)).any()]
@@ -170,10 +150,7 @@ def reactions_of_supports(assembly: Assembly, names: Sequence[str] | None = None
 
 
 def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Resultant, ...]:
-    """Return all components of the resultant of the faces between two elements, as it acts on the second one.
-
-    Raises ParameterError if an element is unknown or the two do not touch; the parameter is `joint`.
-    """
+    """Return all components of the resultant between two elements, as it acts on the second one."""
     # Components are in the axes of the faces if these are parallel (N is positive in compression), else in the axes of
     # the scene.
     elements, faces = assembly.elements, assembly.interfaces
@@ -190,12 +167,7 @@ def resultant_of_joint(assembly: Assembly, first: str, second: str) -> tuple[Res
 
 
 def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequence[float]) -> tuple[Resultant, ...]:
-    """Return N, V and M of all faces of a planar structure that lie on a straight line.
-
-    start, end: (2,) ends of the line, scene units. Raises ParameterError if the structure is spatial, the line has no
-    length, or no face lies on it; the parameter is `section`. The resultant acts on the part to the left of the
-    direction from start to end.
-    """
+    """Return N, V and M of the faces on a line, as they act on the part to its left; planar."""
     if assembly.dimension != 2:
         raise ParameterError("section", "a line cuts planar structures only", "joint A,B in space")
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
@@ -222,10 +194,7 @@ def resultant_of_section(assembly: Assembly, start: Sequence[float], end: Sequen
 
 
 def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local: bool) -> tuple[Resultant, ...]:
-    """Build the functions of forces that give each component of the resultant of some faces.
-
-    faces: (k,) indices. side: (k,) element of each face on which its forces act.
-    """
+    """Build the functions of each component of the resultant of faces (k,) on elements `side` (k,)."""
     # The resultant acts on the elements beside the faces. Moments are about the mean of the face centroids, weighted by
     # area.
     joints, d, q = assembly.interfaces, assembly.dimension, assembly.freedoms
@@ -250,10 +219,7 @@ def _resultant(assembly: Assembly, place: str, faces: Ints, side: Ints, *, local
 
 
 def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
-    """Return the matrix (q, q) from components in the axes of the scene to those of a face.
-
-    normal: (d,) unit normal towards the element on which the forces act. Planar: (normal, normal turned by +90°).
-    """
+    """Return the matrix (q, q) from axes of the scene to those of a face of unit normal (d,)."""
     joints, d = assembly.interfaces, assembly.dimension
     if d == 2:
         return np.array([[normal[0], normal[1], 0.0], [-normal[1], normal[0], 0.0], [0.0, 0.0, 1.0]])
@@ -264,10 +230,7 @@ def _axes_of_face(assembly: Assembly, face: int, normal: Floats) -> Floats:
 
 
 def words_of_range(one: ResultantRange, force: str, length: str) -> str:
-    """Describe one range in a line.
-
-    Result: component, both ends and their unit. An end may read "no least", "no greatest" or "uncertified".
-    """
+    """Describe one range in a line, such as "N  1.2 to 3.4 kN"."""
     unit = force if one.resultant.function.unit == 1.0 and one.resultant.component[0] != "M" else f"{force}·{length}"
     ends = []
     for end, name in ((one.least, "least"), (one.most, "greatest")):
@@ -299,11 +262,7 @@ class Reserve:
 
 @one_thread()
 def least_share(assembly: Assembly, labels: Bits) -> Reserve | None:
-    """Find the state under the dead load in which faces use the least share of their capacity.
-
-    labels: (m,) True = dry. Result: the state; None if the structure is not proven to stand. Raises InputError if a
-    material that the labelling needs is missing.
-    """
+    """Find the state under the dead load in which faces use the least share of capacity, or None."""
     # Bisection of θ with yield sets whose eccentricities, friction and strengths are θ times those of the faces, which
     # are nested. docs/method.md (3.16).
     require_materials(assembly, labels, ~labels)
@@ -355,10 +314,7 @@ def _state(assembly: Assembly, labels: Bits, share: float) -> tuple[State, Scali
 
 
 def _reserve(assembly: Assembly, labels: Bits, bracket: tuple[float, float], forces: Floats) -> Reserve:
-    """Return the shares of their capacity that faces use in a state.
-
-    bracket: proven bounds on the least share. forces: (m, q) resultants of the program, scene units, with bond.
-    """
+    """Return the shares of capacity that faces use in forces (m, q), with bounds on the least share."""
     scaling = scaling_of(assembly)
     yields = yield_set(assembly, scaling, "uncoupled")
     scaled, friction = forces / scaling.face, yields.associative

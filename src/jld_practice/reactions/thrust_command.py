@@ -101,7 +101,7 @@ def _resultants(
 
 
 def _words(found: ThrustRanges) -> str:
-    """Describe all ranges of one load case in lines."""
+    """Describe all ranges of one load case."""
     load = f"{found.load_factor:g} × the live load" if found.load_factor else "the dead load alone"
     if found.stands is False:
         return f"{found.assembly.name}: falls under {load}, proven"

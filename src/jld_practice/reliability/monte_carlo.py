@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
@@ -12,6 +11,7 @@ from scipy.special import betaincinv, ndtri
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
+from jld_explore.evaluation import Pool
 from jld_practice.reliability.form import Form
 from jld_practice.reliability.structure import GoverningBounds, SampleBounds
 
@@ -116,10 +116,8 @@ def simulate(
 
 def in_threads(one: Callable[[int], _Result], parts: int, jobs: int) -> list[_Result]:
     """Call a function for portions of the samples in `jobs` threads; keep their order."""
-    if jobs == 1 or parts == 1:
-        return [one(part) for part in range(parts)]
-    with ThreadPoolExecutor(min(jobs, parts)) as pool:
-        return list(pool.map(one, range(parts)))
+    with Pool(min(jobs, parts), threads=True) as pool:
+        return list(pool.run(one, [(part,) for part in range(parts)]))
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,7 @@ export class Asking {
   /** Read a file; true where it is a scene, about which nothing is asked. @param {any} file @param {Record<string, any>} options */
   async begin(file, options) {
     Object.assign(this, { file, options, past: [], found: null, layer: null, settings: {} });
+    this.#job = null;
     this.#front(true);
     this.host.replaceChildren(el("h2", { id: "asking-name" }, file.name), el("p", { class: "hint", role: "status" }, "being read …"), this.#close());
     return this.read();
@@ -80,6 +81,8 @@ export class Asking {
   }
 
   close() {
+    this.#job = null;
+    this.host.replaceChildren();
     this.#front(false);
   }
 
@@ -90,15 +93,18 @@ export class Asking {
   async read() {
     const number = ++this.asked;
     const { file, options, settings } = this;
+    this.host.setAttribute("aria-busy", "true");
     try {
       const found = await ask("read", { ...file, options, settings });
       if (number !== this.asked) return false;
+      this.host.removeAttribute("aria-busy");
       if (found.scene) return true;
       this.found = found;
       this.#fill("");
       say(`${file.name}: ${this.#first()}`);
     } catch (error) {
       if (number !== this.asked) return false;
+      this.host.removeAttribute("aria-busy");
       const message = error instanceof Error ? error.message : String(error);
       // what cannot be met is taken back
       if (this.past.length) [this.options, this.settings] = this.past.pop();

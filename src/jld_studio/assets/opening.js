@@ -1,7 +1,7 @@
 // @ts-check
 /** Files that are dropped on the page: scenes are opened, drawings are asked about first. */
 import { Asking } from "./asking.js";
-import { byId, el } from "./dom.js";
+import { byId, el, say } from "./dom.js";
 import { ask } from "./live.js";
 
 /** @param {ArrayBuffer} buffer */
@@ -60,15 +60,25 @@ export class Opening {
     try {
       await this.read(file, options);
     } catch (error) {
-      this.#fill(file, options, [], error instanceof Error ? error.message : String(error));
+      this.#fill({ file, options, report: [], unit: "-" }, error instanceof Error ? error.message : String(error));
     }
   }
 
   /** Open a file as a scene. @param {{name: string, content: string}} file @param {Record<string, any>} options */
   async read(file, options) {
     const found = await ask("open", { ...file, options });
-    this.reports.set(found.scene, { file, options, report: found.report });
+    this.reports.set(found.scene, { file, options, report: found.report, unit: found.unit });
     this.take(found);
+  }
+
+  /** Design the outline of a scene. @param {any} read */
+  async #design(read) {
+    try {
+      await ask("design", read.file);
+      say("A design was begun; it is listed under Searches.");
+    } catch (error) {
+      this.#fill(read, error instanceof Error ? error.message : String(error));
+    }
   }
 
   /** Show what was read of a scene, if it came from a file. @param {string} scene its name */
@@ -76,18 +86,20 @@ export class Opening {
     const found = this.reports.get(scene);
     this.host.hidden = !found;
     if (!found) return;
-    this.#fill(found.file, found.options, found.report, "");
+    this.#fill(found, "");
   }
 
-  /** @param {{name: string, content: string}} file @param {Record<string, any>} options @param {string[][]} report @param {string} problem */
-  #fill(file, options, report, problem) {
+  /** @param {{file: any, options: Record<string, any>, report: string[][], unit: string}} read a scene has no unit of its file @param {string} problem */
+  #fill(read, problem) {
+    const { file, options, report, unit } = read;
     this.host.hidden = false;
     this.host.replaceChildren(
       el("div", { class: "row" }, el("h2", {}, file.name), el("button", { type: "button", class: "reset", onclick: () => { this.host.hidden = true; } }, "close")),
       problem ? el("p", { class: "warning", role: "alert" }, problem) : "",
-      !report.length && !problem ? el("p", { class: "hint" }, "The scene as its file states it.") : "",
+      unit ? "" : el("p", { class: "hint" }, "The scene as its file states it."),
       el("dl", { class: "facts report" }, report.map(([kind, text]) => [el("dt", { class: kind === "doubtful" ? "doubtful" : null }, kind), el("dd", {}, text)])),
-      report.length ? el("button", { type: "button", onclick: () => this.asking.begin(file, options) }, "read it in another way") : "",
+      !report.length ? "" : unit ? el("button", { type: "button", onclick: () => this.asking.begin(file, options) }, "read it in another way")
+        : el("button", { type: "button", title: "jld design: its free elements are one outline, which is cut anew", onclick: () => this.#design(read) }, "design"),
     );
   }
 }

@@ -15,7 +15,7 @@ function progressOf(job) {
   if (typeof top === "number") parts.push(`best λ ${shown(top, 6)}`);
   if (typeof roof === "number") parts.push(`bound ${shown(roof, 6)}`);
   if (typeof top === "number" && typeof roof === "number" && roof > 0) parts.push(`gap ${shown(Math.max(0, (100 * (roof - top)) / roof), 2)} %`);
-  if (seconds !== undefined) parts.push(`${shown(seconds, 3)} s`);
+  if (seconds !== undefined && (job.kind !== "design" || job.state !== "running")) parts.push(`${shown(seconds, 3)} s`);
   if (typeof job.seconds_left === "number") parts.push(`at most ${timeOf(job.seconds_left)} left`);
   if (summary.proven) parts.push("proven strongest");
   return parts.join(", ");
@@ -92,8 +92,8 @@ export class Searches {
       entry = { node, text: el("span", { class: "grow" }), bar: el("progress", { "aria-label": `progress of ${job.name}` }), state: el("span"), buttons: el("span", { class: "buttons" }), picture: el("div", { class: "best", hidden: true }) };
       node.append(el("span", { class: "name" }, job.name), entry.state, entry.text, entry.bar, entry.buttons, entry.picture);
       this.entries.set(job.name, entry);
-      this.list.append(node);
     }
+    if (!entry.node.isConnected) this.list.append(entry.node); // it may have been shown elsewhere
     const running = job.state === "running";
     entry.job = job;
     entry.text.textContent = job.error || progressOf(job);

@@ -8,11 +8,11 @@ export const ROLES = /** @type {Record<string, [string, string, string, string]>
   support: ["ground (support)", "url(#ask-support)", "#333333", ""],
   hole: ["opening", "url(#ask-hole)", "#0b57a4", "10 4"],
   load: ["load", "none", "#b8321a", ""],
-  dead: ["dead load", "none", "#7a2a6a", ""],
+  dead: ["dead load", "none", "#7a2a6a", "6 3"],
   dry: ["dry joint", "none", "#00705a", "14 3"],
   inner: ["crack plane (inner face)", "none", "#7a2a6a", "3 3"],
   skip: ["ignored", "none", "#77756d", "1 4"],
-  id: ["names of blocks", "none", "#77756d", "1 4"],
+  id: ["names of blocks", "none", "#77756d", "2 7"],
   unused: ["nothing became of it", "none", "#b35c00", "8 3 2 3"],
   doubtful: ["doubtful: an opening?", "url(#ask-doubtful)", "#7d5a00", ""],
 });

@@ -1,33 +1,4 @@
-"""Exact search: refute labellings by conflicts until none can exceed the best one known.
-
-**The idea.** A formula has one model per labelling that nothing rules out yet. The driver takes a model from it. A
-mechanism that proves this labelling too weak also refutes every labelling that agrees where the mechanism needs it:
-the *conflict*, which is added to the formula. A labelling that no mechanism refutes is *handed over* and evaluated: it
-is better, or its own bracket proves that it is not. A formula without a model proves that no labelling exceeds its λ.
-The next formula is made for a lower λ, down to the best λ known.
-
-**The invariant.** Every labelling is refuted by a conflict in the store, has an evaluation, or is still open
-(`proof_state`). Bounds rest on limit analyses with their brackets, on mechanisms whose work balance is computed here,
-and on a satisfiability solver. No tolerance of an optimiser enters the proof, and threads and processes only add
-conflicts and hand over labellings.
-
-**The data flow**, and the modules in this order:
-
-1. `context`: data that stay fixed: space, `possible_blocks`, free faces, relaxation.
-2. `driver` (largest λ, or a front) and `minimum_count` (best count that carries a required λ) are the drivers. Their
-   base `conflict_driver` owns formula, proof state and records. `targets` holds what is to be proven, `schedules`
-   chooses the next λ to refute, and when annealing seeks better labellings beside the proof.
-3. `conflict_sources` gets conflicts: from `conflict_generation` in this process or in its threads, or from
-   `cube_workers` in other processes, which refute `cubes` of the space by `worker_tasks`. `conflict_generation` draws
-   labellings from the `formula` (built of `formula_parts`), refutes them and minimises their conflicts.
-4. `proof_state` stores conflicts and labellings handed over, once for all threads, and on record.
-5. `block_search` takes the place of conflicts of faces where blocks are small: a branch and bound over blocks
-   (`block_tree`) with bounds from `block_bounds`. Its refuted nodes are conflicts as well, so the formula still
-   decides whether a labelling is left. In any other long proof `block_bounds` bounds all labellings once.
-6. `proof_check` derives the claims of the finished proof again, by another satisfiability solver and from the
-   mechanisms alone. Without it nothing is called proven. `certifying` writes the proof as a file, with the lemmas that
-   `trimming` keeps.
-"""
+"""Exact search: refute labellings by conflicts until none can exceed the best known one (docs/notes/exact.md)."""
 
 from __future__ import annotations
 

@@ -1,17 +1,4 @@
-"""Bounds by block relaxations: several at a time for the tree, and one over all blocks for any long proof.
-
-`BlockBoundPool` solves the programs that the branch and bound (`block_tree`) requests together. The batch solver
-computes them in two threads. Without it one program of each request goes to a worker process. A thread would not help
-there, because the interior-point solver holds the interpreter lock. Each program is solved from scratch, so the tree
-under one load case does not depend on the number of workers. A program whose worker dies is solved in this process.
-
-`BlockBoundTightening` bounds all labellings by one program over all possible blocks (docs/method.md (6.5)). Its bound
-is much closer than the relaxation face by face where blocks have several cells and the gap is wide. The program takes
-as long as thousands of relaxations in the batch solver, so a proof solves it only after spending as much time itself.
-Its mechanism may refute single blocks. Each refuted block becomes a conflict: all faces inside it inner, all faces
-around it dry. The next program leaves those blocks out, so it is smaller and its bound tighter. A large program is
-solved in a separate process, which can be stopped before it ends.
-"""
+"""Bounds by block relaxations: several at a time for the tree, and one over all blocks for any long proof."""
 
 from __future__ import annotations
 
@@ -35,18 +22,13 @@ from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import CheckedProof, ProofContext
 from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.evaluation.process_settings import client_of_cluster
-from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space import SearchSpace
 
-SOLO_PROGRAMS: Final = 40
-"""Programs solved in this process before the worker process starts.
+SOLO_PROGRAMS: Final = 40  # programs solved in this process before the worker process starts, which takes two seconds
 
-The worker process needs two seconds before it can solve programs.
-"""
-
-SolvedProgram = tuple[Choice, int]
-"""Result of one block relaxation, and the number of programs solved for that result."""
+SolvedProgram = tuple[Choice, int]  # result of one block relaxation, and the number of programs solved for it
 
 _relaxations: dict[str, AnyBlockRelaxation] = {}
 
@@ -66,10 +48,7 @@ class BlockSpace:
 
 @one_thread()
 def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
-    """Solve a block relaxation in this worker process; return the result and the number of programs solved.
-
-    None if `program` is None or no relaxation is stored under the name.
-    """
+    """Solve a block relaxation in this worker process, with the number of programs; None if not set up."""
     if block_space is not None:
         _relaxations.clear()
         made: BlockSpace = pickle.loads(block_space)
@@ -83,20 +62,16 @@ def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) ->
 
 
 class BlockBoundPool:
-    """Block relaxation of a space, solved in this process and in a worker process.
-
-    It bounds scaled λ of all labellings whose blocks are among those allowed.
-
-    context: space, relaxation and other data that stay fixed during the proof. blocks: possible blocks of the space.
-    solves_in_worker: programs solved by the worker process.
-    """
+    """Block relaxation of a space, solved in this process and in a worker process."""
 
     def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
+        # the interior-point solver holds the interpreter lock, so a thread would not help without the batch solver;
+        # each program is solved from scratch, so that trees do not depend on workers
         self._block_space = BlockSpace(context.space, blocks)
         self._here = self._block_space.relaxation(context.analyses)
         self._worker_allowed = False
         self._workers: WorkerPool | None = None
-        self._worker: PoolWorker | None = None
+        self._worker: Pool | None = None
         self._ready: Future[SolvedProgram | None] | None = None
         self._threads: ThreadPoolExecutor | None = None
         self.solves_in_worker = 0
@@ -121,10 +96,7 @@ class BlockBoundPool:
             self._threads = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Solve one block relaxation in this process.
-
-        allowed: (p,) True for blocks that may be chosen.
-        """
+        """Solve one block relaxation of allowed blocks (p,) in this process."""
         return self._here.bound_all([(allowed, threshold, most)])[0]
 
     @property
@@ -133,7 +105,7 @@ class BlockBoundPool:
         return self._here.batched
 
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
-        """Solve several block relaxations and return their results in the same order."""
+        """Solve block relaxations (allowed (p,), threshold, most), and return their results in order."""
         # Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
         # `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is
         # solved here.
@@ -211,7 +183,7 @@ _TIME_SHARE: Final = 0.5  # share of the remaining time that the programs may ta
 
 @dataclass(frozen=True)
 class TightenedBound:
-    """Result of `BlockBoundTightening.tighten`."""
+    """Bound on scaled λ of all labellings, with the conflicts of refuted blocks."""
 
     bound: float  # scaled λ that no labelling exceeds
     conflicts: tuple[Conflict, ...]  # one conflict for each refuted block
@@ -220,13 +192,11 @@ class TightenedBound:
 
 
 class BlockBoundTightening:
-    """Repeated block relaxation of one space without the blocks that are refuted.
-
-    context: space, relaxation and other data that stay fixed during the proof. wanted: whether the block relaxation may
-    be used at all. solves: number of programs solved.
-    """
+    """Repeated block relaxation of one space without the blocks that are refuted."""
 
     def __init__(self, context: ProofContext, *, wanted: bool) -> None:
+        # docs/method.md (6.5); a program takes as long as thousands of relaxations face by face, so a proof solves it
+        # only after as much time. Each refuted block is a conflict: inner inside, dry around.
         self._context, self._blocks = context, context.blocks
         blocks, space = context.blocks, context.space
         self._allowed: Bools = np.ones(0 if blocks is None else len(blocks), dtype=bool)
@@ -241,7 +211,7 @@ class BlockBoundTightening:
 
     @property
     def _listed_blocks(self) -> PossibleBlocks:
-        """The possible blocks; raises RuntimeError where they are not listed."""
+        """Possible blocks; RuntimeError where they are not listed."""
         if self._blocks is None:
             raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
         return self._blocks
@@ -251,15 +221,12 @@ class BlockBoundTightening:
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:
-        """Return True if the programs should be solved now."""
+        """Return whether the programs should be solved now."""
         last = self._least
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 
     def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
-        """Solve block relaxations without refuted blocks until few more are refuted or time ends.
-
-        Result: bound not above `most`, and the conflicts of the refuted blocks.
-        """
+        """Solve relaxations without refuted blocks until few more are refuted or time ends."""
         self._next *= 4.0
         self._least = least
         end = time.perf_counter() + _TIME_SHARE * left
@@ -282,10 +249,7 @@ class BlockBoundTightening:
     def _solve(
         self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
     ) -> Choice | None:
-        """Solve the relaxation of blocks `remaining` (k,); see `tighten`.
-
-        ends: (least, most), scaled λ. None if time runs out or the worker process fails.
-        """
+        """Solve the relaxation of blocks `remaining` (k,); None if time runs out or the worker fails."""
         listed, chosen = self._listed_blocks, remaining.tolist()
         some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
         block_space = BlockSpace(self._context.space, some)
@@ -334,21 +298,14 @@ def sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
 
 
 class BlockConflictCheck:
-    """Repeated refutation of conflicts of possible blocks.
-
-    context: space, possible blocks, free faces and relaxation of the proof. done: number of conflicts that were refuted
-    again.
-    """
+    """Repeated refutation of conflicts of possible blocks."""
 
     def __init__(self, context: CheckedProof) -> None:
         self._context = context
         self.done = 0
 
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> str:
-        """Refute conflicts of possible blocks again, in random order, until a time.
-
-        Result: the first problem, "" for none.
-        """
+        """Refute conflicts of possible blocks again, in random order, until a time; "" or a problem."""
         # Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks,
         # or without a bound on all labellings, nothing is checked.
         mine = [one for one in conflicts if one.evidence is Evidence.BLOCKS]
@@ -377,10 +334,7 @@ class BlockConflictCheck:
 
 
 class _BlockRefutation:
-    """Refutation of single conflicts of possible blocks.
-
-    context: of the proof. blocks: its possible blocks. most: scaled λ that no labelling exceeds. end: time to stop.
-    """
+    """Refutation of single conflicts of possible blocks."""
 
     def __init__(self, context: CheckedProof, blocks: PossibleBlocks, most: float, end: float) -> None:
         self._context, self._blocks, self._most, self._end = context, blocks, most, end
@@ -388,10 +342,7 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
-        """Return True if the mechanisms stored in a conflict refute its labels, without a solver.
-
-        False proves nothing, since the mechanisms may not be in memory.
-        """
+        """Return whether mechanisms in memory refute a conflict; False proves nothing."""
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:
@@ -412,7 +363,7 @@ class _BlockRefutation:
         return False
 
     def by_programs(self, conflict: Conflict) -> bool | None:
-        """Return True if new block relaxations refute a conflict, False if they do not, and None if time ran out."""
+        """Return whether new block relaxations refute a conflict, None if time ran out."""
         threshold = _raised(conflict.bound)
         for labels in self._labellings(conflict, threshold):
             if time.perf_counter() >= self._end:
@@ -423,7 +374,7 @@ class _BlockRefutation:
         return True
 
     def _labellings(self, conflict: Conflict, threshold: float) -> Iterator[Bits | None]:
-        """Yield the labellings (m,) of a conflict that no block relaxation refutes, and None before each program."""
+        """Yield labellings (m,) of a conflict that no relaxation refutes, and None before each program."""
         # The None lets the caller check the time.
         nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._most > threshold else []
         while nodes:

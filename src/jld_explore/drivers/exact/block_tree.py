@@ -1,16 +1,4 @@
-"""Branch and bound over the choice of blocks, for spaces of small blocks.
-
-Each node solves the block relaxation of docs/method.md (6.5). A node decides the labels of some faces, which leaves
-some of the possible blocks. The relaxation bounds λ over all segmentations made of those blocks. It also gives the
-share of each block and a mechanism. Deciding a face dry excludes the blocks that contain it. The expected decrease of
-the bound is the dissipation inside those blocks times their shares. The faces with the largest expected decrease are
-tried with both labels. The search branches on the face that lowers both bounds most. Labels under which nothing is
-left are ruled out all together. The search continues with the better child, otherwise with the open node of the
-highest bound.
-
-An exhausted tree is no proof by itself. Every refuted node is a conflict, and the formula of all conflicts decides
-whether a labelling is left.
-"""
+"""Branch and bound over the choice of blocks, docs/method.md (6.5), for spaces of small blocks."""
 
 from __future__ import annotations
 
@@ -33,8 +21,7 @@ from jld_explore.drivers.exact.possible_blocks import BlockTables, PossibleBlock
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.space import SearchSpace
 
-Possible = Callable[[Ints, Bits], bool]
-"""Function that returns True if any labelling with labels (k,) on faces (k,) is left."""
+Possible = Callable[[Ints, Bits], bool]  # returns whether any labelling with labels (k,) on faces (k,) is left
 
 
 @dataclass(frozen=True)
@@ -66,15 +53,15 @@ class FaceChildren:
 
     @property
     def left(self) -> list[Node]:
-        """The children that may still hold labellings: none, one or two."""
+        """Children that may still hold labellings: none, one or two."""
         return [one for one in (self.inner, self.dry) if one is not None]
 
 
+# children of a node for several faces, and the conflicts of the refuted children
 Branches = tuple[list[FaceChildren], list[Conflict]]
-"""Children of a node for several faces, and the conflicts of the refuted children."""
 
+# face (index among the candidates) and label of a child, and the unsolved child
 UnsolvedChild = tuple[tuple[int, bool], Node]
-"""Face (index among the candidates) and label of a child, and the unsolved child."""
 
 
 @dataclass(frozen=True)
@@ -109,15 +96,7 @@ _LEAST_DECREASE: Final = 1e-5
 
 
 class BlockTree:
-    """Branch-and-bound tree over the choice of blocks, best bound first.
-
-    A node decides the labels of some faces. Its block relaxation bounds λ over all choices among the blocks that are
-    left. Call `step` until `finished`.
-
-    relaxation: solves the block relaxations. space: space of planar segmentations. blocks: possible blocks of the
-    space. threshold: scaled λ to reach. most: scaled λ that no labelling exceeds. root: result of the relaxation over
-    all possible blocks.
-    """
+    """Branch-and-bound tree over the choice of blocks, best bound first."""
 
     def __init__(
         self,
@@ -127,6 +106,9 @@ class BlockTree:
         threshold: float,
         most: float,
     ) -> None:
+        # A face decided dry excludes the blocks that contain it; the bound falls by about the dissipation inside them
+        # times their shares. Those faces are tried with both labels, and the search branches on the one that lowers
+        # both bounds most. Refuted nodes are conflicts: the formula, not the tree, proves.
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
         self._tables = BlockTables(space, blocks)
         every = np.ones(len(blocks), dtype=bool)
@@ -155,10 +137,7 @@ class BlockTree:
         return self._next is None and not self._open
 
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
-        """Process an open node: branch on a face, refute the node, or return its only labelling.
-
-        possible: returns True if any labelling with labels (k,) on faces (k,) is left.
-        """
+        """Process an open node: branch on a face, refute the node, or return its only labelling."""
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
         refuted = node.conflict(threshold)
@@ -315,10 +294,7 @@ class BlockTree:
     def _with_forced_labels(
         self, branching: Branching, forced: list[list[Node]], conflicts: list[Conflict]
     ) -> Node | None:
-        """Decide each face that has one child left as in that child; return the node, or None if no labelling is left.
-
-        forced: children left of each such face, at most one each. May add to `conflicts`.
-        """
+        """Decide each face that has one child left as in it; None if no labelling is left."""
         if not all(forced):
             return None
         left = [one for (one,) in forced]
@@ -337,8 +313,7 @@ class BlockTree:
         return None
 
 
-ByBlocks = Literal["auto", "on", "off"]
-"""Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
+ByBlocks = Literal["auto", "on", "off"]  # whether to search the tree; "auto" where it promises to be faster
 
 _GAP_CLOSED: Final = 0.25  # share of the gap at the root that the block relaxation must close to start the tree
 
@@ -374,13 +349,7 @@ class BlockStep:
 
 
 class BlockSearch:
-    """Branch and bound over the blocks of one space, if that search is wanted and promising.
-
-    A block relaxation bounds λ over all choices among possible blocks. Call `start`, then `step` while `active`.
-
-    context: space, relaxation and other data that stay fixed during the proof. wanted: whether to search the tree;
-    "auto": where it promises more than conflicts of faces.
-    """
+    """Branch and bound over the blocks of one space, if that search is wanted and promising."""
 
     def __init__(self, context: ProofContext, wanted: ByBlocks = "auto") -> None:
         self._context, self._wanted = context, wanted
@@ -393,10 +362,7 @@ class BlockSearch:
         self._last_run, self._interval = 0, _FIRST_INTERVAL
 
     def start(self, least: float, root: float) -> float:
-        """Start the tree where it is wanted, and bound all labellings by the root relaxation.
-
-        Result: bound on the scaled λ of all labellings, at most `root`.
-        """
+        """Start the tree where it is wanted; return a bound on scaled λ of all, at most `root`."""
         # Without possible blocks, or where the relaxation does not apply, nothing is started and `root` is returned.
         blocks = self._context.blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
@@ -418,10 +384,7 @@ class BlockSearch:
 
     @property
     def root_proof(self) -> tuple[BlockEvidence, ...]:
-        """Mechanisms of the root of the tree, which prove the bound that `start` returned.
-
-        Empty before `start`, and where it solved no block relaxation.
-        """
+        """Mechanisms of the root of the tree, which prove the bound that `start` returned."""
         return self._root_proof
 
     def set_workers(self, jobs: int) -> None:
@@ -454,11 +417,8 @@ class BlockSearch:
         return [] if self._tree is None else self._tree.open_conflicts
 
     def labellings_due(self) -> int:
-        """Return how many labellings to anneal before the next step, 0 while annealing is not due.
-
-        A number above 0 starts the next interval. Without a better labelling the tree descends between choices of equal
-        bounds, so annealing saves nodes.
-        """
+        """Return how many labellings to anneal now; a number above 0 starts the next interval."""
+        # without a better labelling the tree descends between choices of equal bounds
         since = self.solves - self._last_run
         if since < self._interval:
             return 0
@@ -471,10 +431,7 @@ class BlockSearch:
         return 0 if self._bounds is None else self._bounds.solves
 
     def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:
-        """Process one node of the tree, which usually decides one more face.
-
-        Raises RuntimeError without a tree; see `active`.
-        """
+        """Process one node of the tree, which usually decides one more face."""
         tree = self._tree
         if tree is None:
             raise RuntimeError("there is no tree to step in; call `start` first")
@@ -485,20 +442,13 @@ class BlockSearch:
         return BlockStep(step.conflicts, promising=promising)
 
     def note_inaccurate_bound(self) -> None:
-        """Count a complete labelling that the tree left, although its own mechanism refutes it.
-
-        Call it for each such labelling: after `_MOST_INACCURATE` of them the tree is abandoned, as its bounds are
-        inaccurate.
-        """
+        """Count a labelling that the tree left but its own mechanism refutes; give up after many."""
         self._inaccurate_bounds += 1
         if self._inaccurate_bounds >= _MOST_INACCURATE:
             self.abandon()
 
     def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
-        """Round the block shares of a node to a labelling (m,) that may exceed a scaled λ.
-
-        None if the formula has no such labelling, if it was returned before, or if the relaxation refutes it.
-        """
+        """Round block shares to a labelling (m,) that may exceed a scaled λ; None if old or refuted."""
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._offered:
             return None
@@ -508,8 +458,5 @@ class BlockSearch:
 
 
 def _has_wedges(analysis: LimitAnalysis) -> bool:
-    """Return True if the block relaxation is a linear program.
-
-    A relaxation with cones is too slow for a tree.
-    """
+    """Return whether the block relaxation is a linear program; with cones it is too slow for a tree."""
     return analysis.template.yield_set.coulomb_wedge(dry=True) is not None

@@ -1,10 +1,4 @@
-"""Write the proof of a bound as a certificate file that `jld_explore.verification` checks.
-
-The checker trusts nothing of the search. The search keeps conflicts but not all mechanisms, so each mechanism is
-computed again and rounded to whole numbers. Its work balance is evaluated as the checker will do. Conflicts of the
-search are hints here. The formula is stated anew from rules that the checker knows. Labellings that the hints leave
-open are refuted as in the search. Only clauses that the refutation of the formula needs are written.
-"""
+"""Write the proof of a bound as a certificate that `jld_explore.verification` checks."""
 
 from __future__ import annotations
 
@@ -51,12 +45,7 @@ _REMEDY: Final = "a search whose proof has a certificate"
 
 
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
-    """Raise InputError if the proof of a driver cannot have a certificate.
-
-    Refused are drivers that are not `Exact` or aim at a front, and models for which nothing bounds λ of several
-    labellings at once. So are searches that limit assembly sequences, require a load factor or use robust values,
-    friction that is not associative, and faces without a work balance.
-    """
+    """Raise InputError if the proof of a driver, model and scene cannot have a certificate."""
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
@@ -82,12 +71,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
 def certify(
     driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None, bound: float | None = None
 ) -> None:
-    """Write the certificate of the bound that an exact driver has proven.
-
-    Raises InputError if there is no bound, or if some labelling has no mechanism in whole numbers that proves the
-    bound. Raises ArithmeticError if two satisfiability solvers disagree, or the checker rejects a rule. Raises OSError
-    if the file cannot be written.
-    """
+    """Write the certificate of the bound that an exact driver has proven."""
     bound = driver.bound if driver.bound is not None else bound
     if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
@@ -95,13 +79,11 @@ def certify(
 
 
 class Certifier:
-    """Search for the mechanisms and rules that certify a bound on λ over a space.
-
-    bound: upper bound on λ, scene units; with load cases on the governing factor. The attribute `bound` is what the
-    certificate claims: the given one plus `_SLACK`.
-    """
+    """Search for the mechanisms and rules that certify a bound on λ over a space."""
 
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
+        # conflicts of the search are hints: mechanisms are computed again and rounded to whole numbers, the formula is
+        # stated anew by rules of the checker, and only clauses that its refutation needs are written
         self._scene, self._space = scene, space
         assembly = space.assembly
         self.bound = bound + _SLACK * max(abs(bound), load_scale(assembly))
@@ -127,11 +109,7 @@ class Certifier:
         self._units = [_Units(analysis) for analysis in self._analyses]
 
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
-        """Write the certificate of the bound.
-
-        Raises InputError if a labelling exceeds the bound, or no mechanism in whole numbers is found for a labelling.
-        Raises ArithmeticError if two satisfiability solvers disagree, or the checker rejects a rule.
-        """
+        """Write the certificate; ArithmeticError if two satisfiability solvers disagree."""
         root = self._mechanism(*self._always_dry())
         if root is not None:  # one mechanism may bound all labellings
             faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
@@ -236,10 +214,7 @@ class Certifier:
     # --- mechanisms -------------------------------------------------------------------------------------
 
     def _mechanism(self, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Return a mechanism in whole numbers that proves the bound for given labels; None if no load case has one.
-
-        decided: (m,) faces whose labels (m,) hold.
-        """
+        """Return a mechanism in whole numbers that proves the bound for labels (m,) where decided, or None."""
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):
@@ -262,10 +237,7 @@ class Certifier:
         return None
 
     def _rounded(self, case: int, velocity: Floats, decided: Bits, labels: Bits) -> Mechanism | None:
-        """Round velocities to a mechanism that the checker accepts; None if no attempt succeeds.
-
-        velocity: (q·free,) of load case `case`, scaled. decided, labels: (m,), see `_mechanism`.
-        """
+        """Round scaled velocities (q·free,) to a mechanism that the checker accepts, or None."""
         size = float(abs(velocity).max(initial=0.0))
         if not 0.0 < size < 1e30:
             return None

@@ -1,20 +1,4 @@
-"""Draw labellings from a formula in batches, refute them and minimise the conflicts.
-
-Similar labellings would give the same conflicts, so each labelling of a batch is drawn with random preferred labels. A
-labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the conflict
-undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
-
-**Conflict minimization** reduces a weak labelling to the few labels that make it weak. A mechanism bounds λ of every
-labelling by a sum over faces (docs/method.md (6.2)). Faces whose label changes that sum by less than the excess can
-become undecided. Solving again with those faces undecided gives a mechanism that depends on the remaining faces. The
-batch solver minimises many labellings in one call (`Relaxation.minimize_conflicts`); `conflict_of` minimises one by the
-same rules.
-
-Slabs across the length of the structure, its **windows**, are minimised before the whole labelling. Faces outside a
-window are undecided from the start, so its conflict consists of faces close together. Such conflicts share faces, so a
-few of them exclude all labellings of a window. Conflicts whose faces lie far apart exclude few labellings
-(benchmarks/results/exact.md).
-"""
+"""Draw labellings from a formula in batches, refute them and minimise the conflicts, docs/method.md (6.2)."""
 
 from __future__ import annotations
 
@@ -46,10 +30,9 @@ _DECAY: Final = 0.9  # weight of the earlier average when the share of refuted l
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
-    """Return the windows of each width, (w, m) bool, True where a face touches the window.
-
-    Empty for structures of fewer than `_LEAST_SLABS` slabs.
-    """
+    """Return the windows (w, m) of each width, True where a face touches; none for few slabs."""
+    # conflicts of faces close together share faces, so few of them exclude all labellings of a window
+    # (benchmarks/results/exact.md)
     # A window is a run of 1, 2 or 3 neighbouring slabs of the elements along the longest axis. A labelling that a
     # window alone refutes gives a small conflict.
     elements, faces = assembly.elements, assembly.interfaces
@@ -72,21 +55,13 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
 
 
 class WindowStatistics:
-    """Running share of labellings that the windows of each width refute.
-
-    Widths that refute few labellings are tried rarely.
-
-    widths: number of widths.
-    """
+    """Running share of labellings that windows of each width refute; poor widths are tried rarely."""
 
     def __init__(self, widths: int) -> None:
         self._share, self._times_skipped = np.ones(widths), np.zeros(widths, dtype=int)
 
     def is_worthwhile(self, width: int) -> bool:
-        """Return True if windows of a width, given by its index, should be tried now.
-
-        Each call for a width that refutes little counts: one in `_RETRY_INTERVAL` is True.
-        """
+        """Return whether windows of a width should be tried now; each call counts."""
         if self._share[width] >= _LEAST_SHARE:
             return True
         self._times_skipped[width] = (self._times_skipped[width] + 1) % _RETRY_INTERVAL
@@ -110,11 +85,9 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Find a small set of labels of a labelling that prevents a λ: a conflict that refutes it.
+    """Find few labels of a labelling (m,) that prevent a λ; None where it may reach it.
 
-    labels: (m,) True = dry. candidates: (m,) faces that may take either label. decided: (m,) candidates whose labels
-    the conflict may use, the others are undecided; by default all. Result: conflict whose labels the labelling has;
-    None where the labelling may reach the threshold.
+    candidates: (m,) faces that may take either label. decided: (m,) those whose labels the conflict may use.
     """
     decided = candidates.copy() if decided is None else decided.copy()
 
@@ -194,16 +167,11 @@ class ConflictBatch:
 
 
 class ConflictGenerator:
-    """Generator of conflicts for one formula after another.
-
-    A conflict is labels on some faces that no labelling above a λ has together. Call `begin` with a formula, then
-    `step` until it is exhausted; the generator adds its conflicts to the formula.
-
-    context: space, relaxation and other data that stay fixed during the proof. number: number of the generator in this
-    process; each has its own preferred labels.
-    """
+    """Generator of conflicts for one formula after another, to which it adds them."""
 
     def __init__(self, context: ProofContext, number: int = 0) -> None:
+        # similar labellings would give the same conflicts: each is drawn with random preferred labels, and its
+        # neighbours have one face of its conflict undecided
         self._relaxation, self._free = context.relaxation, context.free
         self._rng = np.random.default_rng([context.seed + SEED_STEP * number, 2])
         self._batched = context.relaxation.batched
@@ -215,7 +183,7 @@ class ConflictGenerator:
 
     @property
     def formula(self) -> Formula:
-        """Formula of the labellings that are left; raises RuntimeError before `begin`."""
+        """Formula of the labellings that are left; RuntimeError before `begin`."""
         if self._formula is None:
             raise RuntimeError("there is no formula yet; call `begin` first")
         return self._formula
@@ -332,5 +300,4 @@ class ConflictGenerator:
         return self._rng.random(len(self.formula.space.fixed)) < _DRY_PROBABILITY
 
 
-def _nothing() -> None:
-    """Do nothing; used where no other thread adds conflicts."""
+def _nothing() -> None: ...

@@ -1,4 +1,4 @@
-"""Define the data that stay fixed during a proof: space, possible blocks and relaxation."""
+"""Define the data that stay fixed during a proof, and its schedules."""
 
 from __future__ import annotations
 
@@ -24,42 +24,33 @@ from jld_explore.space import Count, SearchSpace
 # Largest share of the time left for listing the possible blocks; the formula works without the list
 _LISTING_SHARE: Final = 0.3
 
-SEED_STEP: Final = 1000
-"""Difference of the seeds of two threads or of two workers, so that each prefers other labels."""
+SEED_STEP: Final = 1000  # difference of the seeds of two threads or workers, so that each prefers other labels
 
 
 class PartialLabellingRelaxation(Protocol):
-    """Relaxation that bounds λ of partial labellings, by rigid blocks or by fields.
-
-    In a partial labelling, `undecided` (k, m) or (m,) is True for faces that may take either label. λ is scaled.
-    """
+    """Relaxation that bounds scaled λ of labellings (k, m) whose `undecided` faces are open."""
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Prove that partial labellings (k, m) do not exceed thresholds; None where it fails.
+        """Prove that partial labellings (k, m) do not exceed thresholds (k,); None if unproven.
 
-        thresholds: (k,) scaled λ. thorough: (k,) True where another solver may be tried. A proof holds its mechanism
-        and its bound.
+        thorough: (k,) True where another solver may be tried.
         """
         ...
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Prove that one partial labelling (m,) does not exceed `threshold`; None if this fails.
-
-        labels: True = dry, ignored where `undecided`.
-        """
+        """Prove that one partial labelling (m,) does not exceed `threshold`, or return None."""
         ...
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the least bound on the scaled λ of one partial labelling (m,), None without one."""
+        """Return the least bound on scaled λ of one partial labelling (m,), or None."""
         ...
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Return (k,) bounds that known mechanisms of one load case give for labellings (k, m).
+        """Return bounds (k,) that mechanisms (k, q · free) give for labellings (k, m).
 
-        velocities: (k, q · free) one scaled mechanism for each. A bound is inf where its mechanism proves nothing, and
-        −inf where no λ is admissible.
+        inf where a mechanism proves nothing, −inf where no λ is admissible.
         """
         ...
 
@@ -69,7 +60,7 @@ class CheckedProof(Protocol):
 
     @property
     def space(self) -> SearchSpace:
-        """The search space."""
+        """Search space."""
 
     @property
     def blocks(self) -> PossibleBlocks | None:
@@ -77,7 +68,7 @@ class CheckedProof(Protocol):
 
     @property
     def free(self) -> Bools:
-        """Faces (m,) bool, True where some labelling of the space has either label."""
+        """Faces (m,), True where some labelling of the space has either label."""
 
     @property
     def relaxation(self) -> PartialLabellingRelaxation:
@@ -85,7 +76,7 @@ class CheckedProof(Protocol):
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused."""
+        """Labels (m,) of faces that are not free; entries of free faces are unused."""
 
 
 @dataclass(frozen=True)
@@ -104,47 +95,31 @@ class ProofContext:
     def of(
         cls, space: SearchSpace, seed: int, counted: Count | None = None, *, list_blocks: bool = True
     ) -> ProofContext | None:
-        """Make the context of a space.
-
-        Result: None where the space has no formula or no relaxation, so that conflicts prove nothing.
-        """
+        """Make the context of a space, None without a formula or a relaxation."""
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
-        blocks = _list_blocks(space) if list_blocks else None
-        counts = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
-        terms = [count.terms(space.assembly) if count.terms else None for count in counts]
-        if any(one is None or (one.blocks and blocks is None) for one in terms):
+        blocks = listed_blocks(space) if list_blocks else None
+        if without_formula(space, blocks, counted) is not None:
             return None
         relaxation = relaxation_of(space.assembly, analyses)
         if relaxation is None:
             return None
-        free = space.candidates.copy()
-        if blocks is not None:
-            joined = {face for inside in blocks.inside for face in inside}
-            free &= np.isin(np.arange(len(free)), list(joined))
+        free = free_faces(space, blocks)
         return cls(space, blocks, free, seed, analyses, relaxation)
 
     @property
     def labels(self) -> Bits:
-        """Labels (m,) of faces that are not free, True = dry; entries of free faces are unused.
-
-        Candidates outside every possible block are dry whatever the label of the scene.
-        """
+        """Labels (m,) of faces that are not free: candidates outside every possible block are dry."""
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
 
     def packed(self, seed: int) -> bytes:
-        """Return the context with another seed, pickled for a worker.
-
-        The worker makes a relaxation of its own. cloudpickle is used because limits hold lambdas, which pickle refuses.
-        """
+        """Return the context with another seed, pickled for a worker."""
+        # cloudpickle, because limits hold lambdas; the worker makes a relaxation of its own
         content: bytes = cloudpickle.dumps((self.space, self.blocks, self.free, seed))
         return content
 
     @classmethod
     def unpacked(cls, content: bytes) -> ProofContext:
-        """Make the context in a worker from the bytes of `packed`.
-
-        Its analyses and its relaxation are made anew. Raises RuntimeError if the assembly has no relaxation.
-        """
+        """Make the context, with new analyses and relaxation, in a worker from the bytes of `packed`."""
         given: tuple[SearchSpace, PossibleBlocks | None, Bools, int] = cloudpickle.loads(content)
         space, blocks, free, seed = given
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
@@ -174,7 +149,7 @@ class ProofContext:
         return hashlib.sha256(b"".join([*parts, names])).hexdigest()
 
 
-def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
+def listed_blocks(space: SearchSpace) -> PossibleBlocks | None:
     """List the possible blocks of a space; None also if that takes too long."""
     try:
         with Deadline(_LISTING_SHARE * time_left()).enforced():
@@ -183,22 +158,36 @@ def _list_blocks(space: SearchSpace) -> PossibleBlocks | None:
         return None
 
 
-class Heuristics:
-    """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due.
+def free_faces(space: SearchSpace, blocks: PossibleBlocks | None) -> Bools:
+    """Return the faces (m,) that may take either label in some labelling."""
+    if blocks is None:
+        return space.candidates.copy()
+    joined = {face for inside in blocks.inside for face in inside}
+    return np.asarray(space.candidates & np.isin(np.arange(len(space.candidates)), list(joined)))
 
-    driver: driver that runs whenever it is due. due: number of its labellings before the proof; the attribute is the
-    number that are due now. limit: largest number of labellings that are proposed together; None for no limit.
-    """
+
+def without_formula(space: SearchSpace, blocks: PossibleBlocks | None, aimed: Count | None) -> Count | None:
+    """Return the first count, of the limits or the one aimed at, that no formula expresses; None if all have one."""
+    for count in [*(count for count, _ in space.limits.on_counts), *([] if aimed is None else [aimed])]:
+        terms = count.terms(space.assembly) if count.terms else None
+        if terms is None or (terms.blocks and blocks is None):
+            return count
+    return None
+
+
+class Heuristics:
+    """Heuristic drivers of a proof: one that may begin it, and one that runs whenever it is due."""
 
     def __init__(self, driver: Driver, due: int) -> None:
         self.driver, self.due = driver, due
         self.limit: int | None = None
+        self.ended = False
         self._starter: Driver | None = None
         self._starter_due = 0
 
     @property
     def starting(self) -> bool:
-        """Return True if labellings of the driver that begins are due."""
+        """True if labellings of the driver that begins are due."""
         return self._starter_due > 0
 
     def begin_with(self, starter: Driver, due: int) -> None:
@@ -207,7 +196,8 @@ class Heuristics:
         self.due = 0
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
+        if self.ended:
+            return
         self.driver.tell(labellings, evaluations)
         if self._starter is not None:
             self._starter.tell(labellings, evaluations)
@@ -259,13 +249,7 @@ class ScheduledStep:
 
 
 class TargetSchedule:
-    """Sequence of λ targets from a bound down to the best λ known.
-
-    Each step is a fraction of the remaining gap. After a step that takes too long the next one is half that fraction
-    and may need more conflicts. Conflicts found on the way also hold for higher targets.
-
-    conflicts_allowed: conflicts that a step may take at first.
-    """
+    """Sequence of λ targets from a bound down to the best λ known, by fractions of the gap."""
 
     def __init__(self, conflicts_allowed: int) -> None:
         self._conflicts_allowed = conflicts_allowed
@@ -286,10 +270,7 @@ class TargetSchedule:
             self._fraction *= _GROWTH
 
     def is_stuck(self, conflicts: int, bound: float, aimed: float) -> bool:
-        """Return True if the current step should be replaced by a smaller one.
-
-        The next step is then half as wide.
-        """
+        """Return whether the current step should be replaced by one half as wide."""
         if conflicts < self._conflicts_allowed or not bound - aimed > _LEAST_STEP * abs(bound):
             return False
         self._fraction = _FIRST_FRACTION * min(1.0 if self._fraction is None else self._fraction, 1.0)
@@ -310,10 +291,7 @@ _LABELLINGS_IN_LONG_PROOF: Final = 0.06
 
 
 class AnnealingSchedule:
-    """Schedule for interleaving annealing with the proof.
-
-    batched: whether the batch solver solves the relaxations. disabled: whether to do without annealing.
-    """
+    """Schedule for interleaving annealing with the proof."""
 
     def __init__(self, *, batched: bool, disabled: bool) -> None:
         self._share = _LABELLINGS_PER_RELAXATION[not batched]
@@ -321,10 +299,7 @@ class AnnealingSchedule:
         self._last_run = 0
 
     def labellings_due(self, relaxations: int) -> int:
-        """Return the number of labellings to anneal now, 0 if annealing is not due.
-
-        A number above 0 starts the next interval, so anneal them.
-        """
+        """Return how many labellings to anneal now; a number above 0 starts the next interval."""
         since = relaxations - self._last_run
         if since < self._interval:
             return 0

@@ -1,14 +1,4 @@
-"""Cube-and-conquer proof: split the search space into cubes and refute them in workers.
-
-This process keeps the formula, the bound and the records. Each worker receives a cube for a short time
-(`exact.worker_tasks`) and returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
-space and are sent to all other workers. A cube without any labelling left is **closed**. A cube that lasts is split
-in two by the most promising face (`exact.cubes`) as soon as there are too few cubes for all workers. A worker that
-dies loses only its current task; another worker receives the cube.
-
-The proof does not depend on the workers. Every conflict is proven by the same code wherever it is found. A closed
-cube is the answer of a satisfiability solver to a formula of such conflicts.
-"""
+"""Cube-and-conquer proof: split the search space into cubes and refute them in workers."""
 
 from __future__ import annotations
 
@@ -30,8 +20,8 @@ from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, split_cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, LeastBounds, ProofState
-from jld_explore.evaluation.process_settings import client_of_cluster
-from jld_explore.evaluation.worker_pool import LOST, PoolWorker, WorkerPool
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space.limits import Range
 
 # Number of proofs whose state a worker keeps. A worker of a cluster may serve several proofs, one after the other.
@@ -78,7 +68,6 @@ class _WorkerProof:
         self.number = 0
 
     def work(self, task: Task) -> TaskResult:
-        """Carry out a task and return its result."""
         self.number += 1
         began = time.process_time()
         solved = self._context.relaxation.solves
@@ -125,11 +114,8 @@ def run_task(task: Task) -> TaskResult:
     return proof.work(task)
 
 
+# s that a worker spends on a cube per task: sending takes 1 % of it, and conflicts are at most this old
 TASK_SECONDS: Final = 0.3
-"""Time, s, that a worker spends on a cube per task.
-
-Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
-"""
 
 _TASKS_PER_WORKER: Final = 2  # tasks that a worker holds at a time: one in progress and one to continue with at once
 
@@ -156,12 +142,9 @@ class _WorkerState:
 
 @dataclass(frozen=True)
 class _AssignedCube:
-    """Cube assigned to a worker, with the number of earlier tasks on it and its target.
+    """Cube assigned to a worker, with the number of earlier tasks on it and its target."""
 
-    The target consists of its number, the count and the scaled λ to refute.
-    """
-
-    worker: PoolWorker
+    worker: Pool
     cube: Cube
     tasks_done: int
     target: int
@@ -170,16 +153,12 @@ class _AssignedCube:
 
 
 class CubeWorkers:
-    """Worker processes that refute cubes of the search space.
-
-    Call `begin` for a formula, then `step` until it returns True, and `close` at the end.
-
-    context: space, relaxation and other data that stay fixed during the proof. jobs: number of processes; a connected
-    cluster contributes all its workers instead. state: state of the proof, to which all results are added. solves,
-    closed: numbers of relaxations solved and of cubes closed. task_seconds: processor time of each task, s.
-    """
+    """Worker processes that refute cubes of the search space, by tasks of a short time."""
 
     def __init__(self, context: ProofContext, jobs: int, state: ProofState) -> None:
+        # conflicts hold for the whole space and go to all workers; a cube is closed once no labelling is left, and one
+        # that lasts is split while there are too few. A worker that dies loses one task; the proof does not depend on
+        # workers.
         self._context, self._contexts_sent = context, 0
         self._state = state
         self._pool = WorkerPool(jobs)
@@ -271,7 +250,7 @@ class CubeWorkers:
             del self._cubes[place]
             self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._face_scores))
 
-    def _assign(self, worker: PoolWorker, cube: Cube, tasks_done: int) -> None:
+    def _assign(self, worker: Pool, cube: Cube, tasks_done: int) -> None:
         """Send a cube to a worker, with the conflicts and labellings that the worker lacks."""
         worker_state = self._worker_states.setdefault(worker.name, _WorkerState())
         content = None
@@ -301,7 +280,7 @@ class CubeWorkers:
         worker_state.handed_over += len(handed_over)
         self._assigned[future] = _AssignedCube(worker, cube, tasks_done, self._target, self._count, self._threshold)
 
-    def _reclaim_cubes(self, worker: PoolWorker) -> None:
+    def _reclaim_cubes(self, worker: Pool) -> None:
         """Return the cubes of a lost worker to the queue."""
         self._worker_states.pop(worker.name, None)
         for future, one in list(self._assigned.items()):
@@ -413,13 +392,7 @@ class _GeneratorThread:
 
 
 class ThreadedGenerator:
-    """Threads that generate conflicts and add them to the state of the proof.
-
-    Call `begin` for a target, `step` until it returns True, and `close` at the end.
-
-    context: data that stay fixed during the proof; the batch solver solves its relaxation. threads: number of threads.
-    state: state of the proof; other sources of conflicts may add to the same state.
-    """
+    """Threads that generate conflicts and add them to the state of the proof."""
 
     def __init__(self, context: ProofContext, threads: int, state: ProofState) -> None:
         self._context, self._state = context, state
@@ -443,10 +416,9 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results of the threads, and start those that are idle.
+        """Wait briefly for threads, and start idle ones; True once no labelling exceeds the threshold.
 
-        True once no labelling is left that may exceed the threshold. threshold: scaled λ, which must not decrease
-        between calls for the same target, which `begin` sets. An exception of a thread is raised here.
+        threshold: scaled λ, which must not decrease for one target. An exception of a thread is raised here.
         """
         with self._results_changed:
             if self._target is None:
@@ -505,11 +477,8 @@ class ThreadedGenerator:
                 self._results_changed.notify()
 
 
+# relaxations before worker processes start, with and without the batch solver: as long as starting them
 SOLO_RELAXATIONS: Final = (8000, 1000)
-"""Relaxations before worker processes start, with and without the batch solver.
-
-They take about as long as starting the processes.
-"""
 
 # Largest number of threads that generate conflicts in this process. A third thread draws labellings that are mostly
 # refuted for the same reasons at the same time.
@@ -519,16 +488,7 @@ _CLOSING_SECONDS: Final = 0.5  # time, s, for which results of the workers are s
 
 
 class ConflictSources:
-    """Source of conflicts for one formula after another, in one process or several.
-
-    Call `begin` with a formula, `step` until it returns True, and `close` at the end. A formula describes the
-    labellings that no conflict refutes yet.
-
-    context: space, relaxation and other data that stay fixed during the proof. state: state of the proof, to which all
-    results are added. solo_relaxations: relaxations before worker processes start. 0: the workers solve from the first
-    relaxation. None: start them where they are useful. solves: number of relaxations solved by the workers.
-    cube_workers: the worker processes, None until they start.
-    """
+    """Source of conflicts for one formula after another, in one process or several."""
 
     def __init__(self, context: ProofContext, state: ProofState, solo_relaxations: int | None = None) -> None:
         self._generator = ConflictGenerator(context)
@@ -536,17 +496,14 @@ class ConflictSources:
         self._state = state
         self._solo_relaxations = solo_relaxations
         self._jobs, self._workers_allowed, self._on_cluster = 1, False, False
-        self.solves = 0
+        self.solves = 0  # relaxations solved by the workers
         self._formula: Formula | None = None
         self._count: int | Range | None = None
         self._threads: ThreadedGenerator | None = None
         self.cube_workers: CubeWorkers | None = None
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of worker processes; a connected cluster contributes all its workers.
-
-        Workers start in `step`, once the proof is long enough; a second thread is made at once where it helps.
-        """
+        """Set the number of worker processes, which start in `step` once the proof is long."""
         self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
         self._workers_allowed = jobs > 1 or self._on_cluster
         if jobs > 1 and self._threads is None and self._context.relaxation.batched:
@@ -554,7 +511,7 @@ class ConflictSources:
 
     @property
     def formula(self) -> Formula:
-        """Formula of the labellings that are left; raises RuntimeError before `begin`."""
+        """Formula of the labellings that are left; RuntimeError before `begin`."""
         if self._formula is None:
             raise RuntimeError("there is no formula yet; call `begin` first")
         return self._formula
@@ -577,18 +534,12 @@ class ConflictSources:
             self.cube_workers.end()
 
     def exchange(self) -> None:
-        """Collect results of the workers and send them new tasks, without waiting.
-
-        Call it while this process does something else; without workers it does nothing.
-        """
+        """Collect results of the workers, if any, and send them new tasks, without waiting."""
         if self.cube_workers is not None:
             self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return True if no labelling is left.
-
-        threshold: scaled λ, at least that of the call before with the same formula.
-        """
+        """Add the conflicts of a short time to the proof; return True if no labelling is left."""
         formula = self.formula
         if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
@@ -630,7 +581,7 @@ class ConflictSources:
         return batch.exhausted
 
     def _workers_due(self) -> bool:
-        """Return True if worker processes should start now."""
+        """Return whether worker processes should start now."""
         if self._solo_relaxations is not None:
             return self._context.relaxation.solves >= self._solo_relaxations
         others = self._on_cluster or self._jobs > _THREADS or not self._context.relaxation.batched

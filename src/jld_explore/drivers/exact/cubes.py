@@ -30,19 +30,15 @@ class Cube:
         return Cube((*self.faces, face), (*self.labels, dry))
 
     def holds(self, labels: Bits) -> bool:
-        """Return True if a labelling (m,) lies in the cube."""
+        """Return whether a labelling (m,) lies in the cube."""
         return bool((labels[list(self.faces)] == np.array(self.labels, dtype=bool)).all())
 
 
-EVERYTHING: Final = Cube()
-"""Cube of all labellings."""
+EVERYTHING: Final = Cube()  # cube of all labellings
 
 
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
-    """Yield the two parts of a cube.
-
-    weight: (m,) scores of the faces, high for those of recent conflicts.
-    """
+    """Yield the parts of a cube; weight: (m,) scores of the faces, high for recent conflicts."""
     # The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
     # each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
     # returned itself.

@@ -1,12 +1,4 @@
-"""Prove the strongest segmentation: refute labellings until none can be better.
-
-The package docstring describes the proof. `Exact` drives it: its search is one generator, which yields labellings to
-evaluate, and is continued when their evaluations are known.
-
-Spaces without a formula or a relaxation are enumerated, which proves the same. They have limits on a count that is no
-sum of ones, or limits on the number of blocks where the blocks are too many to list. So is a front of two counts, or of
-one that is no sum of ones.
-"""
+"""Prove the strongest segmentation: refute labellings until none can be better."""
 
 from __future__ import annotations
 
@@ -48,87 +40,28 @@ _CORRECTIONS: Final = 3  # number of times that a proof goes on after its check 
 
 
 class ExactOptions(DriverOptions):
-    """Options of the exact driver."""
-
     # prove the largest load factor, or the largest for every value of the count
     aim: Aim = Field("best", description="best, or front (the best for every count)")
 
 
-class ConflictDriver(Driver):
-    """Driver that proves its result by conflicts, or by enumeration where those do not apply.
+class ProvingDriver(Driver):
+    """Driver that draws labellings from a formula, refutes them, minimises the conflicts and records these.
 
-    A conflict is labels on some faces that no labelling above a λ has together. Enumeration proves the same. It is
-    used where the space has no formula or no relaxation.
-
-    counted: count that the formula must express besides the limited counts. list_blocks: whether to list the possible
-    blocks where they are few enough. enumerates: whether to enumerate although conflicts apply, because no formula
-    expresses the aim.
+    The proof is checked when no labelling is left. A subclass brings the relaxation that refutes.
     """
 
     name = "exact"
     remembers = True
-    modular = True
     checks = True
     Options = ExactOptions
 
-    def __init__(
-        self,
-        space: SearchSpace,
-        seed: int,
-        counted: Count | None,
-        *,
-        list_blocks: bool = True,
-        solo_relaxations: int | None = None,
-        enumerates: bool = False,
-    ) -> None:
+    def __init__(self, space: SearchSpace, seed: int) -> None:
         super().__init__(space, seed)
-        self._context = None if enumerates else ProofContext.of(space, seed, counted, list_blocks=list_blocks)
-        self._enumeration = Enumeration(space) if self._context is None else None
-        self._scale = 1.0 if self._context is None else self._context.relaxation.unit
         self._state = ProofState(space)
-        self._formula: Formula | None = None
-        self._conflicts_in_formula = self._handed_over_in_formula = 0
-        self._solo_relaxations, self._jobs = solo_relaxations, 1
-        self._sources = self._new_sources()
-        self._waiting = self._no_labellings
         self._proof_check: ProofCheck | None = None
         self._contradictions: list[str] = []
-        self._corrections = 0
         self._deadline = Deadline()
         self._heartbeat: Callable[[], None] = lambda: None
-        self._started_at = time.perf_counter()
-
-    @property
-    def exhaustive(self) -> bool:
-        """True if the driver enumerates its space."""
-        return self._enumeration is not None
-
-    def _new_sources(self) -> ConflictSources | None:
-        """Return new conflict sources, or None for an enumerated space."""
-        if self._context is None:
-            return None
-        return ConflictSources(self._context, self._state, self._solo_relaxations)
-
-    @property
-    def context(self) -> ProofContext:
-        """Data that stay fixed during the proof; raises RuntimeError for an enumerated space."""
-        if self._context is None:
-            raise RuntimeError("an enumerated space has no proof by conflicts")
-        return self._context
-
-    @property
-    def sources(self) -> ConflictSources:
-        """Conflict sources of the proof; raises RuntimeError for an enumerated space."""
-        if self._sources is None:
-            raise RuntimeError("an enumerated space has no conflict sources")
-        return self._sources
-
-    @property
-    def formula(self) -> Formula:
-        """Formula of the present target; raises RuntimeError before the first target."""
-        if self._formula is None:
-            raise RuntimeError("the proof has no formula before its first target")
-        return self._formula
 
     @property
     def state(self) -> ProofState:
@@ -141,32 +74,30 @@ class ConflictDriver(Driver):
         return len(self._state.conflicts)
 
     @property
+    @abstractmethod
+    def relaxations(self) -> int:
+        """Number of relaxations solved in all threads and processes."""
+
+    @property
     def proof_check(self) -> ProofCheck | None:
         """Result of checking the finished proof; None before the check."""
         return self._proof_check
 
     @property
-    def relaxations(self) -> int:
-        """Number of relaxations solved in all threads and processes."""
-        here = 0 if self._context is None else self._context.relaxation.solves
-        return here + (0 if self._sources is None else self._sources.solves)
-
-    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the cost of the proof and the result of its check."""
-        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
-        if self._proof_check is not None:
-            found["proof_check"] = self._proof_check.to_dict()
-        elif self._enumeration is not None and complete:
-            # Every symmetry class has an evaluation, so nothing was inferred about labellings that were not
-            # evaluated.
-            found["proof_check"] = ProofCheck("", 0.0).to_dict()
-        return found
+    def finished(self) -> bool:
+        """True if everything aimed at is proven and the proof passed its check."""
+        return self._proof_check is not None and self._proof_check.passed
 
     @property
     def complaints(self) -> list[str]:
         """Contradictions found, and a failed check of the proof."""
-        failed = self._proof_check is not None and not self._proof_check.passed
-        return [*self._contradictions, *([f"not proven: {self._proof_check.problem}"] if failed else [])]  # type: ignore[union-attr]
+        check = self._proof_check
+        return [*self._contradictions, *([] if check is None or check.passed else [f"not proven: {check.problem}"])]
+
+    @property
+    def _given_up(self) -> bool:
+        """True if the proof was contradicted again after its restart."""
+        return len(self._contradictions) > 1
 
     def withdraw(self, reason: str) -> None:
         """Forget all conflicts and start the proof again.
@@ -174,56 +105,26 @@ class ConflictDriver(Driver):
         After a second contradiction the proof is given up.
         """
         self._contradictions.append(reason)
-        self._begin_again(self._state.clear)
+        self._restart()
 
-    def _begin_again(self, change: Callable[[], None]) -> None:
-        """Stop the sources of conflicts, change the state of the proof, and begin with new sources and formula."""
-        if self._sources is not None:
-            self._sources.close()
-        change()
-        self._formula, self._conflicts_in_formula, self._handed_over_in_formula = None, 0, 0
-        self._waiting = self._no_labellings
-        self._sources = self._new_sources()
-        if self._sources is not None:
-            self._sources.set_workers(self._jobs)
+    @abstractmethod
+    def _restart(self) -> None: ...
 
-    def _take_up(self, check: ProofCheck) -> bool:
-        """Correct conflicts that a check found wrong; return True if the proof goes on from what holds.
-
-        It does unless the check found another problem, or conflicts were corrected `_CORRECTIONS` times already.
-        """
-        if not check.corrected:
-            return False
-        reason = check.problem or "a bound is corrected"
-        self._begin_again(lambda: self._state.conflicts.correct(check.corrected, reason))
-        self._corrections += 1
-        return bool(check.holds) and self._corrections <= _CORRECTIONS
-
-    @property
-    def _given_up(self) -> bool:
-        """True if the proof was contradicted again after its restart."""
-        return len(self._contradictions) > 1
-
-    def set_workers(self, jobs: int) -> None:
-        """Set the number of workers that refute parts of the space."""
-        self._jobs = jobs
-        if self._sources is not None:
-            self._sources.set_workers(jobs)
-
-    def close(self) -> None:
-        """Stop all workers and save the conflicts."""
-        if self._sources is not None:
-            self._sources.close()
-            self._state.conflicts.save()
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """Return the cost of the proof and the result of its check."""
+        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        return found if self._proof_check is None else {**found, "proof_check": self._proof_check.to_dict()}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """Set deadline, heartbeat and records of the search."""
         # The search stops early enough to evaluate the labellings found last.
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
-        self._started_at = time.perf_counter()
-        if records is not None and self._context is not None:
-            self._state.conflicts.keep(records, self._context.key)
+
+    @property
+    def _time_is_up(self) -> bool:
+        """True if the deadline has passed."""
+        return self._deadline.passed()
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take over evaluations of labellings (k, m) from a resumed study."""
@@ -238,37 +139,196 @@ class ConflictDriver(Driver):
         """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
+
+class ConflictDriver(ProvingDriver):
+    """Driver that proves its result by conflicts, or by enumeration where those do not apply."""
+
+    modular = True
+
+    def __init__(
+        self,
+        space: SearchSpace,
+        seed: int,
+        counted: Count | None,  # that the formula has to express beside limited counts
+        *,
+        list_blocks: bool = True,  # where they are few enough
+        solo_relaxations: int | None = None,  # after which other processes help; None: about a second
+        enumerates: bool = False,  # although conflicts apply, because no formula expresses the aim
+    ) -> None:
+        super().__init__(space, seed)
+        self._context = None if enumerates else ProofContext.of(space, seed, counted, list_blocks=list_blocks)
+        self._enumeration = Enumeration(space) if self._context is None else None
+        self._scale = 1.0 if self._context is None else self._context.relaxation.unit
+        self._formula: Formula | None = None
+        self._conflicts_in_formula = self._handed_over_in_formula = 0
+        self._solo_relaxations, self._jobs = solo_relaxations, 1
+        self._sources = self._new_sources()
+        self._waiting = self._no_labellings
+        self._corrections = 0
+        self._nothing_proposed = True
+        self._steps = self._search()
+        self._started_at = time.perf_counter()
+
     @property
-    def _time_is_up(self) -> bool:
-        """True if the deadline has passed."""
-        return self._deadline.passed()
+    def exhaustive(self) -> bool:
+        return self._enumeration is not None
+
+    def _new_sources(self) -> ConflictSources | None:
+        """Return new conflict sources, or None for an enumerated space."""
+        if self._context is None:
+            return None
+        return ConflictSources(self._context, self._state, self._solo_relaxations)
+
+    @property
+    def context(self) -> ProofContext:
+        """Data that stay fixed during the proof; RuntimeError for an enumerated space."""
+        if self._context is None:
+            raise RuntimeError("an enumerated space has no proof by conflicts")
+        return self._context
+
+    @property
+    def sources(self) -> ConflictSources:
+        """Conflict sources of the proof; RuntimeError for an enumerated space."""
+        if self._sources is None:
+            raise RuntimeError("an enumerated space has no conflict sources")
+        return self._sources
+
+    @property
+    def formula(self) -> Formula:
+        """Formula of the present target; RuntimeError before the first target."""
+        if self._formula is None:
+            raise RuntimeError("the proof has no formula before its first target")
+        return self._formula
+
+    @property
+    def relaxations(self) -> int:
+        """Number of relaxations solved in all threads and processes."""
+        here = 0 if self._context is None else self._context.relaxation.solves
+        return here + (0 if self._sources is None else self._sources.solves)
+
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        # Where every symmetry class has an evaluation, nothing was inferred about labellings without one.
+        found = super().facts(results, complete)
+        whole = self._enumeration is not None and complete
+        return {"proof_check": ProofCheck("", 0.0).to_dict(), **found} if whole else found
+
+    def _restart(self) -> None:
+        """Forget all conflicts and begin with new sources."""
+        self._begin_again(self._state.clear)
+        self._steps = self._search()
+
+    def _begin_again(self, change: Callable[[], None]) -> None:
+        """Stop the sources of conflicts, change the state, and begin with new sources and formula."""
+        if self._sources is not None:
+            self._sources.close()
+        change()
+        self._formula, self._conflicts_in_formula, self._handed_over_in_formula = None, 0, 0
+        self._waiting = self._no_labellings
+        self._sources = self._new_sources()
+        if self._sources is not None:
+            self._sources.set_workers(self._jobs)
+
+    def _take_up(self, check: ProofCheck) -> bool:
+        """Correct conflicts that a check found wrong; return True if the proof goes on from what holds."""
+        if not check.corrected:
+            return False
+        reason = check.problem or "a bound is corrected"
+        self._begin_again(lambda: self._state.conflicts.correct(check.corrected, reason))
+        self._corrections += 1
+        return bool(check.holds) and self._corrections <= _CORRECTIONS
+
+    def set_workers(self, jobs: int) -> None:
+        self._jobs = jobs
+        if self._sources is not None:
+            self._sources.set_workers(jobs)
+
+    def close(self) -> None:
+        if self._sources is not None:
+            self._sources.close()
+            self._state.conflicts.save()
+
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        super().start(deadline, heartbeat, records)
+        self._started_at = time.perf_counter()
+        if records is not None and self._context is not None:
+            self._state.conflicts.keep(records, self._context.key)
 
     def _time_is_up_after_heartbeat(self) -> bool:
-        """Report progress, then return True if time is up."""
+        """Report progress, then return whether time is up."""
         self._heartbeat()
         return self._time_is_up
 
-    def _take_waiting(self, limit: int | None) -> Bits:
-        """Remove and return at most `limit` of the labellings that wait for evaluation."""
+    _heuristics: Heuristics
+
+    def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings (k, m) to evaluate."""
+        # When nothing is left to prove this method checks the proof, after which one that is corrected goes on.
+        if self._enumeration is not None:
+            return self._enumeration.ask(limit)
+        self.sources.exchange()
+        self._heuristics.limit = limit
+        # the driver that begins needs no time after its last labelling: the study ends it
+        while not len(self._waiting) and self.working and (self._heuristics.starting or not self._time_is_up):
+            found = self._next_labellings()
+            if found is None:
+                break
+            self._waiting = found
+        if self._nothing_proposed and not len(self._waiting) and not self._state.has_evaluations:
+            self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
         given = self._waiting[:limit]
         self._waiting = self._waiting[len(given) :]
+        self._nothing_proposed &= not len(given)
+        if not len(given) and not self.working and self._proof_check is None and not self._given_up:
+            check = self._checked()
+            goes_on = self._take_up(check)
+            self._note_check(check, goes_on=goes_on)
+            if goes_on:
+                self._steps = self._search()
+                return self.ask(limit)
+            self._proof_check = check
         return given
 
-    def _generate(self, sources: ConflictSources, threshold: float) -> bool:
-        """Find and save conflicts for a short time; return True if no labelling is left.
+    def _next_labellings(self) -> Bits | None:
+        """Continue the search; return labellings (k, m), maybe none, or None at its end."""
+        try:
+            return next(self._steps, None)
+        except BaseException:
+            # a generator that raised cannot continue; another one begins with all that is known
+            self._steps = self._search()
+            raise
 
-        `threshold` is a λ in scene units.
+    @abstractmethod
+    def _search(self) -> Iterator[Bits]:
+        """Yield labellings (k, m) to evaluate, maybe none, until nothing is left to prove.
+
+        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
         """
+
+    @abstractmethod
+    def _checked(self) -> ProofCheck:
+        """Check the proof that has ended."""
+
+    @abstractmethod
+    def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
+        """Take in the result of a check; the search begins anew where the proof goes on."""
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m)."""
+        if self._enumeration is not None:
+            self._enumeration.tell(labellings, evaluations)
+            return
+        self._heuristics.tell(labellings, evaluations)
+        self.restore(labellings, evaluations)
+
+    def _generate(self, sources: ConflictSources, threshold: float) -> bool:
+        """Find and save conflicts for a short time; return True if no labelling exceeds λ."""
         exhausted = sources.step(threshold / self._scale)
         self._state.conflicts.save()
         self._heartbeat()
         return exhausted
 
     def _labellings_to_evaluate(self) -> Bits:
-        """Return the labellings (k, m) that wait for evaluation; empty their queue.
-
-        They are also excluded from the formula.
-        """
+        """Return the labellings (k, m) that wait for evaluation, and exclude them from the formula."""
         self._exclude_handed_over()
         return self._state.take_waiting()
 
@@ -312,10 +372,7 @@ class ConflictDriver(Driver):
             self.formula.forbid(one.faces, one.labels, one.bound)
 
     def _bound_at_root(self) -> float:
-        """Bound all labellings by one relaxation with all free faces undecided.
-
-        Returns λ, scene units. The bound is also stored as a conflict; inf if there is none.
-        """
+        """Bound λ, scene units, of all labellings by one relaxation of all free faces; inf without one."""
         found = self.context.relaxation.least_bound(self.context.labels, self.context.free)
         if found is None:
             return math.inf
@@ -323,7 +380,6 @@ class ConflictDriver(Driver):
         return found.bound * self._scale
 
     def _check_proof(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
-        """Check a finished proof; see `check_proof`."""
         seconds = time.perf_counter() - self._started_at
         scaled = evaluated[0], evaluated[1] / self._scale
         return check_proof(self.context, self._state, claims, scaled, problem, seconds)
@@ -337,18 +393,7 @@ _STRONGEST_COMPARED: Final = 300  # number of the strongest labellings compared 
 
 
 class Exact(ConflictDriver):
-    """Driver that proves the largest λ of a search space, or the front of a count.
-
-    aim: prove the largest λ, or the largest λ for every value of the count of the scene. search: labellings evaluated
-    before the proof, per face that can change. by_blocks: whether to search a tree of block choices first; "auto":
-    where it promises more than conflicts of faces. list_blocks: whether to list the possible blocks where they are few
-    enough. step_after: conflicts after which the bound is lowered in smaller steps. A proof too long to finish then
-    leaves a narrower gap. Default: as many as take a few seconds. programs: number of programs after which the driver
-    stops as if the deadline had passed. Default: no limit. solo_relaxations: relaxations after which other processes
-    help where they are allowed; 0: from the start. Default: as many as take about a second. found: best λ and bound
-    (`Best`) for each count; key None for all labellings. Raises ParameterError if cells may be left out of the
-    structure.
-    """
+    """Driver that proves the largest λ of a search space, or the front of a count."""
 
     def __init__(
         self,
@@ -356,11 +401,11 @@ class Exact(ConflictDriver):
         seed: int = 0,
         aim: Aim = "best",
         *,
-        search: int = 30,
+        search: int = 30,  # labellings evaluated before the proof, per face that can change
         by_blocks: ByBlocks = "auto",
         list_blocks: bool = True,
-        step_after: int | None = None,
-        programs: int | None = None,
+        step_after: int | None = None,  # conflicts after which the bound is lowered in smaller steps
+        programs: int | None = None,  # after which the driver stops as if its time were over
         solo_relaxations: int | None = None,
     ) -> None:
         if space.void is not None:
@@ -385,9 +430,8 @@ class Exact(ConflictDriver):
         batched = context is not None and context.relaxation.batched
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
-        self._nothing_proposed = self._use_block_bounds = True
+        self._use_block_bounds = True
         self._targets = Targets(space, self._count, self._incumbents, self._load_scale)
-        self._steps = self._search()
 
     @property
     def found(self) -> dict[int | None, Best]:
@@ -396,21 +440,16 @@ class Exact(ConflictDriver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Options that the sequence of proposals depends on."""
         return {"aim": self.aim}
 
     @property
     def relaxations(self) -> int:
-        """Number of relaxations solved, including those by blocks."""
         by_blocks = sum(part.solves for part in (self._block_search, self._tightening) if part is not None)
         return super().relaxations + by_blocks
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on λ over the whole space, scene units; None if there is none.
-
-        The bound is also None after the proof was given up, or failed its check without a larger bound that holds.
-        """
+        # None after the proof was given up, or failed its check without a larger bound that holds
         check = self._proof_check
         if self._given_up or (check is not None and not check.passed and not check.holds):
             return None
@@ -418,13 +457,7 @@ class Exact(ConflictDriver):
         return best.bound if math.isfinite(best.bound) else None
 
     @property
-    def finished(self) -> bool:
-        """True if everything aimed at is proven and the proof passed its check."""
-        return self._proof_check is not None and self._proof_check.passed
-
-    @property
     def working(self) -> bool:
-        """True if targets are left and the proof is not given up."""
         if self._enumeration is not None:
             return self._enumeration.working
         return bool(self._targets_left) and not self._given_up
@@ -435,7 +468,6 @@ class Exact(ConflictDriver):
         return [] if self._given_up else self._targets.left
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the cost of the proof, and the front if it is the aim."""
         found = super().facts(results, complete)
         asked = self.space.search.front
         if self.aim == "front" and not asked.counts:
@@ -446,96 +478,49 @@ class Exact(ConflictDriver):
             found["front"] = rows
         return found
 
-    def withdraw(self, reason: str) -> None:
+    def _restart(self) -> None:
         """Forget all conflicts and bounds and start the proof again."""
-        super().withdraw(reason)
+        super()._restart()
         self._targets.restart()
-        self._steps = self._search()
         if self._block_search is not None:
             self._block_search.abandon()
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of workers that refute parts of the space."""
         super().set_workers(jobs)
         if self._block_search is not None:
             self._block_search.set_workers(jobs)
 
     def close(self) -> None:
-        """Stop all workers and save the conflicts."""
         if self._block_search is not None:
             self._block_search.close()
         super().close()
 
     def begin_with(self, starter: Genetic, labellings: int) -> None:
-        """Evaluate labellings of another driver before the proof, in place of the first annealing.
-
-        Call it before the search.
-        """
+        """Evaluate labellings of another driver before the proof, in place of the first annealing."""
         if self._enumeration is None:
             self._heuristics.begin_with(starter, labellings)
 
-    def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate."""
-        # When nothing is left to prove this method checks the proof.
-        if self._enumeration is not None:
-            return self._enumeration.ask(limit)
-        if self._sources is not None:
-            self._sources.exchange()
-        self._heuristics.limit = limit
-        # the driver that begins needs no time after its last labelling: the study ends it
-        while not len(self._waiting) and self._targets_left and (self._heuristics.starting or not self._time_is_up):
-            found = self._next_labellings()
-            if found is None:
-                break
-            self._waiting = found
-        if self._nothing_proposed and not len(self._waiting) and not self._incumbents:
-            self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
-        given = self._take_waiting(limit)
-        self._nothing_proposed &= not len(given)
-        if not len(given) and not self._targets_left and self._proof_check is None and not self._given_up:
-            claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
-            check = self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
-            goes_on = self._take_up(check)
-            self._targets.raise_to(check.holds, self._scale)
-            if goes_on:
-                self._steps = self._search()
-                return self.ask(limit)
-            self._targets.left.clear()
-            self._proof_check = check
-        return given
+    def _checked(self) -> ProofCheck:
+        """Check the claims on all targets."""
+        claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
+        return self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
 
-    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
-        if self._enumeration is not None:
-            self._enumeration.tell(labellings, evaluations)
-            return
-        self._heuristics.tell(labellings, evaluations)
-        self.restore(labellings, evaluations)
+    def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
+        """Raise bounds that do not hold; their targets are left where the proof goes on."""
+        self._targets.raise_to(check.holds, self._scale)
+        if not goes_on:
+            self._targets.left.clear()
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations and raise the best λ of each target."""
         self._incumbents.learn(labellings, evaluations)
         self._targets.learn()
 
     @property
     def _time_is_up(self) -> bool:
-        """True if the deadline has passed or `programs` programs are solved."""
         return super()._time_is_up or (self._most_programs is not None and self.relaxations >= self._most_programs)
 
-    def _next_labellings(self) -> Bits | None:
-        """Continue the search; return labellings (k, m), maybe none, or None at its end."""
-        try:
-            return next(self._steps, None)
-        except BaseException:
-            # a generator that raised cannot continue; another one begins with all that is known
-            self._steps = self._search()
-            raise
-
     def _search(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) to evaluate, maybe none, until every target is settled.
-
-        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
-        """
+        """Yield labellings (k, m) to evaluate, maybe none, until every target is settled."""
         yield from self._heuristics.start()
         yield from self._heuristics.run()
         while self._targets_left:
@@ -583,10 +568,7 @@ class Exact(ConflictDriver):
         self._keep_open_nodes()
 
     def _bound_first_target(self, blocks: BlockSearch) -> None:
-        """Lower the bound on all labellings by the root relaxation, then by that of all blocks.
-
-        Each bound becomes a conflict without faces. Starts `blocks`; its bound counts only with `_use_block_bounds`.
-        """
+        """Lower the bound on all labellings by the root relaxation, then by that of all blocks."""
         self._lower_bound(None, self._bound_at_root())
         root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
         if self._use_block_bounds:
@@ -607,7 +589,7 @@ class Exact(ConflictDriver):
 
     @property
     def block_search(self) -> BlockSearch:
-        """Branch and bound over blocks; raises RuntimeError for an enumerated space."""
+        """Branch and bound over blocks; RuntimeError for an enumerated space."""
         if self._block_search is None:
             raise RuntimeError("an enumerated space has no search over blocks")
         return self._block_search
@@ -660,11 +642,11 @@ class Exact(ConflictDriver):
         return ScheduledStep(threshold, self.conflicts)
 
     def _lower_bound(self, target: int | None, bound: float) -> None:
-        """Lower the bound of a target, see `Targets.lower_bound`."""
+        """Lower the bound of a target, but not below that of labellings handed over."""
         self._targets.lower_bound(target, bound, self._state.handed_over)
 
     def _settle(self, target: int | None) -> None:
-        """Close a target, its formula and its block tree, see `Targets.settle`."""
+        """Close a target, its formula and its block tree."""
         self._targets.settle(target)
         if self._block_search is not None:
             self._block_search.abandon()

@@ -1,16 +1,4 @@
-"""Boolean formula of the labellings of a search space that no conflict rules out.
-
-The formula has one variable y_f per candidate face, true where the face is inner. If the possible blocks are few
-enough to be listed, it has one more variable x_p per possible block. Each element is then in a chosen block. A chosen
-block fixes the labels of all faces inside and around it, so overlapping blocks contradict each other. Otherwise slits
-and limits on blocks are ruled out as they occur. The clause of a slit names the inner faces that join its sides; that
-of a block too large a tree of inner faces in the block; that of a block too small the faces around it. Counts are
-cardinality constraints.
-
-One formula serves a whole proof, whatever the λ and count (`Formula.aim`), so the solver keeps its learnt clauses.
-The count of the front is a unary number whose digits are assumed. Clauses that hold only above some λ are guarded by
-an assumption literal.
-"""
+"""Boolean formula of the labellings of a search space that no conflict rules out, docs/method.md (5.2)."""
 
 from __future__ import annotations
 
@@ -32,30 +20,22 @@ from jld_explore.space import Count, SearchSpace, count_named
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.limits import Range
 
-Pairs = tuple[tuple[int, bool], ...]
-"""Faces and labels (True = dry) that no labelling above some scaled λ has together."""
+Pairs = tuple[tuple[int, bool], ...]  # faces and labels (True = dry) that no labelling above some scaled λ has together
 
 
 class AssumptionLiterals:
-    """Assumption literals, one per threshold level, in ascending order of the levels.
-
-    A literal is true where every labelling sought exceeds its level. A clause that holds above a bound is guarded by
-    the literal of the lowest level not below that bound. While no such level exists the clause waits. A new level
-    takes over the clauses that already hold at it.
-
-    new: creates a variable of the solver and returns its number. rule_out: adds the clause that forbids some labels
-    unless one of the given literals is true. With no labels the clause consists of the literals alone. threshold:
-    scaled λ that labellings must exceed at present. assumed: literals to assume in every call of the solver.
-    """
+    """Assumption literals, one per threshold level: true where labellings sought exceed the level."""
 
     def __init__(self, new: Callable[[], int], rule_out: Callable[[Pairs, tuple[int, ...]], None]) -> None:
+        # a clause that holds above a bound is guarded by the lowest level not below it, and waits while there is none;
+        # a new level takes over the clauses that hold at it
         self._new, self._rule_out = new, rule_out
         self._levels: list[float] = []
         self._literals: list[int] = []
         self._waiting: list[list[tuple[float, Pairs]]] = [[]]
         self._known: dict[Pairs, float] = {}
-        self.threshold = -math.inf
-        self.assumed: list[int] = []
+        self.threshold = -math.inf  # scaled λ that labellings must exceed at present
+        self.assumed: list[int] = []  # in every call of the solver
 
     def forbid_above(self, pairs: Pairs, bound: float) -> None:
         """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always."""
@@ -98,20 +78,13 @@ class AssumptionLiterals:
 
 
 class UnaryCounter:
-    """Number of true literals among some, plus a constant, as a unary number.
-
-    The clauses in `clauses` must be added to the solver; then assuming literals of `within` bounds the number. Two
-    totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer implies only
-    upper bounds.
-
-    literals: literals to count. constant: constant added to the number. top: largest variable in use; the attribute is
-    the one in use afterwards. clauses: clauses that define the digits.
-    """
+    """Number of true literals among some, plus a constant, as a unary number."""
 
     def __init__(self, literals: Sequence[int], constant: int, top: int) -> None:
+        # totalizers (Bailleux and Boufkhad 2003) imply upper bounds alone, hence one of literals and one of negations
         self._size, self._constant = len(literals), constant
         self._false = top = top + 1
-        self.clauses: list[list[int]] = [[-self._false]]
+        self.clauses: list[list[int]] = [[-self._false]]  # they define the digits, once the solver has them
         self._digits: list[list[int]] = []
         for chosen in (list(literals), [-literal for literal in literals]):
             if chosen:
@@ -119,13 +92,10 @@ class UnaryCounter:
                     top = max(top, made.top_id)
                     self.clauses += made.cnf.clauses
                     self._digits.append(list(made.rhs))
-        self.top = top
+        self.top = top  # largest variable in use
 
     def within(self, bounds: Range) -> list[int]:
-        """Return the literals to assume so that the number, with the constant, is within bounds.
-
-        For bounds that cannot be kept, the result is a literal that is always false.
-        """
+        """Return the literals to assume so that the number, with the constant, is within bounds."""
         low = 0 if bounds.low is None else int(bounds.low) - self._constant
         high = self._size if bounds.high is None else int(bounds.high) - self._constant
         if low > self._size or high < 0:
@@ -149,10 +119,7 @@ class InnerPaths:
         self._limits = space.limits
 
     def path(self, labels: Bits, start: int, end: int) -> list[int]:
-        """Return the inner faces of a shortest path between two elements of one block.
-
-        labels: (m,), True = dry.
-        """
+        """Return the inner faces of labels (m,) on a shortest path between two elements of one block."""
         previous = self._reach(labels, start, lambda seen: end in seen)
         path, element = [], end
         while element != start:
@@ -162,10 +129,7 @@ class InnerPaths:
         return path
 
     def tree(self, labels: Bits, start: int) -> list[int]:
-        """Return inner faces that join enough elements to `start` that their block is too large.
-
-        labels: (m,), True = dry. If the block never exceeds a limit, the faces span the whole block.
-        """
+        """Return inner faces of labels (m,) that join enough elements to exceed a limit on blocks."""
         limits = self._limits
         previous = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
         return [face for _, face in previous.values() if face >= 0]
@@ -196,17 +160,15 @@ _CONFLICTS_PER_CHECK: Final = 10_000
 
 
 class Formula:
-    """Boolean formula whose models are the labellings that no clause rules out.
-
-    blocks: possible blocks of the space; None where they are not listed. solver: name of a satisfiability solver in the
-    package python-sat. partial: omit limits on counts that the formula cannot express, instead of raising ValueError.
-    undecided: number of labellings ruled out for lack of a known assembly sequence, although one may exist. Raises
-    ValueError if a limited count is no sum of ones, or counts blocks that are not listed.
-    """
+    """Boolean formula whose models are the labellings that no clause rules out."""
 
     def __init__(
         self, space: SearchSpace, blocks: PossibleBlocks | None, solver: str = _SOLVER, *, partial: bool = False
     ) -> None:
+        # A variable for each candidate face, true where inner, and one for each possible block if these are listed:
+        # then every element is in one chosen block. Otherwise slits and limits are ruled out as they occur. One formula
+        # serves a whole proof, so the solver keeps its learnt clauses. partial: counts that the formula cannot express
+        # are not limited, instead of a ValueError. undecided: labellings ruled out though an order of laying may exist.
         self.space, self.blocks, self.undecided = space, blocks, 0
         self._solver = Solver(solver)
         self._interruptible = solver == _SOLVER
@@ -250,17 +212,11 @@ class Formula:
             self._assumption_literals.aim(threshold)
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
-        """Return True if the clauses admit labels (k,) on faces (k,).
-
-        Slits, limits on blocks and locks that no clause rules out yet are ignored.
-        """
+        """Return whether the clauses so far admit labels (k,) on faces (k,)."""
         return self._solve(self._assumed + self._face_literals(faces, labels))
 
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
-        """Count the literals that unit propagation derives from labels (k,) on faces (k,).
-
-        Literals that hold without these labels do not count. None means that the labels contradict the clauses.
-        """
+        """Count the literals that unit propagation derives from labels (k,) on faces (k,); None: contradiction."""
         assumed = self._assumed
         assumptions = self._face_literals(faces, labels)
         _, known = self._solver.propagate(assumptions=assumed)
@@ -270,11 +226,9 @@ class Formula:
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
     ) -> Bits | None:
-        """Return a labelling of the space that no clause rules out.
+        """Return a labelling (m,) that no clause rules out, with labels (k,) on faces (k,); None if none is left.
 
-        faces, labels: (k,) faces and the labels they must have, True = dry. preferred: (m,) labels that the solver
-        tries first, True = dry. Returns (m,): labels, True = dry; None if no labelling is left. Raises DeadlinePassed
-        if an enforced deadline passes first.
+        preferred: (m,) labels that the solver tries first.
         """
         assumptions = self._assumed + self._face_literals(faces, labels)
         if preferred is not None:
@@ -294,7 +248,7 @@ class Formula:
         return None
 
     def _solve(self, assumptions: list[int]) -> bool:
-        """Return True if the formula has a model under assumptions; check the deadline."""
+        """Return whether the formula has a model under assumptions; check the deadline."""
         if not self._interruptible:
             return bool(self._solver.solve(assumptions=assumptions))
         while True:
@@ -311,10 +265,7 @@ class Formula:
         return [int(self._variable[f]) * (-1 if dry else 1) for f, dry in pairs if self._variable[f] > 0]
 
     def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
-        """Rule out all labellings with labels (k,) on faces (k,), and their images under symmetry.
-
-        faces, labels: (k,) faces and their labels, True = dry.
-        """
+        """Rule out labels (k,) on faces (k,), and their images under symmetry, above a bound."""
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._variable[f] > 0)
         self._assumption_literals.forbid_above(pairs, bound)
 
@@ -347,10 +298,7 @@ class Formula:
         return self._last_variable
 
     def _rule_out(self, pairs: tuple[tuple[int, bool], ...], unless: tuple[int, ...]) -> None:
-        """Add the clause that forbids labels on faces unless a literal of `unless` is true.
-
-        The same clause is added for each image of the faces under symmetry.
-        """
+        """Forbid labels on faces, and their images, unless a literal of `unless` is true."""
         for image in self._images:
             self._solver.add_clause(
                 [*unless, *(int(self._variable[image[f]]) * (1 if dry else -1) for f, dry in pairs)]
@@ -394,7 +342,7 @@ class Formula:
         return found
 
     def _can_express(self, count: Count) -> bool:
-        """Return True if the formula can count this, with the blocks as they are listed."""
+        """Return whether the formula can count this, with the blocks as they are listed."""
         terms = None if count.terms is None else count.terms(self.space.assembly)
         return terms is not None and not (terms.blocks and self.blocks is None)
 
@@ -448,10 +396,7 @@ class Formula:
     # --- what is ruled out as it occurs -----------------------------------------------------------------
 
     def _assembly_locks(self, labels: Bits) -> list[tuple[Ints, Bits]]:
-        """Return labels (k,) on faces (k,) that make a labelling impossible to assemble, if any.
-
-        The lock is found for the canonical image of the labelling.
-        """
+        """Return labels (k,) on faces (k,) that make a labelling impossible to assemble, if any."""
         if self.space.laying is None:
             return []
         lock = self.space.laying.lock(canonical(labels[None], self.space.group)[0])

@@ -1,8 +1,4 @@
-"""List all possible blocks: connected sets of free elements within the limits on blocks.
-
-A formula has one binary variable per possible block, and every element in exactly one chosen block. It thus describes
-all segmentations without slits and within the limits on blocks (docs/method.md (5.2)).
-"""
+"""List all possible blocks: connected sets of free elements within the limits on blocks, docs/method.md (5.2)."""
 
 from __future__ import annotations
 
@@ -17,8 +13,7 @@ from jld_core.deadline import checkpoint
 from jld_explore.space import SearchSpace
 from jld_explore.space.limits import SizeOf
 
-MOST: Final = 20_000
-"""Number of possible blocks above which they are not listed."""
+MOST: Final = 20_000  # number of possible blocks above which they are not listed
 
 _ROWS: Final = 512  # number of sets whose sizes are computed at once
 
@@ -36,7 +31,7 @@ class PossibleBlocks:
         return len(self.members)
 
     def labelling(self, space: SearchSpace, chosen: Ints) -> Bits:
-        """Return the labels (m,) of the segmentation into chosen blocks, True = dry."""
+        """Return the labels (m,) of the segmentation into chosen blocks."""
         labels = np.ones(len(space.fixed), dtype=bool)
         for p in chosen.tolist():
             labels[list(self.inside[p])] = False
@@ -44,11 +39,7 @@ class PossibleBlocks:
 
 
 def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space.
-
-    Result: the blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may
-    contain a support. Raises DeadlinePassed if an enforced deadline passes first.
-    """
+    """List the possible blocks of a space; None with slits, blocks on supports, or above `MOST`."""
     assembly = space.assembly
     faces, support = assembly.interfaces, assembly.elements.support
     a, b = faces.a, faces.b
@@ -80,11 +71,7 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
 
 
 def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
-    """List the connected sets of free elements that are within the upper limits on blocks.
-
-    links: (k, 2) positions, among the free elements, of those that may be joined. Returns (p, f): sets by size, those
-    of equal size in the order of their members; None above `MOST`.
-    """
+    """List the connected sets (p, f) of free elements below upper limits, by links (k, 2); None for too many."""
     # A set is grown by one element at a time, so that a set above a limit is not grown further.
     number = len(space.assembly.elements.free)
     around = [0] * number
@@ -143,14 +130,7 @@ def _sizes(rows: Bools, space: SearchSpace) -> SizeOf:
 
 
 class BlockTables:
-    """Tables of the possible blocks that contain, touch or lie on the first side of a face.
-
-    Each row is one of the c faces that can separate or join blocks; columns are the p blocks.
-
-    blocks: its p possible blocks. faces: (c,) candidate faces that some block contains. inside: (c, p) blocks that
-    contain each of these faces. beside: (c, p) blocks with the element on the first side of each face. separated_by:
-    (c, p) blocks on whose edge each face lies.
-    """
+    """Tables (c, p) of the possible blocks that contain, touch or lie on the first side of a face."""
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
         free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
@@ -161,6 +141,7 @@ class BlockTables:
             contains[list(inside), p] = True
         self._covering = covers[free]
         self.faces = np.flatnonzero(space.candidates & contains.any(axis=1))
+        # blocks that contain each face, that have the element on its first side, and on whose edge it lies
         self.inside = contains[self.faces]
         self.beside = covers[a[self.faces]]
         self.separated_by = (self.beside | covers[b[self.faces]]) & ~self.inside
@@ -169,7 +150,7 @@ class BlockTables:
         self._overlaps = overlap
 
     def agreeing(self, faces: Ints, labels: Bits) -> Bools:
-        """Return (p,) True for the blocks that labels (k,), True = dry, on faces (k,) admit."""
+        """Return (p,) True for the blocks that labels (k,) on faces (k,) admit."""
         label = dict(zip(faces.tolist(), labels.tolist(), strict=True))
         known = np.isin(self.faces, faces)
         dry = np.array([label.get(face, False) for face in self.faces.tolist()], dtype=bool)
@@ -177,10 +158,7 @@ class BlockTables:
         return np.asarray(~excluded, dtype=bool)
 
     def propagated(self, allowed: Bools) -> Bools | None:
-        """Return (p,) True for the blocks left by propagation; None if an element has none.
-
-        allowed: (p,) True for the blocks left before.
-        """
+        """Return (p,) True for the allowed blocks left by propagation; None if an element has none."""
         # An element with a single block left takes that block, which excludes the blocks that overlap it.
         while True:
             left = self._covering & allowed
@@ -194,10 +172,7 @@ class BlockTables:
             allowed = kept
 
     def undecided(self, allowed: Bools) -> Ints:
-        """Return the positions in `faces` of faces whose label the blocks left do not decide.
-
-        Such a face is inside some blocks left and on the edge of others. allowed: (p,) True for the blocks left.
-        """
+        """Return the positions in `faces` of faces inside some blocks left and on the edge of others."""
         around = (self.beside & allowed).sum(axis=1)
         holding = (self.inside & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))

@@ -1,9 +1,4 @@
-"""Proof check: derive the claims of a finished proof again by other means than the search.
-
-The check trusts neither the threads and processes of the search nor their formulas. It evaluates the work balance of
-every mechanism again. It states the formula anew for another satisfiability solver (docs/guide/trust.md). Where a
-mechanism keeps λ at more than was recorded, the conflict is corrected and the claims are raised to what it does prove.
-"""
+"""Derive the claims of a finished proof again by other means than the search (docs/guide/trust.md)."""
 
 from __future__ import annotations
 
@@ -46,10 +41,7 @@ _SCALING_ERROR: Final = 4.0 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim that no labelling with a count exceeds a threshold.
-
-    Labellings that were handed over and evaluated are excepted.
-    """
+    """Claim that no labelling with a count exceeds a threshold, evaluated ones excepted."""
 
     count: int | Range | None  # value of the count of the front, bounds on it, or None for all labellings
     threshold: float  # scaled λ
@@ -91,9 +83,7 @@ def check_proof(
 ) -> ProofCheck:
     """Check the claims of a finished proof by deriving them again from its conflicts.
 
-    evaluated: (k, m) the strongest evaluated labellings, and the scaled λ that each is proven to carry. Result: passed
-    only if the conflicts, as far as checked, are valid and leave no labelling that exceeds a claim, except evaluated
-    ones.
+    evaluated: (k, m) the strongest labellings, and scaled λ (k,) that each is proven to carry.
     """
     # Mechanisms over faces that are in memory are all evaluated again. Other conflicts are refuted again in random
     # order, for a limited time. The result names the first problem found; nothing is raised for a proof that fails.
@@ -129,11 +119,7 @@ def _raised(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) ->
 
 
 class _ConflictCheck:
-    """Repeated evaluation of conflicts.
-
-    `done` counts those that were evaluated again. `corrected` has those that are wrong, by their keys, with the bound
-    that holds; `problem` names the first of them.
-    """
+    """Repeated evaluation of conflicts; wrong ones are corrected to the bound that holds."""
 
     def __init__(self, context: CheckedProof) -> None:
         self._relaxation, self._free, self._labels = context.relaxation, context.free, context.labels
@@ -201,10 +187,7 @@ def _parts(conflicts: Sequence[Conflict]) -> Iterator[Sequence[Conflict]]:
 
 
 def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
-    """Return a problem if an evaluated labelling carries more than a conflict allows, else "".
-
-    labellings: (k, m) True = dry. loads: (k,) scaled λ that each is proven to carry.
-    """
+    """Return a problem if an evaluated labelling carries more than a conflict allows, else ""."""
     if not len(conflicts) or not len(labellings):
         return ""
     dry, inner = np.zeros((2, len(conflicts), len(space.fixed)), dtype=np.float32)
@@ -268,11 +251,7 @@ class Refutation:
 
 
 def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
-    """Return a refutation of clauses.
-
-    Result: the refutation; None if the clauses have a model. Raises ArithmeticError if the proof of the solver does not
-    hold.
-    """
+    """Return a refutation of clauses, None if they have a model; ArithmeticError if it does not hold."""
     empty = next((k for k, clause in enumerate(clauses) if not clause), None)
     if empty is not None:
         return Refutation((empty,), (((), (empty,)),))

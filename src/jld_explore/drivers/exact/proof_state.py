@@ -1,10 +1,4 @@
-"""State of a proof: its conflicts, and every labelling that no conflict refutes.
-
-A conflict names labels that no labelling above some λ has together. A labelling that no conflict refutes is **handed
-over**. This single operation adds the labelling to the list that formulas exclude, and to the queue for evaluation. No
-labelling is ever removed from the list. A labelling that formulas exclude therefore has an evaluation, or the proof
-knows that it lacks one. `Conflicts` is the one store of conflicts: in memory, shared by threads, and on record.
-"""
+"""State of a proof: its conflicts, and every labelling that no conflict refutes."""
 
 from __future__ import annotations
 
@@ -27,14 +21,9 @@ from jld_explore.space.labelling import canonical
 class Evidence(IntEnum):
     """Kind of proof of a conflict; the numbers are stored in records."""
 
-    MECHANISM = 0
-    """One mechanism over faces, evaluated for all labellings with the labels of the conflict."""
-
-    CUBE = 1
-    """Answer of a satisfiability solver, derived from other conflicts on record."""
-
-    BLOCKS = 2
-    """Mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)."""
+    MECHANISM = 0  # one mechanism over faces, evaluated for all labellings with the labels of the conflict
+    CUBE = 1  # answer of a satisfiability solver, derived from other conflicts on record
+    BLOCKS = 2  # mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)
 
 
 @dataclass(frozen=True)
@@ -73,10 +62,7 @@ class Conflict:
 
     @property
     def size(self) -> int:
-        """Memory of the proof in bytes.
-
-        Of several block relaxations only the last one counts, since conflicts share the others.
-        """
+        """Memory of the proof in bytes; of several block relaxations only the last, as others are shared."""
         used = 0 if self.mechanism is None else self.mechanism.velocity.nbytes
         if self.by_blocks:
             last = self.by_blocks[-1].mechanism.multipliers
@@ -95,10 +81,7 @@ _MOST_BYTES: Final = 500_000_000
 
 
 class LeastBounds:
-    """Least known bound of each conflict, by which conflicts without news are left out.
-
-    A conflict that is found again is useful only with a smaller bound.
-    """
+    """Least known bound of each conflict, by which conflicts without news are left out."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[bytes, bytes], float] = {}
@@ -112,13 +95,7 @@ class LeastBounds:
 
 
 class Conflicts:
-    """All conflicts of a proof, saved in the records of a study so that the proof can resume.
-
-    Threads may add and read conflicts. Only the thread that opened the records may call `save` and `keep`. A single
-    conflict is never removed; `clear` removes all of them.
-
-    faces: number m of faces of a labelling.
-    """
+    """All conflicts of a proof, shared by threads, and saved so that the proof can resume."""
 
     def __init__(self, faces: int) -> None:
         self._faces = faces
@@ -174,7 +151,7 @@ class Conflicts:
             self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
 
     def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
-        """Replace conflicts by corrected ones, and forget those that follow from others and the bound on record."""
+        """Replace conflicts by corrected ones; forget those from cubes, and the bound on record."""
         better = {one.key: one for one in corrected}
         known = [better.get(one.key, one) for one in self._known if not one.from_cube]
         if self._records is not None:
@@ -193,12 +170,7 @@ class Conflicts:
 
 
 class ProofState:
-    """Conflicts and handed-over labellings of one proof, shared by all its threads.
-
-    A labelling that no conflict refutes is handed over: it is queued for evaluation, and formulas may exclude it.
-
-    space: search space of the proof. conflicts: all conflicts of the proof.
-    """
+    """Conflicts and handed-over labellings of one proof, shared by all its threads."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -212,6 +184,8 @@ class ProofState:
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
         """Queue labellings (m,) that no conflict refutes for evaluation; return how many were new."""
+        # none is ever removed from the list that formulas exclude: each has an evaluation, or the proof knows that it
+        # lacks one
         # Labellings are stored as canonical images under symmetry. Formulas may exclude them from now on. A labelling
         # that has an evaluation is not queued.
         new = 0
@@ -248,8 +222,12 @@ class ProofState:
                 self._evaluated.add(key)
                 self._without_evaluation.pop(key, None)
 
+    @property
+    def has_evaluations(self) -> bool:
+        """True if any labelling has an evaluation."""
+        return bool(self._evaluated)
+
     def is_evaluated(self, labels: Bits) -> bool:
-        """Return True if a canonical labelling (m,) has an evaluation."""
         return _key(labels) in self._evaluated
 
     @property
@@ -264,7 +242,7 @@ class ProofState:
             return list(self._without_evaluation.values())
 
     def add_conflicts(self, conflicts: Iterable[Conflict], threshold: float = -np.inf) -> int:
-        """Add conflicts and return how many were added; see `Conflicts.add`."""
+        """Add conflicts that refute more than is known; return how many were added."""
         return self.conflicts.add(conflicts, threshold)
 
     def clear(self) -> None:

@@ -1,8 +1,4 @@
-"""Targets of a proof: the best λ known, the proven bound for each count, and the claims about them.
-
-`Incumbents` holds the bounds of all evaluated labellings. `Best` is the best λ and the bound of one target, and
-`Targets` the targets in the order of their proof.
-"""
+"""Targets of a proof: the best λ known, the proven bound for each count, and the claims about them."""
 
 from __future__ import annotations
 
@@ -26,12 +22,7 @@ if TYPE_CHECKING:
 
 
 class Incumbents:
-    """Bounds of all evaluated labellings, and the best λ for each value of a count.
-
-    A target is a value of that count, or None for all labellings.
-
-    count: count that distinguishes the targets; None for a single target.
-    """
+    """Bounds of all evaluated labellings, and the best λ for each count; None for all labellings."""
 
     def __init__(self, space: SearchSpace, count: Count | None) -> None:
         self._space, self._count = space, count
@@ -59,18 +50,15 @@ class Incumbents:
                 self._best[target] = max(low, self._best.get(target, -math.inf))
 
     def __bool__(self) -> bool:
-        """Return True if any labelling was evaluated."""
+        """Return whether any labelling was evaluated."""
         return bool(self._bounds)
 
     def __contains__(self, labels: Bits) -> bool:
-        """Return True if a canonical labelling (m,) was evaluated."""
+        """Return whether a canonical labelling (m,) was evaluated."""
         return np.packbits(labels).tobytes() in self._bounds
 
     def strongest(self, count: int) -> tuple[Bits, Floats]:
-        """Return the labellings (k, m) with the largest proven λ, and that λ (k,), scene units.
-
-        The strongest comes first. `count` is the largest number of labellings.
-        """
+        """Return the labellings (k, m) of largest proven λ, and that λ (k,), scene units, best first."""
         stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
         stands.sort(key=lambda one: (-one[0], one[1]))
         faces = len(self._space.fixed)
@@ -79,28 +67,18 @@ class Incumbents:
         return rows, np.array([low for low, _ in stands[:count]])
 
     def best(self, target: int | None) -> float:
-        """Return the largest proven λ, scene units, for a value of the count or None for all.
-
-        The value is −inf if no labelling has a proven λ.
-        """
+        """Return the largest proven λ, scene units, for a count or None for all; −inf without one."""
         return self._best.get(target, -math.inf)
 
     def high(self, labels: Bits, target: int | None) -> float:
-        """Return the λ, scene units, that a canonical labelling (m,) does not exceed.
-
-        The value is inf for a labelling without evaluation, and −inf where `target` is another count than that of the
-        labelling.
-        """
+        """Return the λ, scene units, that a labelling (m,) does not exceed; −inf if of another count."""
         _, high, count = self._bounds.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
         return high if target is None or count == target else -math.inf
 
 
 @dataclass(frozen=True)
 class Best:
-    """Best λ found and proven bound of the labellings with one count, or of all.
-
-    Labellings that are locked, or fall under their dead load alone, count as without λ and are excluded.
-    """
+    """Best λ found and proven bound of the labellings with one count, or of all."""
 
     count: int | None  # value of the count; None for all labellings
     load_factor: float  # largest λ found, scene units; NaN if there is none
@@ -165,10 +143,7 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
 
 
 def counts_of(space: SearchSpace, count: Count) -> list[int]:
-    """Return all values that a count may take within the limits of a space, ascending.
-
-    Raises ValueError for a count that is no sum of binary terms.
-    """
+    """Return all values that a count may take within the limits of a space, ascending."""
     if count.terms is None:
         raise ValueError(f"{count.name} is no sum of binary terms")
     most = count.terms(space.assembly).most(space.assembly)
@@ -184,30 +159,19 @@ _INCREASE: Final = 0.5 * tolerances.PROVEN
 
 
 def front_count(space: SearchSpace) -> Count | None:
-    """Return the count of an exact front, for a proof by conflicts.
-
-    Result: count of the front that the scene asks for. None for two counts, or one that is no sum of binary terms: no
-    formula expresses their front, and only enumeration proves it.
-    """
+    """Return the count of an exact front; None where no formula expresses the front."""
     asked = space.search.front
     count = count_named(asked.count)
     return None if asked.counts or count.terms is None else count
 
 
 class Targets:
-    """Targets of a proof: all labellings, and for a front those of each value of its count.
-
-    Call `least` and `lower_bound` while a target is proven, then `settle`, until `left` is empty.
-
-    count: count of the front; None to prove the largest λ alone. incumbents: bounds of the evaluated labellings.
-    load_scale: λ below which differences do not matter, scene units. found: best λ and bound (`Best`) for each count;
-    key None for all labellings. left: targets that are not settled.
-    """
+    """Targets of a proof: all labellings, and for a front those of each value of its count."""
 
     def __init__(self, space: SearchSpace, count: Count | None, incumbents: Incumbents, load_scale: float) -> None:
         self._space, self._count, self._incumbents, self._load_scale = space, count, incumbents, load_scale
-        self.found: dict[int | None, Best] = {}
-        self.left: list[int | None] = []
+        self.found: dict[int | None, Best] = {}  # by count; None: all labellings
+        self.left: list[int | None] = []  # targets that are not settled
         self._listed = False
         self.restart()
 
@@ -230,19 +194,12 @@ class Targets:
                 self.found[target] = replace(best, load_factor=low)
 
     def least(self, target: int | None) -> float:
-        """Return the λ that a labelling must exceed to count as better, scene units.
-
-        It lies slightly above the best λ known, and is 0 where none is.
-        """
+        """Return the λ, scene units, that a labelling must exceed to count as better; 0 without a best."""
         low = self._incumbents.best(target)
         return low + _INCREASE * max(abs(low), self._load_scale) if math.isfinite(low) else 0.0
 
     def lower_bound(self, target: int | None, bound: float, handed_over: Iterable[Bits]) -> None:
-        """Lower the bound of a target to a proven one, if that is lower than the known bound.
-
-        The bound stays at or above the brackets of labellings handed over: no mechanism refutes them, so only their own
-        brackets bound them. handed_over: canonical labellings (m,).
-        """
+        """Lower the bound of a target, but not below those of labellings (m,) handed over."""
         for labels in handed_over:
             bound = max(bound, self._incumbents.high(labels, target))
         best = self.found[target]
@@ -250,7 +207,7 @@ class Targets:
             self.found[target] = replace(best, bound=bound)
 
     def raise_to(self, claims: Iterable[Claim], scale: float) -> None:
-        """Raise bounds to claims that hold after a correction, and take up targets that are no longer proven."""
+        """Raise bounds to claims that hold after a correction, and take up targets no longer proven."""
         for claim in claims:
             assert not isinstance(claim.count, Range)  # of the driver that minimises a count
             best = self.found[claim.count]

@@ -1,0 +1,246 @@
+"""Settings of a search: model and objective, budget, parallel work, method, output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from jld_core import plugins
+from jld_core.errors import ParameterError
+from jld_core.limit import SolveOptions
+from jld_core.parameters import near, require_field_types
+from jld_explore.drivers import Driver
+from jld_explore.evaluation.cases import OwnObjective
+
+OBJECTIVES: Final = ("associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability")
+"""What a search maximises: λ with associative friction; without dilation the lowest λ found, or a proven bound below
+it (-floor); what a virtual experiment carries; or the reliability index of the best layouts by λ."""
+
+Objective = str | OwnObjective
+"""An objective of jld or of a plug-in by name, or a function of an evaluation, the assembly and the labels."""
+
+SMALL: Final = 20_000
+"""Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
+
+_RELIABLE: Final = 10  # layouts ranked by reliability where this is the objective and no number is given
+
+# Processor time, s, for the lower bound of one labelling where this bound is the objective
+_BOUND_SECONDS: Final = 20.0
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Model of a search, and the objective that the search maximises.
+
+    Attributes
+    ----------
+    model : SolveOptions
+        Model whose λ is maximised.
+    robust : bool
+        Rank by λ at the low values of materials.
+    experiment : int or None
+        Number of best layouts by λ that are tested in the virtual experiment at the end.
+    by_experiment : bool
+        Search by so many experiments at the end, default 500, from the best layouts by λ.
+    own_objective : callable or None
+        Function that replaces λ, see `explore`.
+    check_fields : int
+        Number of best layouts by faces that are checked by fields at the end; 0 for none.
+    reliability : int or None
+        Number of best layouts by λ that are ranked by reliability at the end.
+    """
+
+    model: SolveOptions = field(default_factory=SolveOptions)
+    robust: bool = False
+    experiment: int | None = None
+    by_experiment: bool = False
+    own_objective: OwnObjective | None = None
+    check_fields: int = 10
+    reliability: int | None = None
+
+    def maximising(self, objective: Objective) -> ModelSettings:
+        """Return the settings with another objective.
+
+        Parameters
+        ----------
+        objective : str or callable
+            Its name, or a function of an evaluation, the assembly and the labels.
+
+        Returns
+        -------
+        ModelSettings
+
+        Raises
+        ------
+        InputError
+            If no objective has that name.
+        """
+        if callable(objective):
+            return replace(self, own_objective=objective, by_experiment=False)
+        if objective not in OBJECTIVES:
+            return self.maximising(_plugin(objective))
+        if objective.startswith("zero"):
+            seconds = _BOUND_SECONDS if objective == "zero-dilation-floor" else 0.0
+            model = replace(self.model, friction="zero-dilation", range=True, floor_seconds=seconds)
+        else:
+            model = replace(self.model, friction="associative", range=False)
+        ranked = self.reliability or _RELIABLE if objective == "reliability" else self.reliability
+        tested = objective == "experiment"
+        return replace(self, model=model, by_experiment=tested, own_objective=None, reliability=ranked)
+
+
+def _plugin(objective: object) -> OwnObjective:
+    """Return the function of an objective that a plug-in brings; InputError for an unknown name."""
+    points = plugins.entry_points("jld.objectives")
+    if not isinstance(objective, str) or objective not in points:
+        known = [*OBJECTIVES, *points]
+        remedy = near(objective, known) if isinstance(objective, str) else ", ".join(known)
+        raise ParameterError("objective", f"no objective is named {objective!r}", f"{remedy} or a function")
+    function: OwnObjective = plugins.load("jld.objectives", objective)
+    if not callable(function):
+        raise plugins.refuse_type("jld.objectives", objective, "a function of (evaluation, assembly, labels)")
+    return function
+
+
+@dataclass(frozen=True)
+class BudgetSettings:
+    """Limits at which a search ends.
+
+    Attributes
+    ----------
+    budget : int or None
+        Largest number of classes to evaluate; None for no limit.
+    seconds : float or None
+        Time limit, s; None for no limit.
+    """
+
+    budget: int | None = None
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        require_field_types(self)
+        if self.budget is not None and self.budget < 1:
+            raise ParameterError("budget", f"{self.budget} is no number of layouts", "a whole number from 1")
+        if self.seconds is not None and not self.seconds >= 0.0:
+            raise ParameterError("seconds", f"{self.seconds:g} is no time limit", "seconds, at least 0")
+
+
+@dataclass(frozen=True)
+class ParallelSettings:
+    """Workers on which labellings are evaluated.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of worker processes.
+    cluster : str or None
+        URL of a dask scheduler whose workers evaluate; None for local processes.
+    """
+
+    jobs: int = 1
+    cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        require_field_types(self)
+        if self.jobs < 1:
+            raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
+
+
+@dataclass(frozen=True)
+class SearchMethod:
+    """Driver of a search, which decides the labellings to try and their order.
+
+    Attributes
+    ----------
+    driver : str, Driver or None
+        Its name, a driver, or None to choose one.
+    options : dict
+        Options of a named driver.
+    seed : int
+    small : int
+        Number of classes up to which a space is counted, and enumerated if no driver is named; 0 omits the count.
+    """
+
+    driver: str | Driver | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    small: int = SMALL
+
+    def __post_init__(self) -> None:
+        require_field_types(self)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """Files that a search writes, and checks before it begins.
+
+    Attributes
+    ----------
+    resume : bool
+        Continue the search in the folder.
+    pictures : bool or "all"
+        Write page, front and best layout; "all": the other pictures too.
+    certificate : Path or None
+        File for the proof of the exact driver.
+    strict : bool
+        Treat plausibility warnings as errors.
+    csv : bool
+        Write results.csv for more than 100 000 rows too.
+    """
+
+    resume: bool = False
+    pictures: bool | Literal["all"] = True
+    certificate: Path | None = None
+    strict: bool = False
+    csv: bool = False
+
+
+Part = ModelSettings | BudgetSettings | ParallelSettings | SearchMethod | OutputSettings
+"""Settings of one concern."""
+
+
+@dataclass(frozen=True)
+class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSettings, ModelSettings):
+    """Settings of a search: all fields of the five concerns.
+
+    Make it from keywords, as in `ExploreSettings(driver="exact", seconds=60)`, or from parts by `of`. The fields are
+    those of `ModelSettings`, `BudgetSettings`, `ParallelSettings`, `SearchMethod` and `OutputSettings`.
+
+    Attributes
+    ----------
+    model, robust, experiment, by_experiment, own_objective, check_fields, reliability
+        See `ModelSettings`.
+    budget, seconds
+        See `BudgetSettings`.
+    jobs, cluster
+        See `ParallelSettings`.
+    driver, options, seed, small
+        See `SearchMethod`.
+    resume, pictures, certificate, strict, csv
+        See `OutputSettings`.
+    """
+
+    def __post_init__(self) -> None:
+        BudgetSettings.__post_init__(self)
+        ParallelSettings.__post_init__(self)
+
+    @classmethod
+    def of(cls, *parts: Part) -> ExploreSettings:
+        """Return the settings made of parts; a concern without a part has its defaults.
+
+        Parameters
+        ----------
+        *parts : ModelSettings, BudgetSettings, ParallelSettings, SearchMethod or OutputSettings
+            Settings of one concern each.
+        """
+        return cls(**{one.name: getattr(part, one.name) for part in parts for one in fields(part)})
+
+    def maximising(self, objective: Objective) -> ExploreSettings:
+        """Return a copy of the settings with another objective.
+
+        Arguments and errors are those of `ModelSettings.maximising`.
+        """
+        part = ModelSettings(**{one.name: getattr(self, one.name) for one in fields(ModelSettings)})
+        changed = part.maximising(objective)
+        return replace(self, **{one.name: getattr(changed, one.name) for one in fields(ModelSettings)})

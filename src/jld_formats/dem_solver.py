@@ -1,0 +1,90 @@
+"""jld as a solver of compas_dem (0.6): its problems by limit analysis, results as its own solvers return them.
+
+`problem.set_solver(jld_solver())` and `problem.solve()`, or `dem_solve(problem, model)`. The boundary conditions act
+with the load factor λ, a group whose name begins with "dead" with the factor 1; gravity acts on every block.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import wraps
+from importlib import import_module
+from typing import Any, Final
+
+from jld_core import Model, build_assembly, parse_scene
+from jld_core.errors import InputError, ParameterError
+from jld_core.exchange import ImportOptions, Layout, Notes
+from jld_core.exchange.solids import spatial_scene
+from jld_core.models import solve_rigid
+from jld_formats.read_dem import data_of, model_and_problems, solids_of
+from jld_formats.write_dem import Dem
+
+NAME: Final = "JLD"
+"""Name of the solver in compas_dem."""
+
+
+def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
+    """Solve an `Analysis` of compas_dem in JSON; return its `Results` in JSON; options: as of `Model`."""
+    notes = Notes()
+    found = solids_of(document, "analysis", notes)
+    written = spatial_scene(found, ImportOptions(), notes).document
+    if "settlements" in written:
+        raise InputError(
+            "displacements", "limit analysis knows no prescribed movement", "loads alone, or jld settlement"
+        )
+    cases = written["loads"].pop("cases", [])
+    written["loads"].setdefault("live", []).extend(one for case in cases for one in case["live"])  # all act together
+    scene = parse_scene(written, "the model")
+    assembly = build_assembly(scene)
+    labels = assembly.labels | True
+    layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, Model(**options)))
+    nodes = {part.name: part.group for part in found.parts}
+    results = Dem(layout, True, nodes).results()
+    model, problems = model_and_problems(document)
+    results["data"]["model_id"] = str(model.get("guid", ""))
+    results["data"]["problem_id"] = next((str(one) for one in _guids(document)), "") if problems else ""
+    results["data"]["metadata"]["assumed"] = list(notes.assumed)
+    return results
+
+
+def _guids(document: dict[str, Any]) -> list[str]:
+    """Return the guids of the problems of an analysis."""
+    return [str(problem.get("guid", "")) for problem in data_of(document).get("problems") or []]
+
+
+def dem_solve(problem: Any, model: Any = None, **options: Any) -> Any:
+    """Solve a problem of compas_dem on a model, by default its own; return its `Results`; options: as of `Model`."""
+    compas, models = _package("compas"), _package("compas_dem.models")
+    analysis = models.Analysis(model or problem.model)
+    analysis.problems = [problem]
+    results = solve_document(json.loads(compas.json_dumps(analysis)), **options)
+    return compas.json_loads(json.dumps(results))
+
+
+def jld_solver(**options: Any) -> Any:
+    """Return a `Solver` of compas_dem that lets `problem.solve()` call jld; options: as of `Model`."""
+    Model(**options)  # refuses a wrong one now
+    problem, solver = _package("compas_dem.problem").Problem, _package("compas_dem.problem").Solver()
+    plain = problem.solve
+    if not hasattr(plain, "without_jld"):  # compas_dem knows its solvers by name, and has no list to add one to
+
+        @wraps(plain)
+        def solve(self: Any, **runtime: Any) -> Any:
+            own = self._solver
+            if getattr(own, "name", None) != NAME:
+                return plain(self, **runtime)
+            self._check_model_validity(self.model)
+            return dem_solve(self, self.model, **own.parameters, **runtime)
+
+        solve.without_jld = plain  # type: ignore[attr-defined]
+        problem.solve = solve
+    solver.name, solver.parameters = NAME, options
+    return solver
+
+
+def _package(name: str) -> Any:
+    """Import a module of compas or compas_dem; raise ParameterError that names the extra where it is missing."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise ParameterError("solver", "compas_dem is not installed", "pip install 'jld[compas]'") from None
