@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import build_assembly
-from jld_core.build.settlements import Settlement
+from jld_core.build.loads import Settlement
 from jld_core.views.figures import draw_forces, draw_mechanism
 from jld_practice.reactions import Settled
 from jld_practice.reactions.force_range import Thrust, settle

@@ -22,7 +22,7 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds
 from jld_core.scene import parse_cracks
 from jld_core.views.field_figures import draw_cracks, draw_stresses
-from jld_core.views.figure_layout import figure_for, finish
+from jld_core.views.figures import figure_for, finish
 from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
 from studies.crack_models import HALVES, bridge, finer, rows_of, wall

@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, design, fill, loads, materials, members, move, schema, search
+from jld_core.scene import cracks, design, fill, loads, materials, move, schema, search
+from jld_core.scene import part as members
 
 
 class Meaning(NamedTuple):

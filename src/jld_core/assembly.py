@@ -1,22 +1,19 @@
-"""Assembly: rigid elements and the interfaces between them, as frozen arrays.
-
-An **element** is a rigid cell or block, a vertex of the graph. An **interface** is a plane contact of two elements, an
-edge of the graph. The **label** of an interface is ``DRY`` (a joint: no tension, Mohr–Coulomb friction) or ``INNER`` (a
-potential crack plane with finite strength).
-"""
+"""Assembly: rigid elements, and the interfaces between them, as frozen arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import ParameterError
 from jld_core.linalg import components
-from jld_core.linalg.sums import summed
+from jld_core.linalg.projection import summed
 from jld_core.loads import Loads, resultants
 from jld_core.members import Members
 from jld_core.notebook_repr import NotebookRepr
@@ -25,6 +22,7 @@ from jld_core.strengths import FaceStrengths, Route, Strengths
 
 if TYPE_CHECKING:
     from jld_core.scene.cracks import CrackModel
+
 
 DRY: Final = True
 """Label of a joint."""
@@ -53,7 +51,6 @@ class Elements:
         return len(self.ids)
 
     def take(self, rows: Ints) -> Elements:
-        """Return the elements of the indices `rows` (k,), in this order."""
         numbers = {name: getattr(self, name)[rows] for name in ("support", "centroid", "volume", "weight")}
         return Elements(
             ids=tuple(self.ids[k] for k in rows),
@@ -93,12 +90,12 @@ class Elements:
 
     @cached_property
     def lower(self) -> Floats:
-        """Return the lower corner (n, d) of each element's bounding box."""
+        """Return the lower corners (n, d) of bounding boxes."""
         return np.array([shape.min(axis=0) for shape in self.shape])
 
     @cached_property
     def upper(self) -> Floats:
-        """Return the upper corner (n, d) of each element's bounding box."""
+        """Return the upper corners (n, d) of bounding boxes."""
         return np.array([shape.max(axis=0) for shape in self.shape])
 
     @cached_property
@@ -131,14 +128,13 @@ class Interfaces:
         return len(self.a)
 
     def take(self, rows: Ints) -> Interfaces:
-        """Return the interfaces of the indices `rows` (k,), in this order."""
         arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case of an assembly: its loads, and the load factor required under them."""
+    """Load case of an assembly: its loads, and the load factor required under them."""
 
     name: str
     # dead_loads, live_loads: loads as those of `Assembly`; the dead load includes the part that is common to all cases
@@ -224,7 +220,7 @@ class Assembly(NotebookRepr):
 
     @property
     def resultants(self) -> tuple[str, ...]:
-        """Return the names of the force and moment components on a face, in their order."""
+        """Return the names of the q resultants on a face."""
         return ("N", "V", "M") if self.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
 
     @cached_property
@@ -245,7 +241,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """Return one assembly for each load case under its loads alone; itself without cases."""
+        """Return one assembly for each load case; itself without cases."""
         if not self.cases:
             return (self,)
         return tuple(
@@ -260,24 +256,23 @@ class Assembly(NotebookRepr):
         )
 
     def strengths(self, route: Route, labels: Bits | None = None) -> Strengths:
-        """Return the strengths of all interfaces for a route; raise InputError if it does not know a fact of them.
+        """Return the strengths of all interfaces for a route, perhaps under one labelling (m,).
 
-        labels: (m,) True = dry, if the route reads the strengths of one labelling alone.
+        Raise InputError for a fact that it does not know.
         """
         return self.face_strengths.numbers(route, ~self.of_members, labels, self.pair)
 
     def with_strengths(self, strengths: Strengths) -> Assembly:
-        """Return the structure with other strengths of its interfaces, and without low values."""
+        """Return the structure with other strengths, and without low values."""
         return replace(self, face_strengths=self.face_strengths.with_numbers(strengths))
 
     @property
     def has_low_values(self) -> bool:
-        """Return True if its strengths are the low values of materials."""
         return self.face_strengths.has_low_values
 
     @cached_property
     def at_nominal(self) -> Assembly:
-        """Return the structure at nominal strengths; this assembly if it has no low values."""
+        """Return the structure at nominal strengths; itself without low values."""
         return replace(self, face_strengths=self.face_strengths.at_nominal()) if self.has_low_values else self
 
     @property
@@ -292,7 +287,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def faces(self) -> int:
-        """Return the number of faces: interfaces with a label. Those of members follow them."""
+        """Return the number of faces: interfaces with a label, before those of members."""
         return len(self.interfaces) - int(np.count_nonzero(self.of_members))
 
     @cached_property
@@ -312,7 +307,6 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def size(self) -> float:
-        """Return the largest side of the bounding box of all elements."""
         return self.elements.size
 
     @cached_property
@@ -357,3 +351,95 @@ def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None
     if joined is not None:
         one, other = np.concatenate([one, joined[0]]), np.concatenate([other, joined[1]])
     return components(len(assembly.elements), one, other)
+
+
+def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
+    """Remove elements (n,) with all their interfaces and loads.
+
+    Return the rest (with `sink` = −1) and the remaining interfaces (k,). Supports that touch a support must stay.
+    """
+    rows = np.flatnonzero(~gone)
+    place = np.cumsum(~gone) - 1
+    faces = assembly.interfaces
+    kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
+    rest = faces.take(kept)
+    cases = tuple(
+        replace(case, dead_loads=case.dead_loads.take(rows), live_loads=case.live_loads.take(rows))
+        for case in assembly.cases
+    )
+    left = replace(
+        assembly,
+        elements=assembly.elements.take(rows),
+        interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
+        face_strengths=assembly.face_strengths.take(kept),
+        dead_loads=assembly.dead_loads.take(rows),
+        live_loads=assembly.live_loads.take(rows),
+        labels=assembly.labels[kept],
+        cases=cases,
+        touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
+        sink=-1,
+    )
+    return left, kept
+
+
+def faces_of(assembly: Assembly) -> Assembly:
+    """Return an assembly without the interfaces of members, for what draws or lists faces."""
+    # The members stay, as constant forces. The result serves no analysis.
+    rows = np.arange(assembly.faces)
+    if len(rows) == len(assembly.interfaces):
+        return assembly
+    return replace(
+        assembly,
+        interfaces=assembly.interfaces.take(rows),
+        face_strengths=assembly.face_strengths.take(rows),
+        labels=assembly.labels[rows],
+        members=replace(assembly.members, face=np.full(len(assembly.members), -1)),
+    )
+
+
+def with_members(assembly: Assembly, labels: Bits) -> Bits:
+    """Return labels of faces, followed by inner for the interfaces of members."""
+    if assembly.faces == len(assembly.interfaces):
+        return labels
+    whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
+    whole[..., : assembly.faces] = labels[..., : assembly.faces]
+    return whole
+
+
+Labels = str | ArrayLike
+"""One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
+
+_LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in results.csv
+
+
+def labels_of(assembly: Assembly, labels: Labels | None) -> Bits:
+    """Return one labelling as a checked bool array (m,), default that of the scene; raise InputError for wrong ones."""
+    if labels is None:
+        return assembly.labels
+    return with_members(assembly, checked_labels(labels, assembly, "labels"))
+
+
+def _values(labels: Labels) -> NDArray[np.generic]:
+    """Return labels as an array of numbers, truth values or letters, unchecked."""
+    if isinstance(labels, str):
+        return np.array(list(labels), dtype="U1")
+    try:
+        return np.asarray(labels)
+    except ValueError:  # rows of different lengths
+        return np.asarray(labels, dtype=object)
+
+
+def checked_labels(labels: Labels, assembly: Assembly, parameter: str) -> Bits:
+    """Return labels as truth values (m,); raise InputError for a wrong number or value."""
+    values, faces = _values(labels), assembly.faces
+    expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
+    if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
+        found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
+        raise ParameterError(parameter, found, expected)
+    if values.dtype == np.bool_:
+        return np.asarray(values, dtype=bool)
+    items: Sequence[object] = values.tolist()
+    for place, item in enumerate(items):
+        if item not in ((*_LETTERS,) if isinstance(item, str) else (0, 1)):
+            raise ParameterError(parameter, f"label {place} is {item!r}", expected)
+    return np.array([_LETTERS[item] if isinstance(item, str) else bool(item) for item in items], dtype=bool)

@@ -1,7 +1,6 @@
-"""Deadline of a command: the time at which it must end, in all phases and processes.
+"""Deadline of a command, which binds all its phases and processes.
 
-A phase that holds a `Deadline` calls `remaining` or `passed`. Long loops in lower layers do not know the command; they
-call `checkpoint`. It raises `DeadlinePassed` inside `Deadline.enforced` and does nothing elsewhere.
+Long loops in lower layers call `checkpoint`, which raises `DeadlinePassed` inside `Deadline.enforced` alone.
 """
 
 from __future__ import annotations
@@ -14,16 +13,13 @@ from contextvars import ContextVar
 
 
 class DeadlinePassed(Exception):
-    """Error raised by `checkpoint` and `Deadline.check` when the deadline has passed."""
+    """Error raised once a deadline has passed."""
 
 
 class Deadline:
-    """Time at which work must end, with a start from which elapsed time counts.
+    """Time at which work must end, with a start; pickled, it ends elsewhere at the same time of day.
 
-    A deadline pickled for another process or machine ends there at the same time of day.
-
-    seconds: time from `started` to the end, s; None: no end. started: start, a value of `time.perf_counter` in this
-    process, s; None: now.
+    seconds: from `started` to the end; None: no end. started: value of `time.perf_counter`; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -41,23 +37,20 @@ class Deadline:
 
     @property
     def limited(self) -> bool:
-        """Return True if the deadline has an end."""
         return self.end < math.inf
 
     def elapsed(self) -> float:
-        """Return the time since the start, s."""
         return time.perf_counter() - self.started
 
     def remaining(self) -> float:
-        """Return the time left until the end, s: 0 after the end, inf without an end."""
+        """Return the seconds until the end: 0 after it, inf without an end."""
         return max(self.end - time.perf_counter(), 0.0)
 
     def passed(self) -> bool:
-        """Return True if the end has been reached; False without an end."""
         return time.perf_counter() >= self.end
 
     def check(self) -> None:
-        """Raise DeadlinePassed if the end has been reached; otherwise do nothing."""
+        """Raise DeadlinePassed if the end has been reached."""
         if self.passed():
             raise DeadlinePassed
 
@@ -70,16 +63,15 @@ class Deadline:
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
-        """Return a deadline with the same start and another end."""
         made = Deadline(None, self.started)
         made.end = end
         return made
 
     @contextmanager
     def enforced(self) -> Iterator[None]:
-        """Make `checkpoint` raise DeadlinePassed inside this context once the deadline has passed.
+        """Make `checkpoint` raise DeadlinePassed in this context and thread after the end.
 
-        Contexts may be nested: the earliest of their deadlines counts. Other threads are not affected.
+        Of nested ones the earliest counts.
         """
         outer = _enforced.get()
         token = _enforced.set(self if outer is None or self.end < outer.end else outer)
@@ -93,20 +85,14 @@ _enforced: ContextVar[Deadline | None] = ContextVar("enforced", default=None)
 
 
 def checkpoint() -> None:
-    """Raise DeadlinePassed if the deadline enforced around this call has passed.
-
-    Loops that may run long call it. It does nothing where no deadline is enforced (`Deadline.enforced`).
-    """
+    """Raise DeadlinePassed if the deadline enforced around this call has passed; long loops call it."""
     deadline = _enforced.get()
     if deadline is not None:
         deadline.check()
 
 
 def time_left() -> float:
-    """Return the time left until the enforced deadline ends.
-
-    Result: seconds, 0 after the end; inf where no deadline is enforced.
-    """
+    """Return the seconds until the enforced deadline ends: 0 after it, inf without one."""
     deadline = _enforced.get()
     return math.inf if deadline is None else deadline.remaining()
 

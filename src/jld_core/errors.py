@@ -57,13 +57,7 @@ class InputError(ValueError):
 
 
 class ParameterError(InputError):
-    """Error for a parameter of a function, or an option of a command, with a wrong value.
-
-    In Python the message names the parameter; the command line names its flag instead.
-
-    parameter: name of the parameter: ``inner_bending``. problem: the fault, such as "it is negative". expected:
-    description of a valid value.
-    """
+    """Error for a parameter of a function, or an option of a command, with a wrong value."""
 
     def __init__(self, parameter: str, problem: str, expected: str) -> None:
         super().__init__(parameter, problem, expected)
@@ -72,11 +66,7 @@ class ParameterError(InputError):
 
 @contextmanager
 def error_context(file: str | Path, *outside: str) -> Iterator[None]:
-    """Add the name of a file to errors about its content.
-
-    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged. Raises InputError: the
-    error raised within the context.
-    """
+    """Add the name of a file to errors about its content, not about parameters or paths that begin with `outside`."""
     try:
         yield
     except InputError as error:

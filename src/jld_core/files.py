@@ -18,18 +18,12 @@ _UNPRINTABLE: Final = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]")
 
 
 def printable(text: str) -> str:
-    """Replace each character that no font shows or that XML rejects by a blank.
-
-    Result: text of the same number of characters.
-    """
+    """Replace each character that no font shows or that XML rejects by a blank."""
     return _UNPRINTABLE.sub(" ", text)
 
 
 def require_writable(path: Path) -> None:
-    """Check that `whole_file` can write a file, by writing an empty one.
-
-    Raises OSError: the file or its folder cannot be written.
-    """
+    """Raise OSError unless `whole_file` can write a file, by writing an empty one."""
     # Permissions alone are not reliable on every file system. The check leaves no file and no folder behind.
     path = Path(os.path.realpath(path))
     missing = list(itertools.takewhile(lambda parent: not parent.exists(), path.parents))
@@ -45,10 +39,7 @@ def require_writable(path: Path) -> None:
 
 
 def require_folder(folder: Path) -> None:
-    """Raise InputError unless a folder exists or can be made, and is writable.
-
-    A file or a broken link at the path is refused, too.
-    """
+    """Raise InputError unless a folder exists or can be made, and is writable."""
     missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
     for place in missing:
         if place.is_symlink():
@@ -69,10 +60,7 @@ def _fresh(path: Path) -> Path:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name to write to, which replaces the file once writing succeeds.
-
-    Raises OSError: the file cannot be written; the error names the file.
-    """
+    """Yield a temporary name, which replaces the file once writing succeeds; raise OSError that names the file."""
     # If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file
     # that it points to is replaced.
     path = Path(os.path.realpath(path))
@@ -87,9 +75,6 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file completely or not at all, replacing an existing one.
-
-    Raises OSError: the file cannot be written; the error names the file.
-    """
+    """Write a text file completely or not at all, replacing an existing one."""
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

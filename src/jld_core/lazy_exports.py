@@ -1,7 +1,4 @@
-"""Packages whose exported names are loaded on first use.
-
-Loading all that jld exports takes twice as long as `jld solve` needs for a small scene.
-"""
+"""Packages whose exported names are loaded on first use: all of jld takes twice as long as a small `jld solve`."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ class _LazyPackage(ModuleType):
     _module_of: dict[str, str]
 
     def __getattr__(self, name: str) -> Any:
-        """Import the module that defines a name and return the name's value."""
         module = self.__dict__["_module_of"].get(name)
         if module is None:
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
@@ -35,7 +31,6 @@ class _LazyPackage(ModuleType):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        """Return all names, including those not yet loaded."""
         return sorted({*super().__dir__(), *self._module_of})
 
 

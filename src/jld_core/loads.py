@@ -1,7 +1,4 @@
-"""Loads as they act: forces per volume, tractions on parts of faces, and forces at points.
-
-Resultants on elements follow from them by `resultants`; nothing else states a load.
-"""
+"""Loads as they act: forces per volume, tractions on parts of faces, and forces at points."""
 
 from __future__ import annotations
 
@@ -12,15 +9,15 @@ from typing import Protocol, Self
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.linalg.sums import without_rounding
+from jld_core.linalg.projection import without_rounding
 
 
 class Bodies(Protocol):
-    """What the resultants of loads depend on: n elements with centroids (n, d), some of which are supports."""
+    """Centroids and supports of n elements, on which resultants of loads depend."""
 
     @property
     def centroid(self) -> Floats:
-        """(n, d) centroids."""
+        """(n, d)."""
 
     @property
     def support(self) -> Bools:
@@ -78,7 +75,7 @@ class Loads:
 
     @classmethod
     def of_resultants(cls, resultants: Floats) -> Self:
-        """Return loads of which only forces and moments (n, 3) or (n, 6) are known, as uniform forces and couples."""
+        """Return uniform forces and couples of given resultants (n, 3) or (n, 6)."""
         d = 2 if resultants.shape[1] == 3 else 3
         return cls(resultants[:, :d], resultants[:, d:], points_of([], d))
 
@@ -116,7 +113,7 @@ class Loads:
         )
 
     def take(self, rows: Ints) -> Loads:
-        """Return the loads on the elements of the indices `rows` (k,), renumbered in this order."""
+        """Return the loads on the elements `rows` (k,), renumbered in this order."""
         place = np.full(len(self.body), -1, dtype=np.int64)
         place[rows] = np.arange(len(rows))
         own = np.flatnonzero(place[self.points.element] >= 0)
@@ -151,16 +148,13 @@ class Loads:
 
     @property
     def at_centroids(self) -> Floats:
-        """Return the forces (n, d) that act at the centroids of elements and move with them: body forces included."""
+        """Return the forces (n, d) that act at centroids and move with them, with body forces."""
         total, own = self.body.copy(), self.points.centred
         np.add.at(total, self.points.element[own], self.points.force[own])
         return total
 
     def arrows(self) -> list[tuple[int, Floats, Floats]]:
-        """Return element, place (d,) and force (d,) of each point force, then of each traction at its centroid.
-
-        Those without a force are left out.
-        """
+        """Return element, place (d,) and force (d,) of each force at a point or of a traction, without zeros."""
         found = [
             (int(k), at, force)
             for k, at, force in zip(self.points.element, self.points.at, self.points.force, strict=True)
@@ -181,10 +175,7 @@ def points_of(entries: Sequence[tuple[int, Floats, Floats, float | None, bool]],
 
 
 def edge_traction(element: int, ends: Floats, values: Floats) -> Traction:
-    """Return the traction that is linear between two points.
-
-    ends: (2, 2) points. values: (2, 2) force per length at both.
-    """
+    """Return the traction that is linear between two ends (2, 2), from its values (2, 2) there, force per length."""
     along = ends[1] - ends[0]
     slope = np.outer(values[1] - values[0], along) / (along @ along)
     return Traction(element, (ends,), ends.mean(axis=0), values.mean(axis=0), slope)
@@ -216,7 +207,7 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
 
 
 def _moments(rings: tuple[Floats, ...], origin: Floats) -> tuple[float, Floats]:
-    """Return the size of a plane part, and the second moments ∫ x xᵀ (d, d) of places x from a point of its plane."""
+    """Return the size of a plane part, and ∫ x xᵀ (d, d) of places x from a point of its plane."""
     if len(origin) == 2:
         along = rings[0][1] - rings[0][0]
         length = float(np.hypot(*along))

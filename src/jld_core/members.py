@@ -19,9 +19,8 @@ def _none() -> Ints:
 class Members:
     """Ties, tendons and pins of an assembly, in scene units.
 
-    A member whose force may vary has an interface of its own in the assembly, after those of the geometry. That
-    interface is always inner, begins and ends at one element, and has neither bending nor torsion. Its N, and a pin's
-    V, act at the points that stand here. Its N is the compression beyond the prestress.
+    A member whose force may vary has an inner interface of its own after those of the geometry, without bending and
+    torsion. N, its compression beyond the prestress, and V of a pin act at the points that stand here.
     """
 
     # names, kinds: names, and "tie", "tendon", "pin", or "fill" for the horizontal pressure of fill
@@ -52,15 +51,11 @@ class Members:
 
     @property
     def axial(self) -> Bools:
-        """Return a mask (k,), True for members whose axial force may vary."""
+        """Return a mask (k,) of members whose axial force may vary."""
         return np.asarray((self.tension > self.prestress) | (self.compression > 0.0))
 
     def push(self, member: int) -> tuple[Ints, Floats, Floats]:
-        """Return the elements, points and forces of a unit compression in a member.
-
-        member: position of the member. Result: (r,) elements, (r, d) points of application and (r, d) forces, which
-        balance each other.
-        """
+        """Return elements (r,), points (r, d) and forces (r, d), in balance, of a unit compression in a member."""
         elements, points = self.elements[member], self.points[member]
         if self.kinds[member] == "pin":
             middle = np.broadcast_to(points.mean(axis=0), points.shape)
@@ -82,10 +77,7 @@ class Members:
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
     def joined(self, group: Ints, kept: Ints) -> Members:
-        """Return the members of an assembly whose elements are joined to groups.
-
-        group: (n,) group of each element. kept: (k,) interfaces that remain, in order.
-        """
+        """Return the members after elements joined to groups (n,), with the remaining interfaces `kept` (k,)."""
         place = {int(face): number for number, face in enumerate(kept)}
         rows = [k for k, face in enumerate(self.face.tolist()) if face in place]
         return replace(
@@ -95,10 +87,9 @@ class Members:
         )
 
     def __add__(self, other: Members) -> Members:
-        """Return the members of both in one, without interfaces, bond and self-stress."""
+        """Return the members of both, without interfaces, bond and self-stress."""
 
         def both(name: str) -> Floats:
-            """Return a number of all members, in order."""
             return np.concatenate([getattr(self, name), getattr(other, name)])
 
         return Members(
@@ -115,7 +106,6 @@ class Members:
         )
 
     def take(self, rows: list[int]) -> Members:
-        """Return the members at the positions `rows`, in this order."""
         arrays = {name: getattr(self, name)[rows] for name in ("face", "axis", "tension", "compression", "shear")}
         return Members(
             names=tuple(self.names[k] for k in rows),
@@ -127,10 +117,7 @@ class Members:
         )
 
     def refuse(self, what: str) -> None:
-        """Raise InputError for members, fill or joints with tensile strength.
-
-        what: computation that does not model them.
-        """
+        """Raise InputError for members, fill or bonded joints, which the computation `what` does not model."""
         if "fill" in self.kinds:
             problem = f"{what} does not model its variable pressure"
             raise InputError("fill", problem, 'a scene without fill, or with "active" and "passive" 0')

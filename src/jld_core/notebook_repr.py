@@ -1,7 +1,4 @@
-"""Notebook output of data classes that do not know how they are drawn.
-
-A class names its view as text, and the view is loaded when it is asked for: data modules do not import views.
-"""
+"""Notebook output of data classes, whose views are named as text and loaded when they are needed."""
 
 from __future__ import annotations
 
@@ -11,16 +8,13 @@ from typing import Any, ClassVar, Final, Protocol
 
 
 class View(Protocol):
-    """Interface of the drawing code that shows objects of one class in notebooks."""
+    """Drawing code that shows objects of one class in notebooks."""
 
     def drawing(self, thing: Any) -> str | bytes | None:
-        """Return the drawing of an object as SVG text or the content of a PNG file.
-
-        The result is None if the object is too large to be drawn unasked.
-        """
+        """Return the drawing of an object as SVG text or PNG content; None if it is too large to be drawn unasked."""
 
     def figure(self, thing: Any, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the drawing of an object as a matplotlib figure, of any size."""
+        """Return the drawing as a matplotlib figure of any size."""
 
     def html(self, thing: Any, drawing: str | bytes | None) -> str:
         """Return the main facts of an object as HTML, followed by its drawing if there is one."""
@@ -36,10 +30,9 @@ class Showable:
     def show(self, height: int | None = None) -> Any:
         """Make the interactive page of this object, with sliders for friction and strengths.
 
-        Make it the last line of a cell, or give it to `display`. The running kernel solves what the sliders say. A
-        saved notebook keeps facts, picture and table; pages of planar structures that are not large stay interactive.
-        Result: page; its `html` is the part that needs no kernel. Raises ParameterError if the height is no number of
-        pixels. Raises InputError if a scene is invalid.
+        Make it the last line of a cell; the running kernel solves what the sliders say. A saved notebook keeps facts,
+        picture and table. `html` of the page needs no kernel. Raises ParameterError for a height that is no number of
+        pixels, InputError for an invalid scene.
         """
         return import_module(_PAGES).make_page(self, height)
 
@@ -51,14 +44,12 @@ class NotebookRepr(Showable):
 
     @property
     def _view(self) -> View:
-        """Return the view of this class, whose module is loaded where it has not been."""
         module, name = self.shown_by.split(":")
         made: View = getattr(import_module(module), name)()
         return made
 
     @cached_property
     def _drawing(self) -> str | bytes | None:
-        """Return the drawing, computed once."""
         return self._view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
@@ -66,13 +57,10 @@ class NotebookRepr(Showable):
         return self._view.figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:
-        """Return the drawing where it is SVG text, as Jupyter calls for it."""
         return self._drawing if isinstance(self._drawing, str) else None
 
     def _repr_png_(self) -> bytes | None:
-        """Return the drawing where it is PNG, as Jupyter calls for it."""
         return self._drawing if isinstance(self._drawing, bytes) else None
 
     def _repr_html_(self) -> str:
-        """Return facts and drawing, as Jupyter calls for them."""
         return self._view.html(self, self._drawing)

@@ -1,4 +1,4 @@
-"""Check the types of what a caller gives, by the annotations of dataclasses."""
+"""Checks of what a caller gives, by the annotations of dataclasses and functions."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class _Sequence:
-    """Kind of a list or tuple whose values are of some kinds."""
+    """List or tuple whose values are of some kinds."""
 
     of: tuple[Any, ...]
 
 
 def require_kind(parameter: str, value: Any, *kinds: Any) -> None:
-    """Raise ParameterError unless a value is of one of the kinds, which are keys of `_KINDS` or classes."""
+    """Raise ParameterError unless a value is of one of the kinds: keys of `_KINDS`, or classes."""
     if any(_is(value, kind) for kind in kinds):
         return
     raise ParameterError(parameter, f"{shown_value(value)} is wrong", _words(kinds))
@@ -78,7 +78,6 @@ def typed(function: _Function) -> _Function:
 
 @cache
 def _kinds_of_arguments(function: Callable[..., Any]) -> dict[str, tuple[Any, ...]]:
-    """Return the kinds that each argument of a function admits, as `_kinds_of`."""
     found, space = {}, inspect.unwrap(function).__globals__
     for name, one in inspect.signature(function).parameters.items():
         try:
@@ -91,17 +90,14 @@ def _kinds_of_arguments(function: Callable[..., Any]) -> dict[str, tuple[Any, ..
 
 
 def require_field_types(thing: Any) -> None:
-    """Raise ParameterError for the first field of a dataclass whose value its annotation excludes.
-
-    Annotations that are none of `_KINDS`, nor words nor classes, admit every value.
-    """
+    """Raise ParameterError for the first field of a dataclass whose value its annotation excludes."""
     for name, kinds in _kinds_of(thing.__class__).items():
         if kinds:
             require_kind(name, getattr(thing, name), *kinds)
 
 
 def near(word: str, names: Any) -> str:
-    """Return the names as a remedy for an unknown word, or only the one that is most like it where they are many."""
+    """Return the names as a remedy for an unknown word; of many only the one most like it."""
     known = list(names)
     like = [f'"{name}"' for name in get_close_matches(word, known, 1, 0.6)]
     return ", ".join(like + (["one of " + ", ".join(known)] if len(known) < 12 or not like else []))

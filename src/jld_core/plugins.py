@@ -1,4 +1,4 @@
-"""Plug-ins: what packages installed beside jld add, found by their entry points (docs/guide/plugins.md)."""
+"""Plug-ins: what packages beside jld add, by their entry points (docs/guide/plugins.md)."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ GROUPS: Final = {
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name, in the order of their names.
-
-    Raises InputError where two packages give one name: which of them counts must not depend on an order.
-    """
+    """Return the entry points of a group by name, sorted; raise InputError for a name given twice."""
     points = list(_installed(tuple(sys.path)).select(group=group))
     checkout = _of_checkout()
     if checkout is not None:
@@ -50,7 +47,6 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 @cache
 def _installed(path: tuple[str, ...]) -> Any:
-    """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 
     return metadata.entry_points()
@@ -58,7 +54,7 @@ def _installed(path: tuple[str, ...]) -> Any:
 
 @cache
 def _of_checkout() -> dict[str, dict[str, str]] | None:
-    """Return the entry points of jld's own pyproject.toml, value by group and name; None outside a checkout."""
+    """Return the entry points of jld's own pyproject.toml, by group and name; None outside a checkout."""
     # What was installed of a checkout may be older than its files.
     path = Path(__file__).parents[2] / "pyproject.toml"
     if not path.exists():
@@ -93,19 +89,18 @@ def load_all(group: str, built_in: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def refuse_type(group: str, name: str, expected: str) -> InputError:
-    """Return the InputError, not raised, for an object of a group that is not what it must be."""
+    """Return the InputError for an object of a group that is not what it must be."""
     point = entry_points(group)[name]
     where = f"plug-in {name!r} of the package {package(point)}"
     return InputError(where, f"{point.value} is not {GROUPS[group]}", expected)
 
 
 def package(point: EntryPoint) -> str:
-    """Return the name of the package that an entry point belongs to."""
     return point.dist.name if point.dist is not None else point.module
 
 
 def part(name: str) -> Any:
-    """Import a part of jld that a package beside the core brings; raise InputError where that is not installed."""
+    """Import a part of jld that a package beside the core brings; raise InputError where it is not installed."""
     if name not in entry_points("jld.parts"):
         raise InputError(f"part {name!r} of jld", "no package that is installed brings it", "pip install jld, whole")
     return load("jld.parts", name)

@@ -1,8 +1,7 @@
-"""Strengths of faces: the structure owns the numbers, and a route reads them only if it knows every fact in them.
+"""Strengths of faces; a **route**, a reader of them, is refused unless it knows every **fact** in them.
 
-A **fact** is a kind of statement about strengths, such as friction of joints or a criterion of a plug-in. A **route**
-is what reads the numbers: programs, fields, an exported file. A route that does not know a fact of the structure is
-refused, so that a new fact is refused by every route that was not taught it.
+A fact is a kind of statement, such as friction of joints or a criterion of a plug-in. New facts are thus refused by
+routes not taught them.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ GROUP: Final = "jld.criteria"
 
 @dataclass(frozen=True)
 class Route:
-    """One reader of strengths: its name in messages, and the facts that it knows."""
+    """Reader of strengths: its name in messages, and the facts that it knows."""
 
     name: str
     KNOWS: frozenset[str] = STANDARD
@@ -52,9 +51,9 @@ class Route:
 
 @dataclass(frozen=True)
 class Side:
-    """Numbers of the standard criterion of m faces under one label, as stresses or scaled; each field is (m,).
+    """Numbers (m,) of the standard criterion under one label.
 
-    tension: σt. shear: c, the resistance to shear without N. friction: μ. crush: σc; inf where there is none.
+    Tension σt, shear c (resistance without N), friction μ, crush σc (inf: none).
     """
 
     tension: Floats
@@ -65,10 +64,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Strengths of m interfaces, each as dry and as inner, in scene units; `side` and `under` give those of a label.
-
-    The values of a material that the scene does not state are NaN.
-    """
+    """Strengths of m interfaces, each as dry and as inner, in scene units; NaN where a material does not state them."""
 
     friction: Floats  # (m,) friction coefficient μ of dry faces
     # tension, shear: (m,) tensile and shear strength σt and τ of inner faces, stress
@@ -86,13 +82,12 @@ class Strengths:
         return cls(**{one.field: getattr(dry if one.label == "dry" else inner, one.side) for one in PARAMETERS})
 
     def side(self, *, dry: bool) -> Side:
-        """Return the numbers of all faces under one label."""
         label = "dry" if dry else "inner"
         found = {one.side: getattr(self, one.field) for one in PARAMETERS if one.label == label}
         return Side(**{"tension": np.zeros(len(self.friction)), **found})
 
     def under(self, labels: Bits) -> Side:
-        """Return the numbers of each face under labels (m,), True = dry."""
+        """Return the numbers of each face under labels (m,)."""
         dry, inner = self.side(dry=True), self.side(dry=False)
         return Side(**{name: np.where(labels, value, getattr(inner, name)) for name, value in vars(dry).items()})
 
@@ -115,7 +110,6 @@ class Strengths:
         return np.asarray(np.isfinite(self.crush_dry) | np.isfinite(self.crush_inner))
 
     def take(self, rows: Ints) -> Strengths:
-        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, more: Strengths) -> Strengths:
@@ -125,14 +119,14 @@ class Strengths:
         })  # fmt: skip
 
     def facts(self) -> dict[str, Bools]:
-        """Return for each fact of the standard criterion a mask (m,) of the interfaces that state it."""
+        """Return for each fact a mask (m,) of the interfaces that state it."""
         values = [(one, getattr(self, one.field)) for one in PARAMETERS]
         return {one.fact: np.isfinite(value) if one.field in ENDS else value > 0.0 for one, value in values}
 
 
 @dataclass(frozen=True)
 class StatedCriterion:
-    """Yield criterion of a plug-in for some interfaces under one label, as a scene states it."""
+    """Criterion of a plug-in for some interfaces under one label, as a scene states it."""
 
     label: str
     name: str  # name of its entry point
@@ -140,16 +134,14 @@ class StatedCriterion:
     faces: Bools  # (m,) interfaces that have this criterion
 
     def take(self, rows: Ints) -> StatedCriterion:
-        """Return the criterion of the interfaces of the indices `rows` (k,)."""
         return replace(self, faces=self.faces[rows])
 
 
 @dataclass(frozen=True)
 class FaceStrengths:
-    """Owner of the strengths of m interfaces.
+    """Owner of the strengths of m interfaces, which `Assembly.strengths` hands out.
 
-    Its fields with an underscore are read here alone; `Assembly.strengths` hands the numbers out. There are nominal
-    numbers where the stated ones are the low values of materials.
+    Nominal numbers stand beside stated ones that are the low values of materials.
     """
 
     _stated_numbers: Strengths
@@ -158,7 +150,7 @@ class FaceStrengths:
 
     @property
     def has_low_values(self) -> bool:
-        """Return True if the strengths are the low values of materials, beside nominal ones."""
+        """Return True if the strengths are the low values of materials."""
         return self._nominal_numbers is not None
 
     def facts(self) -> dict[str, Bools]:
@@ -172,9 +164,10 @@ class FaceStrengths:
     def numbers(
         self, route: Route, among: Bools, labels: Bits | None = None, name: Callable[[int], str] = str
     ) -> Strengths:
-        """Return the strengths for a route; raise InputError if it does not know a fact that they hold.
+        """Return the strengths for a route.
 
-        among: (m,) interfaces to look at. labels: (m,) True = dry; without them a fact of either label counts.
+        Raise InputError if it does not know a fact of the interfaces `among` (m,). labels: (m,); without them a fact of
+        either label counts.
         """
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
@@ -188,7 +181,7 @@ class FaceStrengths:
         return self._stated_numbers
 
     def _unknown(self, fact: str, taken: Bools, route: Route, face: str) -> InputError:
-        """Return the error of a fact of the interfaces `taken` (m,), `face` among them, that a route does not know."""
+        """Return the error of an unknown fact of the interfaces `taken` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
             names = [one.name for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any()]
@@ -208,23 +201,21 @@ class FaceStrengths:
         return replace(self, _stated_numbers=self._nominal_numbers or self._stated_numbers, _nominal_numbers=None)
 
     def without_nominal(self) -> FaceStrengths:
-        """Return the strengths without nominal ones beside them."""
         return replace(self, _nominal_numbers=None)
 
     def take(self, rows: Ints) -> FaceStrengths:
-        """Return the strengths of the interfaces of the indices `rows` (k,), in this order."""
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.take(rows)
         return FaceStrengths(self._stated_numbers.take(rows), nominal, tuple(one.take(rows) for one in self.criteria))
 
     def joined(self, more: Strengths) -> FaceStrengths:
-        """Return these strengths, followed by those of further interfaces, which have the standard criterion."""
+        """Return these strengths, followed by those of further interfaces of the standard criterion."""
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(more)
         none = np.zeros(len(more.friction), dtype=bool)
         criteria = tuple(replace(one, faces=np.append(one.faces, none)) for one in self.criteria)
         return FaceStrengths(self._stated_numbers.joined(more), nominal, criteria)
 
     def scaled(self, factors: Mapping[str, float], faces: Bools) -> FaceStrengths:
-        """Return the strengths of some faces times factors, by names of fields; others stay. faces: (m,) bool."""
+        """Return the strengths with those of `faces` (m,) bool times factors, by names of fields."""
 
         def times(numbers: Strengths) -> Strengths:
             every = vars(numbers).items()
@@ -234,10 +225,7 @@ class FaceStrengths:
         return replace(self, _stated_numbers=times(self._stated_numbers), _nominal_numbers=nominal)
 
     def table(self) -> Floats:
-        """Return one row (m, k) of numbers for each interface: equal rows are equal strengths and criteria.
-
-        NaN stands for a material that is missing.
-        """
+        """Return one row (m, k) for each interface, equal for equal strengths and criteria; NaN: no material."""
         parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
         columns = [column for one in parts for column in vars(one).values()]
         columns += [one.faces.astype(float) for one in self.criteria]
@@ -268,11 +256,7 @@ class Parameter:
 
 
 def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> tuple[tuple[str, float], ...]:
-    """Return the parameters of a criterion that a scene states, with defaults for the others.
-
-    Raises InputError for an unknown criterion, one of the other label, and parameters that are unknown, missing or out
-    of bounds.
-    """
+    """Return the parameters of a criterion that a scene states, with defaults; raise InputError for wrong ones."""
     criterion = criterion_of(name, key)
     if criterion.label != label:
         expected = f'"materials.{criterion.label}" for it'
@@ -299,7 +283,7 @@ def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> 
 def criterion_of(name: str, key: str) -> Any:
     """Return the criterion of an entry point, an instance or a class without arguments.
 
-    Raises InputError for a name that no package adds, and for an object that is no criterion.
+    Raise InputError for no criterion.
     """
     known = list(plugins.entry_points(GROUP))
     if name not in known:

@@ -1,16 +1,14 @@
-"""Restrict matrix products to one thread, whatever the environment variables set.
-
-The matrices of one labelling are small, and threads inside one product cost more than the product. Searches with
-threads in products were measured to take 4 to 5 times as long, on a busy machine up to 17 times. Labellings are
-distributed over the cores instead.
-"""
+"""Threads and memory of the machine."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from pathlib import Path
 from threading import Lock
+from typing import Final
 
 from threadpoolctl import ThreadpoolController
 
@@ -21,7 +19,7 @@ _inside = 0  # number of contexts that are open in all threads
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Return the controller of the loaded BLAS libraries, created once."""
+    """Return the controller of the loaded BLAS libraries."""
     import scipy.linalg  # noqa: F401 – brings a library of its own
 
     return ThreadpoolController().select(user_api="blas")
@@ -45,3 +43,25 @@ def one_thread() -> Iterator[None]:
             _inside -= 1
             if _inside == 0:
                 _limited.close()
+
+
+# Files in which Linux control groups (versions 2 and 1) give the memory limit of a container
+_GROUPS: Final = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
+
+
+def memory_limit() -> float:
+    """Return the number of bytes that this process may use; inf where it is unknown."""
+    # The smallest of three limits: physical memory, container, and address space of the process.
+    known = []
+    with suppress(AttributeError, ValueError, OSError):
+        known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    for file in _GROUPS:
+        with suppress(OSError, ValueError):  # the file holds "max" if there is no limit
+            known.append(int(file.read_text(encoding="ascii")))
+    with suppress(ImportError):
+        import resource  # Windows has no such module
+
+        own = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if own != resource.RLIM_INFINITY:
+            known.append(own)
+    return min((float(size) for size in known if size > 0), default=float("inf"))

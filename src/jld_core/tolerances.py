@@ -1,8 +1,4 @@
-"""Tolerances that bound a result: dimensionless, each with the reason for its size.
-
-Parameters that only control a method are defined where they are used. Examples are residuals of auxiliary programs and
-steps of a repair. The proof of a result depends only on the tolerances of this module.
-"""
+"""Tolerances that bound a result: dimensionless, each with the reason for its size."""
 
 from __future__ import annotations
 
@@ -14,15 +10,14 @@ GAP: Final = 1e-6
 
 
 ALONE: Final = 1e-7
-"""Largest width of a bracket, relative to λ, at which a batch-solver result for one labelling alone is accepted. In
-space other solvers reach 1e-8 and the batch solver 3e-8 (benchmarks/results/batch_solver_single.md).
+"""Largest width of a bracket, relative to λ, at which a batch-solver result for one labelling is accepted.
+
+In space the batch solver reaches 3e-8, others 1e-8.
 """
 
 
 DIGITS: Final = 1e-9
-"""Width of a bracket, relative to λ, above which one labelling alone is solved once more. Within a bracket λ may depend
-on the position of a scene and on the order of its elements.
-"""
+"""Relative width of a bracket above which one labelling is solved again: λ depends on position and order within it."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +46,9 @@ ROUNDING: Final = 1e-12
 """Largest value of a jump or force that is zero by construction, relative to its vector, in floating point."""
 
 EXACT: Final = 3e-14
-"""Largest violation of a yield condition by a ray, a self-stress or a jump that meets it exactly but for rounding,
-relative to the forces or velocities at its face: a hundred last digits. Friction this close to 45° counts as 45°.
+"""Largest relative violation of a yield condition by a ray, self-stress or jump that meets it but for rounding.
+
+Friction this close to 45° counts as 45°.
 """
 
 CONTACT: Final = 1e-7

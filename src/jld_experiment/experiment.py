@@ -8,9 +8,9 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
+from jld_core.assembly import labels_of
 from jld_core.errors import InputError
 from jld_core.parameters import typed
-from jld_core.sub_assembly import labels_of
 from jld_experiment.bench import EnergyBalance
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings

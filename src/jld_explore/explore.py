@@ -14,7 +14,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Final, Literal
 
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, with_members
 from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
@@ -25,7 +25,6 @@ from jld_core.parameters import near, require_kind, typed
 from jld_core.refinement.cells import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
-from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.drivers import Driver, driver_kinds
 from jld_explore.drivers.choice import bound_of_all, first_layout

@@ -6,11 +6,11 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from jld_core.assembly import with_members
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.models import solve
 from jld_core.scene import parse_scene
-from jld_core.sub_assembly import with_members
 from jld_core.threads import one_thread
 from jld_explore.space import LETTERS, from_string, to_string
 

@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, with_members
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
@@ -19,7 +19,6 @@ from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.standard import PARAMETERS
 from jld_core.strengths import CRITERIA, STANDARD, Route
-from jld_core.sub_assembly import with_members
 from jld_explore.report.page_contract import Solution
 from jld_explore.report.page_data import solution_of, within
 from jld_explore.space import from_string

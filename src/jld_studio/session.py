@@ -13,14 +13,13 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, faces_of, with_members
 from jld_core.build import build_assembly
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.cracks import FieldCracks
-from jld_core.sub_assembly import faces_of, with_members
 from jld_core.threads import one_thread
 from jld_explore.report.columns import DIGITS, rounded
 from jld_explore.report.page_data import cases_of, loads_of, solution_of

@@ -17,8 +17,8 @@ from cases import grid_document
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry.planar_contacts import certain_contacts
-from jld_core.memory import memory_limit
 from jld_core.models import cost_estimate, costs
+from jld_core.threads import memory_limit
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import ending
 from jld_explore.drivers import DRIVERS

@@ -20,9 +20,9 @@ from jld_core import (
     parse_scene,
     solve,
 )
+from jld_core.assembly import faces_of
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine
-from jld_core.sub_assembly import faces_of
 from jld_core.views import facts_of_assembly, facts_of_result
 
 Document = dict[str, Any]

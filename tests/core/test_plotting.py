@@ -39,7 +39,7 @@ from jld_core import (
     solve,
 )
 from jld_core.assembly import Elements, Interfaces
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.loads import Loads
 from jld_core.models import solve_by_fields
 from jld_core.samples import box
@@ -57,7 +57,7 @@ from jld_core.views.figures import (
     svg_of,
 )
 from jld_core.views.look import TINTS, rules
-from jld_core.views.path import PathValue
+from jld_core.views.moved_joints import PathValue
 from jld_core.views.structure import painter_order, projection_of
 from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order

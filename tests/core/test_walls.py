@@ -16,8 +16,7 @@ from jld_core import InputError, Scene, build_assembly, parse_scene, samples, so
 from jld_core.exchange import ImportOptions, import_file
 from jld_core.refinement import refine
 from jld_core.samples import box
-from jld_core.samples.bonds import BONDS
-from jld_core.samples.corner_bonds import corner_course
+from jld_core.samples.bonds import BONDS, corner_course
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Least and largest coordinates of a box."""

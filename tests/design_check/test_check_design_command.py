@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from command import Command
 from jld_core import parse_scene, solve
 from jld_core.scene.design import partial_factors
-from jld_core.views.path import figure_of_path, path_values
+from jld_core.views.moved_joints import figure_of_path, path_values
 from jld_explore.report.languages import LANGUAGES
 from jld_explore.report.page_data import solution_of
 from jld_explore.report.page_of_study import path_pictures

@@ -130,8 +130,7 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
 def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
-    from jld_core.views.figure_layout import figure_for
-    from jld_core.views.figures import draw_forces, draw_mechanism
+    from jld_core.views.figures import draw_forces, draw_mechanism, figure_for
     from jld_explore.report.page_data import page_data, solution_of
 
     scene = parse_scene(wall([STRAP]))
@@ -192,7 +191,7 @@ def _void() -> None:
 
 
 def _settlement() -> None:
-    from jld_core.build.settlements import settlements_of
+    from jld_core.build.loads import settlements_of
     from jld_practice.reactions.force_range import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]

@@ -14,7 +14,7 @@ from studies.families import semicircular_arch
 from cases import ROUTE, as_elements, box, rotated
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.samples import arch
 from jld_practice.reactions import Settled, thrust_ranges
 from jld_practice.reactions.force_range import reactions, settle

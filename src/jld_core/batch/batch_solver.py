@@ -1,7 +1,6 @@
-"""Batch solver: proven lower and upper bounds on λ for many labellings of one assembly at once.
+"""Batch solver: proven bounds on λ for many labellings of one assembly, several in the SIMD lanes at once.
 
-The compiled solver treats several labellings together in the SIMD lanes of the processor. All rows come from the yield
-sets of a template; this module defines no yield set. Labellings that stay open are solved one at a time elsewhere.
+All rows come from the yield sets of a template. Labellings that stay open are solved one at a time elsewhere.
 """
 
 from __future__ import annotations
@@ -33,10 +32,7 @@ CARRIED: Final = _FATES["CARRIED"]
 
 @dataclass(frozen=True)
 class MinimizationOptions:
-    """Options of conflict minimisation.
-
-    Minimisation makes decided faces undecided, as long as the relaxation still proves λ below the threshold.
-    """
+    """Options of conflict minimisation: decided faces become undecided while λ is still proven below the threshold."""
 
     # further minimisations per refuted labelling; each starts with one face of its conflict undecided
     neighbours: int = 0
@@ -96,10 +92,7 @@ class ConflictRequest:
 
 @dataclass(frozen=True)
 class MinimizationResults:
-    """Minimised conflicts of k labellings and their neighbours, r = k · (1 + neighbours) rows.
-
-    The row of a labelling comes before those of its neighbours.
-    """
+    """Minimised conflicts of k labellings, each followed by its neighbours: r = k · (1 + neighbours) rows."""
 
     labelling: Ints  # (r,) index of the labelling among the k
     fate: NDArray[np.uint8]  # (r,) 0 (open, or never begun), `REFUTED` or `CARRIED`
@@ -146,10 +139,7 @@ class BatchResults:
 
     @property
     def velocities(self) -> Floats:
-        """Return the velocities (k, q·free) of the upper bounds.
-
-        Raises ValueError if the results were computed without `vectors=True`.
-        """
+        """Return the velocities (k, q·free) of the upper bounds; raise ValueError without `vectors=True`."""
         if self.velocity is None:
             raise ValueError("the batch solver was asked for no velocities; solve with `vectors=True`")
         return self.velocity
@@ -182,15 +172,11 @@ class _Start:
 class BatchSolver:
     """Batch solver for the labellings of one template.
 
-    template: gives equilibrium and yield sets. Their rows must be pairs of linear rows; in space edges of hulls and one
-    shear cone per face. opening: (q·free,) velocities that open every face under any labelling; None if there are none.
-    load_scale: magnitude of scaled λ relative to which a bracket around zero counts as narrow. undecided: rows of faces
-    whose label is undecided; they replace the rows of dry faces. variant: variant or path of the compiled library (see
-    `library`); default: the variant in use. tries: settings of the passes over the open labellings; default: those of
-    `tries_of`. sampled_start: True to start near the mean solution of a few random labellings, False from the
-    least-norm forces in equilibrium, which is cheaper for a few labellings. settled_fraction: share of the random
-    labellings that got a verdict; 0 if none were solved. Raises ValueError: no batch solver is built or in use, or the
-    template's rows have an unsupported shape (see `fits`).
+    opening: (q·free,) velocities that open every face under any labelling, if any. load_scale: scaled λ relative to
+    which a bracket about zero counts as narrow. undecided: rows of undecided faces, in place of those of dry ones.
+    sampled_start: start near the mean solution of random labellings, of which `settled_fraction` got a verdict; False:
+    from least-norm forces, cheaper for a few labellings. Raises ValueError without a library, or for rows of an
+    unsupported shape (see `fits`).
     """
 
     def __init__(
@@ -262,7 +248,7 @@ class BatchSolver:
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
         """Store ends, matrix block and equilibrium entries of each face, in elimination order.
 
-        a, b: (m,) free elements of each face, −1 for a support.
+        A, b: −1 for a support.
         """
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
@@ -296,9 +282,8 @@ class BatchSolver:
     ) -> BatchResults:
         """Compute bounds on λ for labellings; each result depends on its own labelling alone.
 
-        labellings: (k, m) True = dry. undecided: (k, m) True where a face has no label. thresholds: (k,) scaled λ; once
-        a labelling is known to exceed its threshold its iterations end. vectors: return forces, velocities, rays and
-        the diagnosis as well. Raises MemoryError: the compiled solver cannot allocate its workspace.
+        labellings, undecided: (k, m). thresholds: (k,) scaled λ; iterations end once it is known to be exceeded.
+        vectors: return forces, velocities, rays and the diagnosis as well.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         if undecided is not None:
@@ -331,12 +316,7 @@ class BatchSolver:
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
     def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
-        """Compute bounds on λ of one labelling for samples of its strengths and loads.
-
-        dead, live: (k, q·free) scaled loads of each sample, in the order of elements. thresholds: (k,) scaled λ, as in
-        `solve`. Result: scaled bounds and verdicts, one for each sample. Raises MemoryError: the compiled solver cannot
-        allocate its workspace.
-        """
+        """Compute bounds on λ of one labelling for samples of its strengths and loads (k, q·free); all scaled."""
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
         other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))
@@ -345,11 +325,7 @@ class BatchSolver:
         return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds)
 
     def reversed(self) -> BatchSolver:
-        """Return a solver of the same structure under the opposite live load.
-
-        Its iterations start without live load and without velocities. They take longer, so use it for a few labellings
-        only.
-        """
+        """Return a solver under the opposite live load, for a few labellings: its start is slow."""
         other = copy(self)
         other._live = -self._live
         nothing = np.zeros((self.faces, self._q))
@@ -357,11 +333,7 @@ class BatchSolver:
         return other
 
     def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:
-        """Minimise the conflicts of labellings at their thresholds.
-
-        Result: row i·(1 + neighbours) belongs to labelling i; the rows of its neighbours follow. Raises MemoryError:
-        the compiled solver cannot allocate its workspace.
-        """
+        """Minimise the conflicts of labellings at their thresholds."""
         # A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
         # caller must verify the work balance of the mechanism, docs/method.md (6.4).
         count, how = len(asked.labellings), asked.how
@@ -398,7 +370,6 @@ class BatchSolver:
         return back
 
     def _problem(self) -> library.Problem:
-        """Return the problem as a structure of the compiled library."""
         # The structure points to arrays of this solver, and is valid while the solver exists.
         start = self._start
         arrays = library.pointers(

@@ -1,8 +1,4 @@
-"""Batch solver for the linear program of the relaxation by blocks under many choices of allowed blocks.
-
-The solver takes the columns as given and knows nothing of mechanics. Each block has rows of its own, which are
-eliminated block by block, and shares other rows with further blocks, three rows to a node.
-"""
+"""Batch solver for the linear program of the relaxation by blocks under many choices of allowed blocks."""
 
 from __future__ import annotations
 
@@ -34,12 +30,11 @@ _MOST: Final = 50  # largest number of iterations of one choice; 15 to 30 were m
 
 @dataclass(frozen=True)
 class BlockColumns:
-    """Coefficients of one block p in the linear program of the relaxation by blocks.
+    """Coefficients of one block p in the linear program of the relaxation by blocks (6.5).
 
-    Its variables are the share x_p, the share of λ (λ x_p), and one multiplier ≥ 0 per column. Most columns hold the
-    forces of one generator of a yield set, at a side or a joint of p. A node has three rows and is a face shared by
-    blocks or an element (of which two rows are used). Rows are numbered within p: its own first, then the shared ones.
-    See docs/method.md (6.5).
+    Its variables are the share x_p, the load λ x_p, and a multiplier ≥ 0 per column, mostly of one generator of a yield
+    set. Rows are numbered within p: its own, then those shared by nodes, which are faces between blocks or elements,
+    three each.
     """
 
     own: int  # number of rows that belong to this block alone
@@ -62,14 +57,10 @@ class BlockAnswers:
 
 
 class BatchBlockSolver:
-    """Batch solver for the relaxation by blocks, for many choices of allowed blocks at once.
+    """Batch solver that maximises λ over the variables of the allowed blocks, for many choices at once.
 
-    Each program maximises λ over the variables of the allowed blocks, see `BlockColumns`. The own rows of a block sum
-    to zero, the shared rows over all blocks to `rhs`.
-
-    blocks: all p possible blocks. places: (nodes, d) coordinates of the nodes; each node has three shared rows. rhs:
-    (3·nodes,) right-hand side of the shared rows. load: shared rows in which λ has the coefficient −1. width: number of
-    choices that the compiled library solves together. Raises ValueError: no batch solver is built or in use.
+    Own rows of a block sum to zero, shared rows over all blocks to `rhs` (3·nodes,). places: (nodes, d). load: shared
+    rows in which λ has the coefficient −1. Raises ValueError without a batch solver.
     """
 
     def __init__(self, blocks: Sequence[BlockColumns], places: Floats, rhs: Floats, load: Ints) -> None:
@@ -111,10 +102,9 @@ class BatchBlockSolver:
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the factor positions of all products of two shared rows of one block.
+        """Return the factor positions of all products of two shared rows (r,) of one block.
 
-        rows: (r,) shared rows. A pair is a row with itself or one before it, row by row. Positions ≥ 0 count within the
-        diagonal matrix blocks, −1 − position within the others.
+        ≥ 0 in the diagonal matrix blocks, −1 − position in the others.
         """
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
@@ -129,12 +119,9 @@ class BatchBlockSolver:
         return np.array(found, dtype=np.int64)
 
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
-        """Solve the linear program of each choice of allowed blocks.
+        """Solve the linear programs of choices `allowed` (k, p), least ≤ λ ≤ most (k,).
 
-        allowed: (k, p) True where a choice allows the block. thresholds: (k,) λ to reach; iterations end once λ is
-        known to stay below it. least, most: (k,) bounds on λ in each choice: the variable λ x_p lies between `least`
-        x_p and `most` x_p. Raises MemoryError: the compiled solver cannot allocate its workspace. Raises ValueError: a
-        block has too many rows (see `supports`).
+        A program ends once λ stays below its threshold (k,). Raises ValueError if a block has too many rows.
         """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
@@ -174,5 +161,4 @@ def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
 
 
 def _flat(lists: Sequence[Ints]) -> NDArray[np.int32]:
-    """Concatenate arrays of indices."""
     return np.concatenate(list(lists)).astype(np.int32)

@@ -1,10 +1,8 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
-`setup.py` lets this module compile all variants of a processor family into the package, and so does `make bench`
-(``--in-place``); `make demo` takes the best one (``--in-place --best``), and `make setup` the base as well
-(``--in-place --ends``). Where that failed, the first use compiles the best variant of this processor into the user's
-cache. `python -m jld_core.batch.build` compiles into that cache by hand.
-This module imports nothing of the package, because `setup.py` loads it before the package exists.
+`setup.py` and ``--in-place`` compile into the package, with ``--best`` or ``--ends`` the best variant or also the base;
+else the first use compiles the best into the user's cache. It imports nothing of the package, because `setup.py` loads
+it before the package exists.
 """
 
 from __future__ import annotations
@@ -38,9 +36,7 @@ UNITS: Final = (
     "graphs.cpp",
     "fronts.cpp",
 )
-"""Translation units, slowest first: bounds and conflicts by kind of face, bounds in half the lanes, the relaxation by
-blocks, the interface of labellings, cone programs, graphs, and one sparse factor. They are compiled at the same time.
-"""
+"""Translation units, slowest first, compiled at the same time."""
 UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
@@ -81,10 +77,7 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 
 
 def variants() -> tuple[str, ...]:
-    """Return the batch solver's variants for this family of processors, fastest first.
-
-    This processor may lack the instructions of some variants, see `runs_here`.
-    """
+    """Return the variants for this family of processors, fastest first; this one may lack their instructions."""
     machine = platform.machine().lower()
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")
@@ -92,7 +85,6 @@ def variants() -> tuple[str, ...]:
 
 
 def runs_here(variant: str) -> bool:
-    """Return True if this processor has the instructions of a variant."""
     return set(NEEDED[variant]) <= processor_flags()
 
 
@@ -120,15 +112,12 @@ def _numpy_flags() -> frozenset[str]:
 
 
 def best() -> str:
-    """Return the name of the fastest variant whose instructions this processor has."""
+    """Return the fastest variant whose instructions this processor has."""
     return next(name for name in variants() if runs_here(name))
 
 
 def digest() -> str:
-    """Return a hash of the C++ sources, the interface and the compiler flags, 16 characters.
-
-    A cached library is valid while the hash is the same.
-    """
+    """Return a hash (16 characters) of sources, interface and flags, which validates a cached library."""
     content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS, UNIT_FLAGS)).encode())
     for path in [*INTERFACES, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
@@ -136,15 +125,12 @@ def digest() -> str:
 
 
 def mark() -> str:
-    """Return the compiler flag that writes the hash of the sources into a library.
-
-    `is_current` looks for this hash, see `digest`.
-    """
+    """Return the compiler flag that writes the hash of the sources into a library."""
     return f'-DJLD_SOURCES="{digest()}"'
 
 
 def is_current(library: Path) -> bool:
-    """Return True if a library was compiled from the present sources, or the package has no sources to compare with."""
+    """Return True if a library was compiled from the present sources, or there are no sources."""
     # Read the file without loading it: a library for another processor may crash on loading.
     return not SOURCE.is_dir() or digest().encode() in library.read_bytes()
 
@@ -161,7 +147,7 @@ def zig() -> list[str] | None:
 
 
 def compilers() -> list[list[str]]:
-    """Return the compiler commands to try, in order: $CXX, the system's, ziglang's."""
+    """Return the compiler commands to try: $CXX, the system's, ziglang's."""
     named = os.environ.get("CXX")
     found = [shlex.split(named)] if named else []
     found += [[path] for path in map(shutil.which, ("c++", "g++", "clang++")) if path]
@@ -188,7 +174,6 @@ def compile_variant(
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]
 
     def run(*arguments: str) -> None:
-        """Run the compiler with these arguments; raise subprocess.SubprocessError if it fails."""
         with _RUNNING:
             subprocess.run([*flags, *arguments], check=True, capture_output=True, text=True, timeout=patience)
 
@@ -223,7 +208,7 @@ def reason_of(problem: OSError | subprocess.SubprocessError) -> str:
 def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
     """Compile one variant with the first compiler that works.
 
-    The results are the path of the library, None if no compiler works, and one line per compiler that failed.
+    Return its path or None, and a line per failed compiler.
     """
     problems = list[str]()
     for compiler in compilers():
@@ -240,10 +225,7 @@ def _is_there(library: Path) -> bool:
 
 
 def remove_others(library: Path) -> None:
-    """Remove the libraries of the same variant with other file names.
-
-    They would be found before the given library.
-    """
+    """Remove the other libraries of the same variant, which would be found first."""
     for other in library.parent.glob(f"{library.stem}.*"):
         if other != library:
             other.unlink()

@@ -1,7 +1,7 @@
-"""Declaration of the C interface of cone programs of one sparsity; `interface.py` joins it to its own.
+"""Declaration of the C interface of cone programs of one sparsity, joined to `interface.py`.
 
-Quantities are those of the programs, docs/method.md (9.17). Sizes: n variables, p equations, l linear rows, q cones of
-three rows, m = p + l + 3 q rows, k programs. This module imports nothing of the package, as `interface.py`.
+Sizes (docs/method.md, 9.17): n variables, p equations, l linear rows, q cones of three rows, m = p + l + 3 q rows, k
+programs. It imports nothing of the package.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Declaration of the C interface of the batch solver, the one place where it is stated.
 
-`build.py` writes the C header `interface.h` from it before it compiles, and `library.py` takes the ctypes structures
-from it. The header asserts the size of each structure and the offset of each field as ctypes lays them out.
-This module imports nothing of the package, because `setup.py` loads it before the package exists.
+`build.py` writes the C header from it, `library.py` takes ctypes structures; the header asserts sizes and offsets. It
+imports nothing of the package, because `setup.py` loads it before the package exists.
 
-All quantities are scaled, (8.1) to (8.3) of docs/method.md. Sizes: n elements, m faces, k labellings, q freedoms of an
-element (3 planar, 6 spatial), L labels (2, or 3 where faces may be undecided). `cone_interface.py` has cone programs.
+Quantities are scaled, (8.1) to (8.3) of docs/method.md: n elements, m faces, k labellings, q freedoms of an element, L
+labels (2, or 3 where faces may be undecided).
 """
 
 from __future__ import annotations

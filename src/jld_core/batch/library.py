@@ -66,10 +66,9 @@ def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
 
 
 def built() -> dict[str, Path]:
-    """Return the paths of the compiled libraries by variant, fastest first.
+    """Return the compiled libraries by variant, fastest first.
 
-    Libraries of the package come first if they match the sources; otherwise those of the cache are returned. The
-    dictionary is empty if nothing is compiled.
+    Those of the package if they match the sources, else the cache's.
     """
     own = _within(Path(__file__).parent)
     return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
@@ -102,10 +101,9 @@ def _compiled() -> dict[str, Path]:
 
 @cache
 def _found(wish: str) -> tuple[str, Path] | None:
-    """Return name and path of the library that `wish` names; None where there is none.
+    """Return name and path of the library that `wish` names, if any.
 
-    Raises InputError for a variant that is not built or does not run here, and for a library that was not built from
-    these sources.
+    Raise InputError if it does not run or match here.
     """
     if wish == "off":
         return None
@@ -144,10 +142,7 @@ def chosen() -> str | None:
 
 @cache
 def library(variant: str) -> ctypes.CDLL:
-    """Load a batch solver by the name of its variant or the path of a library.
-
-    Raises InputError if there is no such library.
-    """
+    """Load a batch solver by the name of its variant or the path of a library."""
     found = _found(variant)
     if found is None:
         raise InputError(SWITCH, f"no kernel {variant!r} is built", "a variant that is built, or a library")
@@ -160,11 +155,7 @@ def library(variant: str) -> ctypes.CDLL:
 
 
 def require_success(outcome: int) -> None:
-    """Raise an error if the return code `outcome` of a compiled function reports a failure.
-
-    The errors are MemoryError, ValueError (a problem that the compiled solver does not take), and RuntimeError (a
-    defect of it).
-    """
+    """Raise MemoryError, ValueError (a problem not supported) or RuntimeError (a defect) for a failed return code."""
     if outcome == _OUTCOMES["NO_MEMORY"]:
         raise MemoryError("the batch solver has no memory for its workspace")
     if outcome == _OUTCOMES["UNSUPPORTED"]:
@@ -174,10 +165,7 @@ def require_success(outcome: int) -> None:
 
 
 def described() -> str:
-    """Describe the batch solver in use in words, for `jld --version`.
-
-    Result: variant, number of labellings solved together and the variants that are built, or "no kernel".
-    """
+    """Describe the batch solver in use, labellings solved together and variants, for `jld --version`."""
     name = chosen()
     if name is None:
         return "no kernel"
@@ -186,37 +174,35 @@ def described() -> str:
     return f"kernel {found.jld_variant().decode()}, {found.jld_width()} labellings at a time{held}"
 
 
+# Of 512 layouts of 278 faces, 128 of 946, 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
+# but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces.
 LARGE: Final = 200
-"""Faces of a planar assembly from which on `LARGE_TRIES` apply.
-
-Of 512 layouts of 278 faces, 128 of 946 and 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
-but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces. Source:
-benchmarks/batch_solver.py.
-"""
+"""Faces of a planar assembly from which on `LARGE_TRIES` apply. Source: benchmarks/batch_solver.py."""
 NARROW: Final = 1000
 """Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
 
-Workspaces of eight labellings no longer fit into the cache. Half the lanes take 1.2 times the time of all at 278 faces,
-1.0 times at 946, and 0.7 to 0.9 times at 1 225, 1 431 and 2 016. Source: benchmarks/batch_solver.py,
-walls of other sizes.
+Workspaces of eight labellings no longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278, 946
+and 1 225 faces and more.
 """
 DRY_SHARES: Final = (0.0, 1.0)
 """Range of the share of dry faces of the random labellings whose mean solution gives the starting point."""
+# Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts in blocks of
+# four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and 34.2
+# instead of 33.5 (less than a third dry).
 LARGE_DRY_SHARES: Final = (0.5, 1.0)
 """That range for planar assemblies of `LARGE` faces and more.
 
-Random labels join the elements of a large assembly to few blocks below a share of one half, and λ then is far above
-that of layouts. Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts
-in blocks of four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and
-34.2 instead of 33.5 (less than a third dry). Source: benchmarks/batch_solver.py.
+Below a half, random labels join elements to few blocks, and λ is far above that of layouts. Source:
+benchmarks/batch_solver.py.
 """
 SAMPLES: Final = 32
 """Random labellings whose mean solution gives the starting point."""
+# With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at 2 016 faces, 21.8, 22.4, 22.5 and 22.3
+# at 946, and 15.8, 16.2, 16.2 and 17.7 at 278.
 FEW_SAMPLES: Final = 8
 """The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.
 
-There each takes as long as a layout. With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at
-2 016 faces, 21.8, 22.4, 22.5 and 22.3 at 946, and 15.8, 16.2, 16.2 and 17.7 at 278. Source: benchmarks/batch_solver.py.
+There each takes as long as a layout, and saves few iterations of one. Source: benchmarks/batch_solver.py.
 """
 
 # Defaults of `library.Try`; `JldTry` in interface.py defines each field
@@ -241,8 +227,9 @@ TRIES: Final = (
     Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
-and for an admissible state on the boundary. Source: measured in benchmarks/batch_solver.py.
+"""Settings of the passes over open labellings, planar.
+
+2 and 3 look for a ray of unbounded load and for a state on the boundary. Source: benchmarks/batch_solver.py.
 """
 # Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit
 _RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
@@ -257,11 +244,11 @@ LARGE_TRIES: Final = (
     Try(**_RESUMED | {"proximal": 1e-11}),
     TRIES[2],
 )
-"""Settings of the passes over large planar assemblies. A small proximal term follows forces that drift long, and
-rounding of many elements needs a larger margin. What a pass leaves open it has nearly solved, so the next one begins
-where it ended. Upper bounds need exact jumps, since each is weighed with strengths far above the weight of an element:
-hence the small proximal terms and margins of these passes. Pass 5 begins anew with shorter steps and a larger margin,
-which keep slacks apart. Source: measured in benchmarks/batch_solver.py.
+"""Settings of the passes over large planar assemblies.
+
+Each begins where the last one ended. A small proximal term follows forces that drift long, and rounding of many
+elements needs a larger margin; upper bounds need exact jumps, hence small terms in later passes. Pass 5 begins anew
+with shorter steps and a larger margin. Source: benchmarks/batch_solver.py.
 """
 
 SPATIAL_TRIES: Final = tuple(
@@ -273,13 +260,14 @@ SPATIAL_TRIES: Final = tuple(
         {"proximal": 1e-4, "most": 60},
     )
 )
-"""Settings of the successive passes over the open labellings, spatial. No pass looks for states on the boundary of a
-cone. Source: measured in benchmarks/batch_solver.py.
+"""Settings of the passes over open labellings, spatial.
+
+None looks for states on the boundary of a cone. Source: benchmarks/batch_solver.py.
 """
 
 
 def narrow(dimension: int, faces: int) -> bool:
-    """Return True if bounds use half the lanes of AVX-512. dimension: 2 or 3. faces: number of interfaces."""
+    """Return True if bounds use half the lanes of AVX-512."""
     return dimension == 2 and faces >= NARROW
 
 
@@ -297,10 +285,9 @@ def dry_shares(dimension: int, faces: int) -> tuple[float, float]:
 
 
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[Try, ...]:
-    """Return the settings of each pass over the labellings that are still open.
+    """Return the settings of each pass over open labellings.
 
-    parabolas: True if some face crushes along a parabola, which passes for rays and for states on the boundary do not
-    support.
+    Faces that crush along a parabola exclude passes for rays and boundary states.
     """
     if dimension == 3:
         usual = SPATIAL_TRIES

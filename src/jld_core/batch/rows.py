@@ -1,4 +1,4 @@
-"""Convert the rows of a template's yield sets to the layout of the batch solver, if that supports them."""
+"""Rows of a template's yield sets in the layout of the batch solver, graphs of blocks, and elimination orders."""
 
 from __future__ import annotations
 
@@ -24,9 +24,7 @@ Names = NDArray[np.int32]
 class Graph:
     """Graph of elements and interfaces, from which the blocks of labellings are computed.
 
-    elements: number n of elements. a, b: (m,) elements of each interface. always: (t, 2) pairs of elements that are of
-    one block under every labelling. variant: variant or path of the compiled library (see `library`); default: the
-    variant in use, if any.
+    always: (t, 2) pairs of elements of one block under every labelling.
     """
 
     def __init__(self, elements: int, a: Ints, b: Ints, always: Ints, variant: str | None = None) -> None:
@@ -35,11 +33,7 @@ class Graph:
         self._variant = variant
 
     def blocks(self, labellings: Bits) -> Ints | None:
-        """Return the block of each element under each labelling.
-
-        labellings: (k, m) True = dry. Returns (k, n): smallest element in the block of each element; None without a
-        batch solver. Raises MemoryError: the compiled library cannot allocate its workspace.
-        """
+        """Return the block (k, n) of each element, named by its smallest element; None without a batch solver."""
         kernel = _library(self._variant)
         if kernel is None:
             return None
@@ -57,14 +51,9 @@ class Graph:
 
 
 class Joining:
-    """Graph whose vertices (atoms) are joined into parts, pair by pair in a given order.
+    """Graph whose vertices (atoms: cells that stay together) are joined into parts, pair by pair in a given order.
 
-    An atom is a set of cells that always stay together.
-
-    first, second: (pairs,) atoms of each pair that may be joined. cells: (atoms,) number of cells of each atom. least,
-    most: smallest and largest number of cells of a part; `most` may be inf. rounds: passes that join parts with too few
-    cells to a part that they touch. variant: variant or path of the compiled library (see `library`); default: the
-    variant in use, if any.
+    least, most: bounds on the cells of a part. rounds: passes that join parts with too few cells to a neighbour.
     """
 
     def __init__(
@@ -78,12 +67,10 @@ class Joining:
         self._variant = variant
 
     def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
-        """Join atoms into parts, once for each order of the pairs.
+        """Join atoms into parts, once for each order (k, pairs).
 
-        order: (k, pairs) indices of the pairs, in the order in which they are tried. wanted: (k,) number of leading
-        pairs of each order that are tried; the others only serve to enlarge parts with too few cells. Result: part of
-        each atom, and True where no part has too few cells; None without a batch solver. Raises MemoryError: the
-        compiled library cannot allocate its workspace.
+        wanted: (k,) leading pairs that are tried; the others only enlarge small parts. Returns the part of each atom,
+        and True where no part is too small; None without a batch solver.
         """
         # A pair is joined unless the part would have more than `most` cells.
         kernel = _library(self._variant)
@@ -102,7 +89,6 @@ class Joining:
 
 
 def _library(variant: str | None) -> Any:
-    """Return the loaded library of a variant, or None if there is none."""
     name = variant or library.chosen()
     return None if name is None else library.library(name)
 
@@ -139,49 +125,42 @@ class FactorPattern:
 
     @property
     def products(self) -> int:
-        """Return the number of products of matrix blocks in one factorisation.
-
-        Products on the diagonal are included.
-        """
+        """Return the number of products of matrix blocks in one factorisation, with those on the diagonal."""
         return len(self.pair) + len(self.left)
 
 
 def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
-    """Return the pattern with the fewest products among a few elimination orders.
+    """Return the cached pattern with the fewest products among a few elimination orders.
 
-    Results are cached, so that the load cases of one structure share a pattern. a, b: (e,) pairs of nodes that share a
-    matrix block off the diagonal; a pair of a node with itself is ignored. places: (n, d) coordinates of the n nodes,
-    in any unit.
+    a, b: (e,) pairs of nodes that share a matrix block. places: (n, d) coordinates in any unit.
     """
     return _pattern(*_key(a, b, places))
 
 
 def number_of_products(a: Ints, b: Ints, places: Floats) -> int:
-    """Return `FactorPattern.products` of a pattern without laying it out."""
+    """Return `FactorPattern.products` without laying the pattern out."""
     return _pattern_products(_elimination(*_key(a, b, places))[1])
 
 
 def _key(a: Ints, b: Ints, places: Floats) -> tuple[bytes, bytes, bytes, tuple[int, ...]]:
-    """Return the key of the caches: bytes of the ends of edges and of coordinates, and the shape of these."""
+    """Return the key of the caches: bytes of edges and coordinates, and the shape of these."""
     a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
     proper = a != b
     return a[proper].tobytes(), b[proper].tobytes(), places.tobytes(), places.shape
 
 
 def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
-    """Return the ends (e,), (e,) of the edges of a key."""
     return np.frombuffer(first, dtype=np.int64), np.frombuffer(second, dtype=np.int64)
 
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> FactorPattern:
-    """Compute the factor pattern of a key, see `_key`."""
     return _laid_out(*_ends(first, second), *_elimination(first, second, where, shape))
 
 
 @lru_cache(maxsize=4)
 def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> tuple[Ints, list[list[int]]]:
-    """Return the elimination order with the fewest products, and the rows of its columns; see `_fill`."""
+    """Return the elimination order with the fewest products, and the rows of its columns."""
     a, b = _ends(first, second)
     places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
@@ -199,10 +178,7 @@ def _pattern_products(columns: list[list[int]]) -> int:
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
-    """Return the neighbours of each node of a graph, in a fixed order.
-
-    a, b: (e,) ends of the edges.
-    """
+    """Return the neighbours of each node of a graph with edges (e,), in a fixed order."""
     found: list[dict[int, None]] = [{} for _ in range(count)]
     for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
         found[one][other] = None
@@ -211,10 +187,7 @@ def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
 
 
 def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
-    """Return the minimum-degree elimination order of a graph.
-
-    a, b: (e,) ends of the edges.
-    """
+    """Return the minimum-degree elimination order of a graph with edges (e,)."""
     near = _neighbours(a, b, count)
     # entries whose degree has changed since are stale
     waiting = [(len(around), node) for node, around in enumerate(near)]
@@ -236,10 +209,7 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 
 
 def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
-    """Return the row numbers below the diagonal of each column of the factor, fill included.
-
-    a, b: (e,) ends of the edges.
-    """
+    """Return the rows below the diagonal of each column of the factor, fill included."""
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
     below: list[set[int]] = [set() for _ in order]
@@ -255,10 +225,7 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
 
 
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
-    """Build the factor pattern of an elimination order.
-
-    a, b: (e,) ends of the edges.
-    """
+    """Build the factor pattern of an elimination order."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     entered = np.zeros(len(place), dtype=np.uint8)
@@ -292,7 +259,6 @@ def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
 
 
 def _flat(lists: list[list[int]]) -> Int32s:
-    """Concatenate lists of integers."""
     return np.array([value for one in lists for value in one], dtype=np.int32)
 
 
@@ -310,17 +276,16 @@ _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0,
 MOST: Final = 15_000_000
 """Number of scalar products of one factorisation above which the batch solver is not used.
 
-Measured: 6³ cubes 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million.
+6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million.
 """
 
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
 
 
 def fits(template: Template, undecided: Rows | None = None) -> bool:
-    """Return True if the batch solver supports the rows and the size of a template.
+    """Return True if the batch solver supports the rows, size and members of a template.
 
-    Result: False for more than `LARGEST` faces, more than `MOST` products in a factorisation, rows of another shape, or
-    for a member that acts on more than two elements.
+    None on more than two elements.
     """
     return (
         len(template.assembly.interfaces) <= LARGEST
@@ -336,16 +301,13 @@ def _products(assembly: Assembly) -> int:
 
 
 def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
-    """Return the factor pattern of an assembly's equilibrium, and the elements of each face.
-
-    The elements of each face are arrays (m,), numbered among the free elements; −1 stands for a support.
-    """
+    """Return the factor pattern of equilibrium, and the free elements (m,), (m,) of each face, −1 for a support."""
     graph, a, b = _graph(assembly)
     return factor_pattern(*graph), a, b
 
 
 def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
-    """Return what `factor_pattern` takes of an assembly, and the elements of each face as `pattern_of` does."""
+    """Return what `factor_pattern` takes of an assembly, and the free elements (m,) of each face."""
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))
@@ -361,10 +323,7 @@ def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
 
 @dataclass(frozen=True)
 class BatchRows:
-    """Coefficients of the yield rows of all faces, under each label, for the batch solver.
-
-    Resultants are scaled. The labels are inner, dry and, where given, undecided, in this order.
-    """
+    """Scaled coefficients of the yield rows of all faces under the labels inner, dry and, if given, undecided."""
 
     # (labels, m, numbers) planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner
     # faces crush. In space, where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with
@@ -388,11 +347,7 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
-    """Compute the yield rows of many samples of strengths under one labelling.
-
-    labels: (k, m) labels of each sample, True = dry. Result: rows of k samples; None if the batch solver does not
-    support them.
-    """
+    """Compute the yield rows of many samples of strengths under labels (k, m); None if unsupported."""
     both = rows_of_sets(own, labels.size, dimension)
     if both is None:
         return None
@@ -412,15 +367,12 @@ def _decided(template: Template) -> BatchRows | None:
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
-    """Compute the rows of all labels; None if the batch solver does not support them."""
+    """Compute the rows of all labels; None if unsupported."""
     return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
 
 
 def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
-    """Compute the rows of the yield sets of faces, in the layout of the batch solver.
-
-    Result: None if the batch solver does not support the rows.
-    """
+    """Compute the yield rows of faces in the layout of the batch solver; None if unsupported."""
     every = np.ones(faces, dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
     active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
@@ -463,10 +415,9 @@ def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | No
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the linear rows (m, pairs, 3) of planar faces under one label.
+    """Return pairs a, b, h of −a N ± b X ≤ h under one label, (m, pairs, 3).
 
-    A pair is a, b, h of −a N ± b X ≤ h. X is M, V and, where inner faces crush, M again. Cones are ignored here: they
-    are the parabolas of crushing joints. dry: True for the dry label.
+    X is M, V and, where inner faces crush, M again. Cones, the parabolas of crushing joints, are ignored.
     """
     if pattern.extra:
         return None
@@ -474,10 +425,7 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return the coefficients a, b, h of one label's rows −a N ± b X ≤ h, (m, 2 or 3, 3).
-
-    None where the rows do not come in such pairs. values: entries of the rows. sides: their right-hand sides.
-    """
+    """Return a, b, h of one label's rows −a N ± b X ≤ h, (m, 2 or 3, 3); None where they do not come in such pairs."""
     # X is M, V and, where inner faces crush, M again.
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
@@ -511,10 +459,7 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 
 
 def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
-    """Return the rows (m, most) of each face in order, −1 where a face has fewer; None if a face has none.
-
-    owner: (all rows,) face of each.
-    """
+    """Return the rows (m, most) of each face in order, padded by −1; None if a face has none."""
     rows = rows[np.argsort(owner[rows], kind="stable")]
     counts = np.bincount(owner[rows], minlength=faces)
     if not counts.all():
@@ -526,10 +471,7 @@ def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label.
-
-    dry: True for the dry label.
-    """
+    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label."""
     # Rows 0 to EDGES − 1 of a face hold a, p, q, h of −a N + p M1 + q M2 ≤ h, one per hull edge; those left over have p
     # = q = 0. The last row holds a, b, h, 0 of −a N ± b MT + b t ≤ h, where t is the bound on shear.
     if pattern.cones != (3,) * faces or pattern.extra != faces:
@@ -588,10 +530,7 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """Return a, b, h of M1, M2 and MT, (labels, m, 9), if bending rows are pairs; else None.
-
-    found: (labels, m, EDGES + 1, 4) rows of `_spatial_table`. Pairs are ±M1 and ±M2 with the same b.
-    """
+    """Return a, b, h of ±M1, ±M2 and MT, (labels, m, 9), from rows of `_spatial_table`; None if they are no pairs."""
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
     across = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -605,10 +544,7 @@ def _in_pairs(found: Floats) -> Floats | None:
 
 
 def _along_edges(found: Floats) -> Floats:
-    """Return rows of R edges, their corners, and torsion of each face, (labels, m, 6 R + 3).
-
-    found: (labels, m, EDGES + 1, 4) rows of `_spatial_table`.
-    """
+    """Return rows of R edges, their corners, and torsion of each face, (labels, m, 6 R + 3)."""
     # R is the smallest compiled number of edges that holds all hulls.
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)

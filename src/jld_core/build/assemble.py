@@ -14,12 +14,11 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCa
 from jld_core.build import materials
 from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, weighed
 from jld_core.build.fill import Backing
+from jld_core.build.loads import Boundary, cases_of_pushes
 from jld_core.build.materials import with_bond
 from jld_core.build.members import with_members
 from jld_core.build.moving import PlacedCase, cases_of
 from jld_core.build.plausibility import implausible, not_judged
-from jld_core.build.pressure import Boundary
-from jld_core.build.pushes import cases_of_pushes
 from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants
@@ -39,11 +38,10 @@ _NAMED = 4  # largest number of values with uncertainty that a sentence names
 
 
 def build_geometry(scene: Scene) -> Geometry:
-    """Compute the elements and interfaces of a scene.
+    """Compute the elements, without weights, and interfaces of a scene.
 
-    Both are independent of materials and loads. Result: elements without weights, interfaces, and the scene's own
-    entries for both. Raises InputError: geometry or references are invalid, or an element has no path of interfaces to
-    a support.
+    Both do not depend on materials and loads. Raises InputError also for an element without a path of interfaces to a
+    support.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry)
@@ -132,10 +130,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
 
 
 def _backing(scene: Scene, elements: Elements) -> Backing | None:
-    """Return the fill of a scene on its elements; None without fill.
-
-    Raises InputError for a spatial scene.
-    """
+    """Return the fill of a scene on its elements, if any; raise InputError for a spatial scene."""
     if scene.fill is None:
         return None
     if scene.dimension == 3:
@@ -165,9 +160,9 @@ def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return the entry of "materials.faces" of each interface, None for those without one.
+    """Return the entry of "materials.faces" of each interface, or None.
 
-    Raises InputError for unknown elements, and for a pair with two entries.
+    Raise InputError for unknown or repeated pairs.
     """
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
@@ -196,10 +191,7 @@ def _check_paths(geometry: Geometry) -> None:
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
-    """Return the labels (m,) of all interfaces that the scene states, True = dry.
-
-    Raises InputError for unknown elements, or a pair in both lists.
-    """
+    """Return the labels (m,) that the scene states; raise InputError for unknown elements, or a pair in both lists."""
     # The first of these that exists counts: label of the interface, lists "dry" and "inner", default. Otherwise faces
     # inside a named block are inner, except those at supports, and all others are dry.
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
@@ -241,9 +233,9 @@ def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
 
 
 def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
-    """Return the load cases of a scene, stated ones and those of moving loads and pushes.
+    """Return the load cases of a scene, with those of moving loads and pushes.
 
-    Raises InputError for invalid paths or directions, and for names used twice.
+    Raise InputError for names used twice.
     """
     direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
     stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]

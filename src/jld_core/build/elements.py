@@ -59,10 +59,10 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Build the elements of a scene from its entries and computed geometry, without weights.
+    """Build the elements of a scene without weights.
 
-    centroid: (n, d) and volume: (n,), computed; values that an entry states replace them. Raises InputError where all
-    or none of the elements are supports.
+    Entries may replace computed centroids (n, d) and volumes (n,). Raises InputError where all or none of them are
+    supports.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
@@ -90,7 +90,7 @@ def collect_elements(
 
 
 def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Compute the self-weights of all elements, and return the elements with them."""
+    """Return the elements with their self-weights."""
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -131,10 +131,7 @@ def refuse_twins(ids: list[str]) -> None:
 
 
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
-    """Return the indices of two elements that are named by their ids.
-
-    Raises InputError for an unknown id, or for one id given twice.
-    """
+    """Return the indices of two different elements named by their ids; raise InputError for others."""
     for name in pair:
         if name not in elements.index:
             raise InputError(where, f"no element is named {name!r}", "ids of two elements")
@@ -188,10 +185,7 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
 
 
 def planar_geometry(scene: Scene) -> Geometry:
-    """Compute the elements and interfaces of a planar scene, given as a grid or as polygons.
-
-    Raises InputError for invalid polygons or interfaces.
-    """
+    """Compute the elements and interfaces of a planar scene, given as a grid or as polygons."""
     # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
     # found. Interfaces between two supports are dropped.
     entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])
@@ -236,12 +230,10 @@ def _within(scene: Scene) -> float:
 
 
 def _closed_polygon(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
-    """Close gaps and overlaps between outlines, each up to the tolerance of the scene.
+    """Close gaps and overlaps between outlines (k, 2); return them and the largest displacement.
 
-    outlines: corners (k, 2) of each. Returns the new outlines and the largest displacement. Grids and scenes with
-    stated interfaces stay unchanged. So do scenes whose largest displacement is within the tolerance of contact
-    detection, and scenes without a stated tolerance in which an element would vanish. Raises InputError if an element
-    vanishes within a stated tolerance.
+    Grids, scenes with stated interfaces, displacements within the tolerance of contacts, and, without a stated
+    tolerance, scenes in which an element would vanish stay unchanged. With one, that raises InputError.
     """
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
@@ -283,9 +275,9 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Return the block name of each free cell of a grid, by (row, column).
+    """Return the block of each free cell of a grid, by (row, column).
 
-    A letter whose cells form several connected parts names them letter1, letter2, …
+    Its letter, with a number if it has several parts.
     """
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}
@@ -309,10 +301,7 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
 
 
 def _polygon_misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) -> tuple[str, ...]:
-    """Return warnings about stated interfaces that fit the outlines of their elements poorly.
-
-    Raises InputError for interfaces beyond an outline, inside an element, or stated twice.
-    """
+    """Return warnings about stated interfaces that fit outlines poorly; raise InputError for those that cannot be."""
     refuse_repeated([(c.a, c.b) for c in contacts], [c.ends for c in contacts])
     fits = [
         (
@@ -327,10 +316,7 @@ def _polygon_misfits(scene: Scene, contacts: list[PlanarContact], elements: Elem
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
-    """Convert an interface stated by the scene to a contact.
-
-    Raises InputError for an unknown element, or a polygon that is no straight line of two points.
-    """
+    """Convert a stated interface to a contact; raise InputError unless it is a line of two points."""
     where = f"interfaces[{position}]"
     a, b = pair_index(entry.elements, elements, f"{where}.elements")
     if len(entry.polygon) != 2 or any(len(point) != 2 for point in entry.polygon):
@@ -352,10 +338,7 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
-    """Compute the elements and interfaces of a spatial scene.
-
-    Raises InputError for invalid polyhedra or interfaces.
-    """
+    """Compute the elements and interfaces of a spatial scene."""
     # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
     # found. Interfaces between two supports are dropped.
     entries = list(scene.elements or [])
@@ -403,10 +386,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
-    """Close gaps between solids and make their faces plane, up to the tolerance of the scene.
-
-    vertices: (k, 3) of each solid.
-    """
+    """Close gaps between solids (k, 3) and make their faces plane, up to the tolerance of the scene."""
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0
     surface = lay_out(vertices, faces)
@@ -421,10 +401,7 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
 
 
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:
-    """Convert interfaces stated by the scene to contacts, whose normals point out of their first element.
-
-    Raises InputError for an unknown element, or a polygon that is not spatial and plane.
-    """
+    """Convert stated interfaces to contacts, whose normals point out of their first element."""
     if not entries:
         return []
     couples, polygons = [], []
@@ -440,10 +417,7 @@ def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) 
 
 
 def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, facets: Facets) -> tuple[str, ...]:
-    """Return warnings about stated interfaces that fit the faces of their elements poorly.
-
-    Raises InputError for interfaces beyond a face, inside an element, or stated twice.
-    """
+    """Return warnings about stated interfaces that fit faces poorly; raise InputError for those that cannot be."""
     refuse_repeated([(c.a, c.b) for c in contacts], [c.polygon for c in contacts])
     start = np.searchsorted(facets.element, np.arange(len(elements) + 1)).tolist()
     found = []

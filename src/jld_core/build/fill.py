@@ -1,7 +1,7 @@
-"""Conversion of fill to loads and bounded horizontal pressures on a planar structure.
+"""Conversion of fill to loads and bounded horizontal pressures on a planar structure, docs/method.md (1.14)–(1.16).
 
-Source: docs/method.md (1.14)–(1.16), after W. J. M. Rankine, "On the stability of loose earth", Philosophical
-Transactions of the Royal Society 147 (1857), pages 9–27.
+After W. J. M. Rankine, "On the stability of loose earth", Philosophical Transactions of the Royal Society 147 (1857),
+9–27.
 """
 
 from __future__ import annotations
@@ -48,10 +48,7 @@ class CoveredEdge:
 
 @dataclass(frozen=True)
 class Backing:
-    """Fill of a scene on the upper boundary of its elements.
-
-    A position is measured along `right`, a height against gravity.
-    """
+    """Fill on the upper boundary of elements. A position is measured along `right`, a height against gravity."""
 
     fill: Fill  # entry of the scene
     elements: Elements
@@ -61,10 +58,7 @@ class Backing:
 
     @cached_property
     def edges(self) -> tuple[CoveredEdge, ...]:
-        """Return the covered edges from left to right, those of supports too.
-
-        Raises InputError: no part of the structure lies below the surface of the fill.
-        """
+        """Return the covered edges from left to right, with those of supports; raise InputError if there are none."""
         top = list(self._top())
         found = [part for edge in [*top, *self._walls(top)] for part in self._below(edge, self.fill.level)]
         if not found:
@@ -87,10 +81,9 @@ class Backing:
         return found
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface as vertical loads on the free elements below.
+        """Return a load on the surface as tractions on covered edges, or a force at a point for no width.
 
-        Result: one traction for each covered edge, or a force at a point for a load without width. Raises InputError:
-        no element lies below the middle of the load.
+        Raises InputError where no element lies below the middle of the load.
         """
         # The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         # falls beside free elements is left out: supports and ground carry it.
@@ -138,7 +131,6 @@ class Backing:
         return any(edge.place[0] <= place <= edge.place[1] for edge in self.edges)
 
     def position(self, point: Floats) -> float:
-        """Return the horizontal position of a point (2,), length."""
         return float(point @ self._right)
 
     def pressures(self) -> Members:
@@ -192,18 +184,16 @@ class Backing:
 
     @property
     def _free(self) -> list[CoveredEdge]:
-        """Return the covered edges of free elements."""
         return [edge for edge in self.edges if not self.elements.support[edge.element]]
 
     @property
     def _free_depth(self) -> float:
-        """Return the depth down to which the soil leaves no active pressure, length; at least 0."""
+        """Return the depth down to which the soil leaves no active pressure, at least 0."""
         weight = self.fill.density * self.gravity
         upright = self.fill.held(self.fill.passive_coefficient) - self.fill.surcharge
         return max(0.0, upright / weight) if weight else 0.0
 
     def _vertical(self, depth: Floats) -> Floats:
-        """Return the vertical stress at depths (k,) below the surface."""
         return self.fill.surcharge + self.fill.density * self.gravity * depth
 
     def _active(self, edge: CoveredEdge) -> Floats:
@@ -222,7 +212,6 @@ class Backing:
         )
 
     def _rise(self, edge: CoveredEdge) -> float:
-        """Return the vertical length of an edge, 0 for a level one."""
         return float(abs(edge.height[1] - edge.height[0])) if edge.side else 0.0
 
     def _point(self, place: float, height: float) -> Floats:
@@ -230,18 +219,15 @@ class Backing:
         return place * self._right - height * self.down
 
     def _centre(self, edge: CoveredEdge, ends: Floats) -> Floats:
-        """Return the point (2,) at which the resultant of a linear pressure acts.
-
-        ends: pressures (2,) at both ends of the edge, not both 0.
-        """
+        """Return the point (2,) at which a linear pressure, (2,) at the ends of the edge, acts."""
         share = (ends[0] + 2.0 * ends[1]) / (3.0 * (ends[0] + ends[1])) if ends.any() else 0.5
         middle = edge.between(share, share)
         return self._point(float(middle.place[0]), float(middle.height[0]))
 
     def _traction(self, edge: CoveredEdge, ends: Floats, direction: Floats) -> list[Traction]:
-        """Return a linear pressure as a traction, in a list that is empty if there is none.
+        """Return a linear pressure along `direction` as a traction, [] if there is none.
 
-        ends: pressure times projected length (2,) at both ends of the edge. direction: (2,) of the force.
+        ends: (2,) pressure times projected length.
         """
         if not ends.any():
             return []
@@ -250,7 +236,7 @@ class Backing:
         return [edge_traction(edge.element, points, np.outer(ends * self.thickness / length, direction))]
 
     def _below(self, edge: CoveredEdge, level: float) -> Iterator[CoveredEdge]:
-        """Yield the piece of an edge below a height; nothing if it is not longer than rounding."""
+        """Yield the piece of an edge below a height, if it is longer than rounding."""
         first, last = edge.height.tolist()
         low, high = 0.0, 1.0
         if first > level and last > level:

@@ -1,15 +1,25 @@
-"""Conversion of single load entries of a scene to forces and moments, with checks of their vectors."""
+"""Loads of a scene as loads of the assembly: forces, pushes, settlements and pressures."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.assembly import Elements
-from jld_core.build.fill import PointEntry
+from jld_core.assembly import Assembly, Elements, Interfaces
+from jld_core.build.fill import Backing, PointEntry
+from jld_core.build.patches import patch_tractions, surface_tractions
 from jld_core.errors import InputError
-from jld_core.scene import PointLoad
-from jld_core.scene.loads import BodyLoad
+from jld_core.geometry import spun
+from jld_core.loads import Loads, Traction, edge_traction, points_of
+from jld_core.scene import PointLoad, Scene
+from jld_core.scene.fill import FillLoad
+from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, Pushes
 
 
 def body_forces(entry: BodyLoad, elements: Elements, where: str) -> Floats:
@@ -20,10 +30,7 @@ def body_forces(entry: BodyLoad, elements: Elements, where: str) -> Floats:
 
 
 def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Floats]:
-    """Return the element of a point load and its moment (1,) or (3,).
-
-    Raises InputError for an unknown element, a support, or a moment of the wrong length.
-    """
+    """Return the element of a point load and its moment (1,) or (3,), both checked."""
     if entry.element not in elements.index:
         raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
     index, expected = elements.index[entry.element], 1 if elements.centroid.shape[1] == 2 else 3
@@ -38,7 +45,7 @@ def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Fl
 
 
 def force_of(entry: PointLoad, index: int, elements: Elements, where: str) -> PointEntry:
-    """Return the force of a point load on an element; raise InputError for a vector of the wrong length."""
+    """Return the force of a point load on an element, checked."""
     d = elements.centroid.shape[1]
     force = _vector(entry.force or [], d, f"{where}.force")
     at = elements.centroid[index] if entry.at is None else _vector(entry.at, d, f"{where}.at")
@@ -50,3 +57,289 @@ def _vector(values: list[float], dimension: int, where: str) -> Floats:
     if len(values) != dimension:
         raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
     return np.array(values, dtype=float)
+
+
+_PLANAR: Final = 2  # number of horizontal directions of a planar structure
+
+
+def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]:
+    """Return one load case for each direction of a push, named by its angle in degrees.
+
+    Angles are planar 0 or 180, spatial from the first horizontal axis; downwards: (d,) unit direction of weights.
+    Raises InputError for wrong directions.
+    """
+    d = len(downwards)
+    first = _first_axis(downwards)
+    if isinstance(pushes.directions, int):
+        if d == 2 and pushes.directions > _PLANAR:
+            problem = f"{pushes.directions} horizontal directions in a planar scene"
+            raise InputError(f"{where}.directions", problem, "1 or 2, or a list of vectors")
+        units = _horizontal(pushes.directions, first, downwards)
+    else:
+        units = [_unit(vector, d, f"{where}.directions[{k}]") for k, vector in enumerate(pushes.directions)]
+    names = [f"{pushes.name} {_angles(unit, first, downwards)}" for unit in units]
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise InputError(f"{where}.directions[{k}]", "it is a direction that stands before", "each direction once")
+    return [
+        Case(name=name, live=[BodyLoad(body=(pushes.of_weight * unit + 0.0).tolist())], required=pushes.required)
+        for name, unit in zip(names, units, strict=True)
+    ]
+
+
+def _first_axis(downwards: Floats) -> Floats:
+    """Return the unit vector (d,) of angle 0.
+
+    Planar gravity turned by +90°, spatial the horizontal part of the first axis that is not nearly vertical.
+    """
+    if len(downwards) == 2:
+        return np.array([-downwards[1], downwards[0]])
+    axis = next(row for row in np.eye(3) if abs(float(row @ downwards)) < 0.9)
+    flat = axis - (axis @ downwards) * downwards
+    return np.asarray(flat / np.linalg.norm(flat))
+
+
+def _horizontal(count: int, first: Floats, downwards: Floats) -> list[Floats]:
+    """Return horizontal unit vectors (d,) at equal angles, beginning with `first`."""
+    if len(first) == 2:
+        return [sign * first for sign in (1.0, -1.0)[:count]]
+    second = np.cross(-downwards, first)
+    angles = [2.0 * math.pi * k / count for k in range(count)]
+    units = np.array([math.cos(angle) * first + math.sin(angle) * second for angle in angles])
+    units[np.abs(units) <= tolerances.ROUNDING] = 0.0
+    return list(units)
+
+
+def _unit(vector: list[float], dimension: int, where: str) -> Floats:
+    """Return the unit vector (d,) of a direction; raise InputError for a wrong length or a zero vector."""
+    if len(vector) != dimension:
+        raise InputError(where, f"it has {len(vector)} numbers", f"{dimension} in this scene")
+    length = float(np.linalg.norm(vector))
+    if not length > 0.0:
+        raise InputError(where, "it is zero", "a direction")
+    return np.array(vector, dtype=float) / length
+
+
+def _angles(unit: Floats, first: Floats, downwards: Floats) -> str:
+    """Return the angle of a direction as text, degrees; in space also its slope, if any."""
+    if len(first) == 2:
+        return f"at {_degrees(float(unit @ -downwards), float(unit @ first))}°"
+    second = np.cross(-downwards, first)
+    rise = float(unit @ -downwards)
+    slope = "" if abs(rise) <= tolerances.ROUNDING else f" up {math.degrees(math.asin(min(1.0, max(-1.0, rise)))):.6g}°"
+    return f"at {_degrees(float(unit @ second), float(unit @ first))}°{slope}"
+
+
+def _degrees(rise: float, run: float) -> str:
+    """Return an angle as text, from 0 up to below 360 degrees."""
+    angle = math.degrees(math.atan2(rise, run)) % 360.0
+    return f"{0.0 if min(angle, 360.0 - angle) < 1e-9 else angle:.6g}"
+
+
+@dataclass(frozen=True)
+class Settlement:
+    """Movement of supports with a given direction and an unknown magnitude."""
+
+    name: str  # name in the scene
+    # (n, 3) velocity of each element about its centroid, translation then rotation; zero except for supports that move
+    velocity: Floats
+    load: float = 0.0  # share of the live load that acts during the settlement
+
+
+def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
+    """Return the settlements of a scene.
+
+    Raises InputError for elements that are no supports of free ones, wrong vectors, or no movement.
+    """
+    return tuple(
+        Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
+    )
+
+
+def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
+    """Return the velocities (n, q) of all elements for one settlement."""
+    elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
+    velocity = np.zeros((len(elements), q))
+    faces = assembly.interfaces
+    bearing = set(np.concatenate([faces.a, faces.b]).tolist())
+    for number, part in enumerate(scene.settlements[place].supports):
+        key = f"settlements[{place}].supports[{number}]"
+        names = [part.elements] if isinstance(part.elements, str) else part.elements
+        rows = []
+        for name in names:
+            if name not in elements.index:
+                raise InputError(f"{key}.elements", f"no element is named {name!r}", "ids of supports")
+            row = elements.index[name]
+            if not elements.support[row]:
+                raise InputError(f"{key}.elements", f"{name!r} is no support", "ids of supports")
+            rows.append(row)
+        if not bearing.intersection(rows):
+            raise InputError(f"{key}.elements", "no free element touches them", "supports that bear something")
+        move = _sized(part.move if part.move is not None else [0.0] * d, d, f"{key}.move")
+        turn = _sized(np.atleast_1d(part.turn).tolist() if np.any(part.turn) else [0.0] * (q - d), q - d, f"{key}.turn")
+        about = elements.centroid[rows].mean(axis=0) if part.about is None else _sized(part.about, d, f"{key}.about")
+        for row in rows:
+            arm = elements.centroid[row] - about
+            velocity[row] += np.concatenate([move + spun(turn, arm), turn])
+    if not velocity.any():
+        raise InputError(f"settlements[{place}]", "nothing moves", '"move" or "turn" of some support')
+    return velocity
+
+
+def _sized(values: list[float], size: int, where: str) -> Floats:
+    if len(values) != size:
+        raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
+    return np.array(values, dtype=float)
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Elements and interfaces of a structure, from which free boundaries follow."""
+
+    elements: Elements
+    interfaces: Interfaces  # all interfaces, also those that a scene states
+    thickness: float  # thickness of planar elements, length
+    backing: Backing | None = None  # fill on the structure, None without fill
+
+    def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
+        """Return load entries as loads on elements.
+
+        Pressures become tractions on free edges or faces. Raises InputError for wrong elements or vectors, and for
+        pressures off the free boundary or the fill.
+        """
+        d = self.elements.centroid.shape[1]
+        body = np.zeros((len(self.elements), d))
+        couples = np.zeros((len(self.elements), 1 if d == 2 else 3))
+        points, tractions = [], list[Traction]()
+        for position, entry in enumerate(entries):
+            where = f"{key}[{position}]"
+            if isinstance(entry, BodyLoad):
+                body += body_forces(entry, self.elements, where)
+            elif isinstance(entry, PointLoad):
+                index, couple = couple_of(entry, self.elements, where)
+                couples[index] += couple
+                if entry.force is not None:
+                    points.append(force_of(entry, index, self.elements, where))
+            elif isinstance(entry, FillLoad):
+                spread = self._on_fill(entry, where)
+                tractions += [one for one in spread if isinstance(one, Traction)]
+                points += [one for one in spread if not isinstance(one, Traction)]
+            elif entry.face.along is not None:
+                tractions += self._along(entry, entry.face.along, where)
+            elif entry.face.patch is not None:
+                tractions += patch_tractions(self.elements, self.interfaces, entry, where)
+            else:
+                tractions += self._around(entry, where)
+        return Loads(body, couples, points_of(points, d), tuple(tractions))
+
+    def _on_fill(self, entry: FillLoad, where: str) -> list[Traction | PointEntry]:
+        """Return a load on the surface of the fill; raise InputError without fill."""
+        if self.backing is None:
+            raise InputError(f"{where}.on_fill", "the scene has no fill", '"fill" with level, density and friction')
+        return self.backing.spread(entry, where)
+
+    @property
+    def _reach(self) -> float:
+        """Return the distance up to which a point counts as on an outline, length."""
+        return tolerances.ON_OUTLINE * self.elements.size
+
+    def _around(self, entry: FaceLoad, where: str) -> list[Traction]:
+        """Return the tractions of a uniform pressure on the whole free boundary of one element."""
+        name, other = entry.face.between or ("", "")
+        if other != OUTSIDE or name not in self.elements.index:
+            problem = f"no free face lies between {name!r} and {other!r}"
+            raise InputError(f"{where}.face.between", problem, f'the id of a free element, and "{OUTSIDE}"')
+        index = self.elements.index[name]
+        if self.elements.support[index]:
+            raise InputError(f"{where}.face.between", f"{name!r} is a support", "the id of a free element")
+        first, last = entry.ends
+        if first != last:
+            problem = "the pressure varies, and the faces of an element have no first and last point"
+            raise InputError(f"{where}.pressure", problem, 'one number, or "along" with two points')
+        if self.elements.centroid.shape[1] == 3:
+            return surface_tractions(self.elements, self.interfaces, index, first)
+        free = [
+            self._piece(index, start, end, (first, first))
+            for _, _, pieces in self._edges(index)
+            for start, end in pieces
+        ]
+        if not free:
+            raise InputError(f"{where}.face.between", f"no face of {name!r} is free", "an element with a free face")
+        return free
+
+    def _along(self, entry: FaceLoad, along: list[list[float]], where: str) -> list[Traction]:
+        """Return the tractions of a pressure or line load along a polyline, all of which must be free boundary."""
+        if self.elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in (*along, entry.line or (0, 0))):
+            raise InputError(f"{where}.face.along", "it is for planar scenes", '"between" or "patch"')
+        points = np.array(along, dtype=float)
+        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not (legs > self._reach).all():
+            raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
+        place = np.append(0.0, np.cumsum(legs)) / legs.sum()
+        first, last = entry.ends
+        found: list[Traction] = []
+        for k, leg in enumerate(legs.tolist()):
+            ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
+            pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
+            covered = sum(high - low for _, low, high, _ in pieces)
+            if abs(covered - leg) > self._reach * (1 + len(pieces)):
+                problem = f"of its {leg:.6g} from point {k + 1} to {k + 2}, {covered:.6g} is free boundary"
+                raise InputError(f"{where}.face.along", problem, "points on the outline of the structure")
+            for index, low, high, forward in pieces:
+                values = [ends[0] + (ends[1] - ends[0]) * share / leg for share in (low, high)]
+                start, end = (points[k] + share * (points[k + 1] - points[k]) / leg for share in (low, high))
+                if self.elements.support[index]:
+                    continue
+                if entry.line is not None:
+                    found.append(edge_traction(index, np.array([start, end]), np.array([entry.line, entry.line])))
+                elif forward:
+                    found.append(self._piece(index, start, end, (values[0], values[1])))
+                else:
+                    found.append(self._piece(index, end, start, (values[1], values[0])))
+        return found
+
+    def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
+        """Yield the pieces of free boundary along one leg of a polyline from `start` (2,) along `unit` (2,)."""
+        reach = self._reach
+        ends = np.array([start, start + length * unit])
+        low, high = ends.min(axis=0) - reach, ends.max(axis=0) + reach
+        near = ((self.elements.lower <= high) & (low <= self.elements.upper)).all(axis=1)
+        for index in np.flatnonzero(near).tolist():
+            for first, last, pieces in self._edges(index):
+                sideways = [abs((p - start)[0] * unit[1] - (p - start)[1] * unit[0]) for p in (first, last)]
+                if max(sideways) > reach:
+                    continue
+                forward = bool((last - first) @ unit > 0.0)
+                for one, other in pieces:
+                    least, most = sorted((float((one - start) @ unit), float((other - start) @ unit)))
+                    least, most = max(least, 0.0), min(most, length)
+                    if most - least > reach:
+                        yield index, least, most, forward
+
+    def _edges(self, index: int) -> Iterator[tuple[Floats, Floats, list[tuple[Floats, Floats]]]]:
+        """Yield the ends of each edge of a planar element, with its free intervals."""
+        reach = self._reach
+        outline = self.elements.shape[index]
+        mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
+        for first, last in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+            length = float(np.hypot(*(last - first)))
+            if length <= reach:
+                continue
+            unit = (last - first) / length
+            taken = []
+            for face in mine.tolist():
+                arm = self.interfaces.polygon[face] - first
+                if abs(arm[:, 0] * unit[1] - arm[:, 1] * unit[0]).max() <= reach:
+                    low, high = sorted((arm @ unit).tolist())
+                    taken.append((max(low, 0.0), min(high, length)))
+            free, place = [], 0.0
+            for low, high in [*sorted(span for span in taken if span[1] > span[0]), (length, length)]:
+                if low - place > reach:
+                    free.append((first + place * unit, first + low * unit))
+                place = max(place, high)
+            yield first, last, free
+
+    def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> Traction:
+        """Return a linear pressure on a straight free piece of an outline (planar)."""
+        inward = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
+        return edge_traction(index, np.array([start, end]), np.outer(pressures, self.thickness * inward))

@@ -21,23 +21,16 @@ from jld_core.strengths import Route, StatedCriterion, Strengths, stated
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:
-    """Return the friction coefficient of an entry that states it or the friction angle.
-
-    The result is None if the entry states neither.
-    """
+    """Return the friction coefficient of an entry that states it or its angle; None if it states neither."""
     return _coefficient(source.friction_coefficient, source.friction_angle)
 
 
 def _coefficient(coefficient: float | None, angle: float | None) -> float | None:
-    """Return the tangent of an angle in degrees, or else the coefficient; None without both."""
     return coefficient if angle is None else math.tan(math.radians(angle))
 
 
 def gravity_vector(materials: Materials, dimension: int) -> Floats:
-    """Return gravity as a vector.
-
-    dimension: dimension d of the scene, 2 or 3. Returns (d,). Raises InputError: a given vector has the wrong length.
-    """
+    """Return gravity as a vector (d,); raise InputError for one of another length."""
     if isinstance(materials.gravity, float | int):
         vector = np.zeros(dimension)
         vector[-1] = -materials.gravity
@@ -52,10 +45,7 @@ def gravity_vector(materials: Materials, dimension: int) -> Floats:
 
 
 def direction_of_weight(scene: Scene) -> Floats:
-    """Return the unit vector (d,) along which stated weights act: along gravity.
-
-    It is downwards, the negative last axis, for zero gravity.
-    """
+    """Return the unit vector (d,) of gravity; without gravity, downwards."""
     vector = gravity_vector(scene.materials, scene.dimension)
     length = float(np.linalg.norm(vector))
     if length == 0.0:
@@ -64,10 +54,7 @@ def direction_of_weight(scene: Scene) -> Floats:
 
 
 def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
-    """Return the self-weight (d,) of one element as a force, scene units.
-
-    It is the entry's "weight" if stated, else density × volume × gravity; without a density it is zero.
-    """
+    """Return the self-weight (d,) of one element: the stated "weight", else density × volume × gravity."""
     if element.weight is not None:
         return element.weight * direction
     density = element.density if element.density is not None else materials.density
@@ -75,10 +62,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
 
 
 def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
-    """Return the value that a material, an entry of faces or of interfaces states for a parameter; None: not stated.
-
-    prefix: of the keys of friction in the entry.
-    """
+    """Return the value that an entry states for a parameter, if any; prefix: of the keys of friction in it."""
     if source is None:
         return None
     if one.side == "friction":
@@ -96,10 +80,9 @@ def _of_face(face: FaceMaterial) -> dict[str, float | None]:
 def criteria(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None]
 ) -> tuple[StatedCriterion, ...]:
-    """Return the criteria of plug-ins that a scene states, each with the interfaces (m,) that have it.
+    """Return the criteria of plug-ins that a scene states, each with its interfaces (m,).
 
-    Raises InputError for a criterion or parameters that are unknown or out of bounds, and for an interface with
-    standard strengths of its own beside a criterion.
+    Raises InputError for unknown ones, and for standard strengths beside one.
     """
     found: dict[tuple[str, str, tuple[tuple[str, float], ...]], list[int]] = {}
     for label in ("dry", "inner"):
@@ -137,9 +120,9 @@ _OF_CONTACTS = {
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
-    """Return the strengths of m interfaces under both labels, scene units.
+    """Return the strengths of m interfaces under both labels.
 
-    Raises InputError where the inner tension of a face or contact entry exceeds the apex of its friction cone.
+    Raise InputError for a tension beyond the apex of friction.
     """
     usual = {one.field: _stated(getattr(materials, one.label), one) for one in PARAMETERS}
     rows = []
@@ -174,8 +157,8 @@ _KEY = "materials.dry.tensile_strength"
 def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMaterial | None]) -> Assembly:
     """Return an assembly whose dry joints have a tensile strength.
 
-    Result: assembly with changed strengths and dead loads, and the forces σt A in `members.bond`. Raises InputError: a
-    tensile strength exceeds the apex c/μ of its friction, or the tensile strength of the face as an inner one.
+    Strengths, dead loads and σt A in `members.bond`. Raises InputError beyond the apex c/μ, or the tensile strength of
+    the face as an inner one.
     """
     # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has c − μ σt, an
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face

@@ -14,18 +14,17 @@ from jld_core.assembly import INNER, Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry.polyhedra import contains, distance_from_face
 from jld_core.geometry.vectors import across, resultants
-from jld_core.linalg.sums import summed
+from jld_core.linalg.projection import summed
 from jld_core.members import Members
-from jld_core.scene.members import Anchor, Member
+from jld_core.scene.part import Anchor, Member
 from jld_core.strengths import Side, Strengths
 
 
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
-    """Return an assembly with members, in addition to its interfaces.
+    """Return an assembly with members.
 
-    Result: assembly with one more interface for each member whose force may vary. Prestress is part of all dead loads.
-    Raises InputError: an element is unknown, a point lies outside its element, two successive points coincide, or the
-    ends do not belong to two elements of which one is free.
+    An interface for each whose force may vary, and prestress among dead loads. Raises InputError for wrong elements or
+    points.
     """
     if not entries and not more:
         return assembly
@@ -49,7 +48,6 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
 
 
 def _joined(one: Interfaces, other: Interfaces) -> Interfaces:
-    """Concatenate two sets of interfaces."""
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
@@ -58,10 +56,7 @@ def _joined(one: Interfaces, other: Interfaces) -> Interfaces:
 
 
 def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
-    """Convert the entries of members to `Members`, without the numbers of their interfaces.
-
-    Raises InputError for invalid points or elements, an undefined axis, or a repeated name.
-    """
+    """Convert entries to `Members` without interfaces; raise InputError for wrong points, elements, axes or names."""
     names, held, points, axes = [], [], [], []
     for position, entry in enumerate(entries):
         where = f"members[{position}]"
@@ -91,10 +86,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
 
 
 def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
-    """Return the element index and the point (d,) of an anchor.
-
-    Raises InputError for an unknown element, a wrong number of coordinates, or a point outside the element.
-    """
+    """Return the element and the point (d,) of an anchor, checked to lie inside it."""
     elements, d = assembly.elements, assembly.dimension
     if anchor.element not in elements.index:
         raise InputError(f"{where}.element", f"no element is named {anchor.element!r}", "the id of an element")
@@ -118,10 +110,9 @@ def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
 
 
 def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
-    """Return the unit vector (d,) along the first segment of a member.
+    """Return the unit vector (d,) along the first segment.
 
-    The axis of a pin whose ends coincide is the normal of the nearest face between its elements. Raises InputError if
-    other successive points coincide, if those elements share no face, or if the nearest ones meet at an angle.
+    For a pin of coinciding ends the normal of the nearest face. Raises InputError where that is undefined.
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -180,7 +171,6 @@ def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
 
 
 def _strengths(members: Members, rows: Ints) -> Strengths:
-    """Return the strengths of the interfaces of members: those of inner faces without bending."""
     none, never = np.zeros(len(rows)), np.full(len(rows), np.inf)
     bare = Side(none, none, none, never)
     tension, compression = (members.tension - members.prestress)[rows], members.compression[rows]

@@ -30,12 +30,10 @@ class PlacedCase(NamedTuple):
 def cases_of(
     moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
 ) -> list[PlacedCase]:
-    """Return one load case for each position of a vehicle.
+    """Return one load case for each position of a vehicle, named by the place of its first axle along the path.
 
-    downwards: (2,) direction of the weights, a unit vector. Result: load cases in the order of the positions, named by
-    the position of the first axle along the path. Where axles stand on joints, there is a case for each side of them. A
-    position with no axle on a free element is left out. Raises InputError if the scene is spatial, a point of the path
-    coincides with the one before, or an axle on the path touches no element.
+    Axles on joints give a case for each side; positions with no axle on a free element are left out. downwards: (2,)
+    unit direction of weights. Raises InputError for a spatial scene, coinciding points, or an axle off all elements.
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
@@ -80,10 +78,9 @@ def cases_of(
 def _positions(
     moving: MovingLoad, points: Floats, legs: Floats
 ) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
-    """Yield the positions of a vehicle on a path, in equal steps of its first axle.
+    """Yield the positions on a path (k, 2) in equal steps.
 
-    points: (k, 2) of the path. legs: (k − 1,) lengths between them. Each position is the distance of the first axle
-    along the path, and a list (point, direction, weight) of the axles on the path.
+    Place of the first axle, and (point, direction, weight) of those on it.
     """
     behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
     ends = np.append(0.0, np.cumsum(legs))
@@ -100,10 +97,7 @@ def _positions(
 
 
 def _elements_under(elements: Elements, at: Floats, unit: Floats) -> list[int]:
-    """Return the indices of the elements that a point touches, the farthest along the path first.
-
-    at: (2,) the point. unit: (2,) direction of the path.
-    """
+    """Return the elements that a point (2,) touches, the farthest along `unit` (2,) first."""
     reach = tolerances.ON_OUTLINE * elements.size
     near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
     point = shapely.Point(*at)

@@ -1,7 +1,4 @@
-"""Conversion of loads on the free surface of solids to tractions.
-
-Source: docs/method.md (1.13).
-"""
+"""Conversion of loads on the free surface of solids to tractions, docs/method.md (1.13)."""
 
 from __future__ import annotations
 
@@ -19,10 +16,9 @@ from jld_core.scene.loads import FaceLoad
 
 
 def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
-    """Return a uniform load on a patch, one traction for each part of an element face below it.
+    """Return a uniform load on a plane patch as tractions on the element faces below it, without those of supports.
 
-    Result: tractions on the parts of the patch. Parts on supports are left out. Raises InputError if the scene is
-    planar, the patch is no plane polygon, or part of it is no free surface.
+    Raises InputError where part of the patch is no free surface.
     """
     key = f"{where}.face.patch"
     corners = _corners(elements, entry, key)
@@ -58,10 +54,7 @@ def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad,
 
 
 def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
-    """Return the corners (k, 3) of a patch.
-
-    Raises InputError for a planar scene or uneven pressure.
-    """
+    """Return the corners (k, 3) of a patch; raise InputError for a planar scene or uneven pressure."""
     points = [*(entry.face.patch or []), *([entry.traction] if entry.traction is not None else [])]
     if elements.centroid.shape[1] == 2 or any(len(point) != 3 for point in points):
         raise InputError(
@@ -74,12 +67,12 @@ def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
 
 
 def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
-    """Return the force per area (3,) on a face; outward: (3,) its normal."""
+    """Return the force per area (3,) on a face with outward normal (3,)."""
     return -entry.ends[0] * outward if entry.traction is None else np.array(entry.traction, dtype=float)
 
 
 def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
-    """Return a uniform pressure on the whole free surface of a solid, one traction for each free part of a face."""
+    """Return a uniform pressure on the whole free surface of a solid, one traction per free part of a face."""
     reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
     for loop in elements.faces[index]:
         face = elements.shape[index][list(loop)]
@@ -91,7 +84,7 @@ def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pr
 
 
 def _unit(face: Floats) -> Floats:
-    """Return the outward unit normal (3,) of a face with corners (k, 3)."""
+    """Return the outward unit normal (3,) of a face (k, 3)."""
     vector = area_vector(face)
     return np.asarray(vector / np.linalg.norm(vector))
 
@@ -110,10 +103,7 @@ def _free(
     origin: Floats,
     reach: float,
 ) -> shapely.Geometry:
-    """Return what the interfaces of an element leave of a part of its face, in the coordinates of `frame`.
-
-    normal: (3,) of the plane through `origin`.
-    """
+    """Return what the interfaces of an element leave of a part of its face, in the coordinates of `frame`."""
     for face in np.flatnonzero((interfaces.a == index) | (interfaces.b == index)).tolist():
         outline = interfaces.polygon[face]
         if part.area > 0.0 and np.abs((outline - origin) @ normal).max() <= reach:

@@ -1,8 +1,4 @@
-"""Plausibility warnings for scenes: numbers in a wrong unit, loads beside the structure.
-
-Usual values are known in SI, so that numbers are converted from the units of the scene. Where these have unknown names,
-a note says that nothing could be judged.
-"""
+"""Plausibility warnings for scenes: numbers in a wrong unit, loads beside the structure."""
 
 from __future__ import annotations
 
@@ -52,11 +48,7 @@ class Resultant:
 
 
 def resultant(loads: Floats, elements: Elements) -> Resultant:
-    """Compute the resultant of the generalised forces on the free elements.
-
-    loads: (n, 3) planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids. Result: force,
-    moment and line of action, scene units.
-    """
+    """Compute force, moment and line of action of loads (n, q) about centroids on the free elements."""
     free = elements.free
     d = elements.centroid.shape[1]
     middle = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
@@ -82,10 +74,9 @@ def units_of(scene: Scene) -> UnitSystem:
 
 
 def implausible(scene: Scene, assembly: Assembly) -> list[str]:
-    """Return warnings about implausible numbers of a scene, one sentence each.
+    """Return warnings about implausible numbers of a scene, with the usual range and the likely cause.
 
-    A sentence names the usual range and the likely cause. The list is empty where all is plausible. In units of unknown
-    names, only friction and keys without effect are judged.
+    In units of unknown names, only friction and keys without effect are judged.
     """
     units = units_of(scene)
     found = [*_of_no_use(scene), *_of_friction(scene), *_of_crushing(assembly)]
@@ -105,7 +96,7 @@ def not_judged(scene: Scene) -> tuple[str, ...]:
 
 
 def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
-    """Return thickness, density and weight of all free elements as texts with units, by name; absent ones left out."""
+    """Return thickness, density and weight of all free elements as texts with units, where present."""
     length, force = assembly.units
     units, elements = units_of(scene), assembly.elements
     facts = {} if scene.dimension == 3 else {"thickness": f"{scene.plane_thickness:g} {length}"}
@@ -129,7 +120,6 @@ def _of_no_use(scene: Scene) -> Iterator[str]:
 
 
 def _within(value: float, usual: tuple[float, float]) -> bool:
-    """Return True if a value lies between the limits `usual`, (least, greatest)."""
     return usual[0] <= value <= usual[1]
 
 
@@ -190,7 +180,6 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
 
 
 def _named(scene: Scene) -> str:
-    """Return the names of the units of a scene."""
     return f"{scene.units.length} and {scene.units.force}"
 
 
@@ -230,7 +219,7 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
 
 
 def _of_crushing(assembly: Assembly) -> Iterator[str]:
-    """Warn about compressive strengths that blocks which crack anywhere do not have, docs/method.md (9.1)."""
+    """Warn about compressive strengths that blocks which crack anywhere do not have (9.1)."""
     if assembly.face_strengths.criteria:
         return  # what such faces bear is for the criterion to say
     strengths, (length, force) = assembly.strengths(_ROUTE), assembly.units

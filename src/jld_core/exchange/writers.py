@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from jld_core.assembly import faces_of
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange.formats import FORMATS, formats
 from jld_core.exchange.layout import Layout
@@ -15,7 +16,6 @@ from jld_core.files import whole_file
 from jld_core.limit.movements import result_of_faces
 from jld_core.parameters import typed
 from jld_core.scene.units import METRES
-from jld_core.sub_assembly import faces_of
 
 
 def layout_in_unit(layout: Layout, unit: str) -> Layout:

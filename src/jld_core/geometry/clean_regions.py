@@ -1,8 +1,4 @@
-"""Removal of spikes, slivers, necks and holes narrower than a tolerance from regions.
-
-Intersections of polygons with rounded coordinates leave spikes as narrow as rounding; each extends the convex hull by
-its whole length. A spike is removed where its tip is a corner of the outline; a neck splits the region in two.
-"""
+"""Removal of spikes, slivers, necks and holes narrower than a tolerance, which rounding leaves in regions."""
 
 from __future__ import annotations
 
@@ -23,12 +19,7 @@ _MOST: Final = 500.0
 
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
-    """Intersect each region of one sequence with the region at the same place of another.
-
-    first, second: (n,) regions in any unit and at any place. Each pair has a grid of its own, about the middle of the
-    intersection of both bounding boxes. Result: (n,) regions, lines and points that a pair has in common; empty
-    geometries where it has none.
-    """
+    """Intersect pairs of regions (n,), each on a rounding grid about its own middle; empty where nothing is shared."""
     one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
     boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)
     middle = 0.5 * (boxes[:, :, 0].max(axis=0) + boxes[:, :, 1].min(axis=0))
@@ -68,10 +59,7 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
-    """Split a region into its parts, and remove details narrower than a tolerance.
-
-    Result: corners of each part, first its shell and then its holes, ordered by the mean of the shell's corners.
-    """
+    """Split a region into parts without details narrower than `reach`: shell and holes, ordered by mean corner."""
     found = []
     for part in _polygons(region):
         for piece in _without_necks(part, reach):
@@ -86,15 +74,11 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
 
 
 def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
-    """Return the polygons of a region."""
     return list(shapely.get_parts(area_of(region)))
 
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:
-    """Split a polygon at necks narrower than half of `reach`, and return the parts.
-
-    The list is empty if the whole polygon is narrower.
-    """
+    """Split a polygon at necks narrower than half of `reach`; [] if all of it is narrower."""
     wide = _polygons(shapely.buffer(part, -0.25 * reach, join_style="mitre"))
     if len(wide) < 2:
         return [part] if wide else []
@@ -104,7 +88,6 @@ def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]
 
 
 def _ring(ring: shapely.LinearRing) -> Floats:
-    """Return the corners (k, 2) of a closed ring, without the repeated last one."""
     corners: Floats = shapely.get_coordinates(ring)[:-1]
     return corners
 

@@ -25,14 +25,10 @@ _PAIRED: Final = 8.0
 
 
 class Kinds:
-    """Register that numbers outlines by shape.
+    """Register that numbers outlines by shape: an equivalence, as chains of coinciding outlines count.
 
-    Outlines whose corners coincide within the tolerance are of one shape, and so are all that a chain of such outlines
-    connects: the relation is an equivalence, whatever the order in which outlines come.
-
-    reach: half the largest distance at which two corners coincide, scene units. rotate: treat rotated copies as the
-    same shape. flip: treat mirrored copies as the same shape; without `rotate` only mirrors along the axes and their
-    products, such as half a turn.
+    rotate, flip: rotated and mirrored copies have the same shape; without `rotate`, mirrors along the axes and their
+    products.
     """
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
@@ -42,11 +38,7 @@ class Kinds:
         self._kinds: dict[tuple[int, int, int], list[tuple[int, Floats, Outline]]] = {}
 
     def number(self, outline: Outline) -> int:
-        """Return the number of an outline, of which `roots` gives that of its shape.
-
-        outline: outline; it is stored if no copy of it is. Result: number, the same for copies that differ by rounding
-        alone. `exact` is False once others were connected.
-        """
+        """Store an outline unless it copies one, and return its number, of which `roots` gives that of the shape."""
         square = (outline.points**2).sum(axis=1)
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
@@ -78,22 +70,17 @@ class Kinds:
         return found
 
     def roots(self, numbers: Sequence[int]) -> list[int]:
-        """Return the number of the shape of each outline, given by its `number`; later outlines may connect shapes."""
+        """Return the shape of each outline by its `number`; later outlines may connect shapes."""
         return [self._root(number) for number in numbers]
 
     def _root(self, number: int) -> int:
-        """Return the number that stands for the shape of an outline."""
         while self._parent[number] != number:
             self._parent[number] = self._parent[self._parent[number]]
             number = self._parent[number]
         return number
 
     def _moments(self, points: Floats) -> Floats:
-        """Compute invariants of an outline, equal up to rounding for outlines of one shape.
-
-        They are means of squares of coordinates that no allowed move changes. points: (k, d) of the outline, relative
-        to its centroid.
-        """
+        """Compute invariants of points (k, d): means of squares of coordinates that no allowed move changes."""
         square = (points**2).sum(axis=1)
         found = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
@@ -104,10 +91,7 @@ class Kinds:
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
-    """Assign numbers to outlines by shape, from 1; rotated copies have the same shape.
-
-    Result: shape number of each outline.
-    """
+    """Assign numbers to outlines by shape, from 1; rotated copies have the same shape."""
     kinds = Kinds(reach, rotate=True, flip=flip)
     roots = kinds.roots([kinds.number(outline) for outline in outlines])
     order = {root: k for k, root in enumerate(dict.fromkeys(roots), 1)}
@@ -115,7 +99,7 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> l
 
 
 def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
-    """Return True if the corners of two outlines coincide after an allowed move, as in `deviation`."""
+    """Return True if two outlines coincide after an allowed move."""
     return deviation(one, other, reach, rotate=rotate, flip=flip) <= 2.0 * reach
 
 
@@ -137,9 +121,9 @@ def deviation(one: Outline, other: Outline, reach: float, *, rotate: bool = Fals
 
 
 def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool) -> float:
-    """Return the largest distance of points to the points of an outline that are paired with them; inf without pairs.
+    """Return the largest distance of points to their partners on an outline; inf without pairs.
 
-    points: (k + e, d), of which the first `count` are corners and the others middles; corners are paired with corners.
+    The first `count` points are corners, the others middles; corners pair with corners.
     """
     from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
@@ -162,10 +146,7 @@ def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
-    """Return all products of mirrors along the axes but the identity, as matrices (d, d).
-
-    Single mirrors alone do not form a group.
-    """
+    """Return all products of mirrors along the axes but the identity, as matrices (d, d)."""
     signs = itertools.product((1.0, -1.0), repeat=dimension)
     return [np.diag(sign) for sign in signs if min(sign) < 0.0]
 

@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
 
 def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]:
-    """Yield stacks of polygons with equally many corners, fewest corners first.
-
-    polygons: m arrays (k, d). Yields the positions (n,) in the sequence and the stack (n, k, d).
-    """
+    """Yield positions (n,) and stack (n, k, d) of polygons with equally many corners, fewest first."""
     counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
@@ -40,10 +37,7 @@ def area(polygons: Floats) -> Floats:
 
 
 def centroid(polygons: Floats) -> Floats:
-    """Compute the centroids (n, 2) of simple polygons (n, k, 2) with an area.
-
-    Both senses of rotation are allowed.
-    """
+    """Compute the centroids (n, 2) of simple polygons (n, k, 2), of either sense."""
     p = polygons - polygons[:, :1]
     q = np.roll(p, -1, axis=1)
     cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
@@ -51,10 +45,7 @@ def centroid(polygons: Floats) -> Floats:
 
 
 def second_moments(polygons: Floats) -> Floats:
-    """Compute the second moments of area of polygons about their centroids.
-
-    polygons: (n, k, 2), counter-clockwise. The result (n, 2, 2) holds ∫ x xᵀ dA of each.
-    """
+    """Compute ∫ x xᵀ dA (n, 2, 2) of counter-clockwise polygons (n, k, 2) about their centroids."""
     p = polygons - centroid(polygons)[:, None]
     q = np.roll(p, -1, axis=1)
     cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
@@ -91,22 +82,14 @@ def _radial(d: Floats, s: Floats) -> Floats:
 
 
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
-    """Compute the torsion length c_T, the mean distance from the centroid, of rectangles.
-
-    l1, l2: (n,) side lengths, scene units. Returns (n,): c_T in closed form, scene units; 0.382598 for the unit square.
-    Source: docs/method.md (1.5).
-    """
+    """Compute c_T (n,) of rectangles of sides l1, l2 (n,) in closed form (1.5): 0.382598 for the unit square."""
     diagonal = np.hypot(l1, l2)
     ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
     return np.asarray(diagonal / 6.0 + ends)
 
 
 def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
-    """Return a mask (n,) of the polygons that are rectangles.
-
-    polygons: (n, k, d), without corners in straight edges. A rectangle has four corners, and equal diagonals that halve
-    one another.
-    """
+    """Return a mask (n,) of polygons (n, k, d) with four corners and equal diagonals that halve one another."""
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
     first, second = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
@@ -136,10 +119,7 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
-    """Join a polygon and its holes to one closed outline, by bridges between nearest corners.
-
-    shell: (k, d) outer corners.
-    """
+    """Join a polygon (k, d) and its holes to one closed outline, by bridges between nearest corners."""
     outline, left = shell, list(holes)
     while left:
         apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
@@ -177,10 +157,7 @@ def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def hull(polygon: Floats) -> Floats:
-    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise.
-
-    Points on its edges are left out. The first corner is the one of least x1, then of least x2.
-    """
+    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise from its leftmost, lowest corner."""
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
     # Distances of points from an edge below this relative limit are rounding.
     found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
@@ -205,12 +182,7 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
 
 
 def hull_rows(hull_: Floats) -> Floats:
-    """Return rows that keep a compressive resultant within a convex hull, one per edge.
-
-    hull_: (h, 2) corners about the section's centroid, counter-clockwise. The rows (h, 3) act on (N, M1, M2) and are
-    all ≥ 0 where the centre of pressure lies within the hull. It has coordinates x1 = −M2/N and x2 = M1/N. The
-    condition a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
-    """
+    """Return rows (h, 3) on (N, M1, M2), ≥ 0 where the centre of pressure lies in a hull (h, 2) about the centroid."""
     edge = np.roll(hull_, -1, axis=0) - hull_
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
     distance = np.einsum("hi,hi->h", hull_, outward)
@@ -218,11 +190,9 @@ def hull_rows(hull_: Floats) -> Floats:
 
 
 def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
-    """Return rows that compute the elastic normal stress at hull corners, times the area.
+    """Return rows (h, 3) on (N, M1, M2) of the elastic normal stress at hull corners (h, 2), times the area (2.6).
 
-    hull_: (h, 2) corners about the centroid. moments: (2, 2) tensor S of second moments, so that e1, e2 need not be
-    principal axes. The rows (h, 3) act on (N, M1, M2), with compression positive: σ(x) A = N + A x·S⁻¹(−M2, M1). An
-    inner face of kern form requires rows ≥ −σt A: docs/method.md (2.6).
+    moments: (2, 2) second moments; e1 and e2 need not be principal.
     """
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])
@@ -236,10 +206,7 @@ PLACE: Final = 0.37
 
 
 def beside(points: Floats) -> tuple[Floats, Floats]:
-    """Return the previous and the next corners, (k, 2) each, of the corners of a ring (k, 2).
-
-    It takes a fifth of the time of `numpy.roll`.
-    """
+    """Return the previous and the next corners of a ring (k, 2), five times faster than `numpy.roll`."""
     return np.concatenate((points[-1:], points[:-1])), np.concatenate((points[1:], points[:1]))
 
 
@@ -280,7 +247,6 @@ class Facet:
 
     @property
     def length(self) -> float:
-        """Return the length of the boundary, scene units."""
         return float(np.linalg.norm(np.diff(self.ring, axis=0, append=self.ring[:1]), axis=1).sum())
 
 
@@ -378,7 +344,7 @@ _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[floa
 
 @dataclass(frozen=True)
 class Outline:
-    """Boundary of one block, described by its corners and the middles of its edges or faces."""
+    """Boundary of one block: its corners and the middles of its edges or faces."""
 
     # (k + e, d) corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units
     points: Floats
@@ -421,10 +387,7 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 
 
 def different_lines(vectors: Floats) -> int:
-    """Count the different lines among unit vectors (k, d); opposite vectors are one line.
-
-    Lines are equal if their angle is at most 1e-6, and so are all that a chain of such lines connects.
-    """
+    """Count the lines among unit vectors (k, d), of either sense; lines within 1e-6 of one another are equal."""
     alike = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
     return len(np.unique(components(len(vectors), *np.nonzero(alike))))
 
@@ -483,10 +446,7 @@ def flat_outline(
     edges: Sequence[_Edges] | None = None,
     areas: Sequence[float] | None = None,
 ) -> Outline:
-    """Compute the outline of a planar block from the polygons of its elements.
-
-    polygons: corners (k, 2) of each element, scene units. edges, areas: of each of them, where known.
-    """
+    """Compute the outline of a planar block from the polygons (k, 2) of its elements."""
     if edges is None:
         edges = [_edges(polygon, SNAP * reach) for polygon in polygons]
     region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(edges)
@@ -525,10 +485,7 @@ def _edges(polygon: Floats, step: float) -> _Edges:
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
-    """Unite polygons by removing the edges that two of them share as a whole.
-
-    None if boundaries touch in a corner, edges overlap only in part, or the union is not one region.
-    """
+    """Unite polygons by removing the edges that two share as a whole; None where that does not suffice."""
     # A tenth of the time of a general union.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
@@ -558,10 +515,7 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
 def _solid_outline(
     corners: Floats, facets: Sequence[Facet], volumes: Floats, centroids: Floats, reach: float
 ) -> Outline:
-    """Compute the outline of the union of solids.
-
-    corners: (k, 3) of all solids. volumes: (n,). centroids: (n, 3).
-    """
+    """Compute the outline of the union of solids with corners (k, 3), volumes (n,) and centroids (n, 3)."""
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
 
@@ -578,7 +532,7 @@ def _solid_outline(
 
 
 def _merged(points: Floats, reach: float) -> Floats:
-    """Return one of the points (k, d) that a chain of steps up to `reach` connects: the first by its coordinates."""
+    """Return the first of the points (k, d) that chains of steps up to `reach` connect."""
     from scipy.spatial import cKDTree
 
     points = points[np.lexsort(points.T)]
@@ -588,10 +542,7 @@ def _merged(points: Floats, reach: float) -> Floats:
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
-    """Compute longest over shortest side of the smallest box with a side in a hull face.
-
-    corners: (k, 3) of the block.
-    """
+    """Compute longest over shortest side of the smallest box around corners (k, 3) with a side in a hull face."""
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
         plane = across(normal / np.linalg.norm(normal))

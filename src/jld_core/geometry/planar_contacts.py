@@ -1,8 +1,4 @@
-"""Contact detection of planar polygons, and the interfaces with local frames that result.
-
-Contact is a property of edges, not of areas: it is decided by distance and overlap of edge pairs, within a tolerance
-relative to the edges. Shapely finds the candidate pairs and checks the polygons.
-"""
+"""Contact detection of polygons by distance and overlap of their edges, and the resulting interfaces."""
 
 from __future__ import annotations
 
@@ -37,10 +33,7 @@ class PlanarContact:
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
-    """Remove corners of outlines that repeat the previous one.
-
-    Result: outlines without repeated corners.
-    """
+    """Remove corners that repeat the previous one."""
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
         step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)
@@ -51,10 +44,7 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
 
 
 def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
-    """Refuse polygons that are not simple, have no area, or overlap; warn of overlaps no deeper than `within`.
-
-    Raises InputError: the message names the element, or the pairs that overlap.
-    """
+    """Raise InputError for polygons that are not simple, have no area, or overlap; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
         raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
@@ -80,10 +70,9 @@ def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) 
 
 
 def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -> tuple[str, ...]:
-    """Raise InputError that names the pairs of polygons sharing an area, with depth and place.
+    """Raise InputError for shapely polygons (n,) that overlap, with depth and place.
 
-    ids: (n,) names. shapes: (n,) shapely polygons. size: (n,) their areas. Returns a warning about overlaps that are no
-    deeper than `within`.
+    Warn of depths up to `within`. size: (n,) their areas.
     """
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
@@ -143,14 +132,13 @@ def _near(shapes: Any, reach: Floats) -> Ints:
 
 
 def _spans(polygons: list[Floats]) -> Floats:
-    """Return the diagonal (n,) of the bounding box of each polygon: no edge is longer, however it lies."""
+    """Return the diagonals (n,) of bounding boxes, which no edge exceeds."""
     every = np.concatenate(polygons)
     start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
     return np.asarray(np.hypot(*(np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).T))
 
 
 def _shapes(polygons: list[Floats]) -> Any:
-    """Return the polygons as shapely polygons (n,)."""
     count = np.array([len(polygon) for polygon in polygons])
     owner = np.repeat(np.arange(len(count)), count)
     return shapely.polygons(shapely.linearrings(np.concatenate(polygons), indices=owner))
@@ -170,10 +158,7 @@ class _FacingEdges:
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
-    """Find pairs of opposite edges that overlap and are close, relative to the shorter one.
-
-    polygons: (k, 2) corners of each element. near: (p, 2) pairs of polygons.
-    """
+    """Find opposite edges of pairs of polygons (p, 2) that overlap and are close, relative to the shorter one."""
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
     start = np.concatenate(polygons)
@@ -217,11 +202,7 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
-    """Yield the edge overlaps of touching polygons, as (ends, outward normal of the first).
-
-    near: (p, 2) indices of polygons. Ends run along the outline of the first polygon. Pairs that touch come in
-    ascending order, with their overlaps in order of the edges of the first polygon, then of the second.
-    """
+    """Yield each touching pair of `near` (p, 2), with the ends and outward normals of its overlaps, in edge order."""
     facing = _facing_edges(polygons, near, tolerances.CONTACT)
     ends = facing.ends + (0.5 * facing.offset[:, None] * facing.outward)[:, None]
     cuts = np.flatnonzero(np.diff(facing.pair, prepend=-1)).tolist()
@@ -253,10 +234,7 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
-    """Join pieces of contact that continue one another in a straight line.
-
-    pieces: ends (2, 2) and outward normal (2,) of each. The result has the same form.
-    """
+    """Join pieces (ends, outward normal) that continue one another in a straight line."""
     if len(pieces) == 1:
         return pieces
     joined: list[tuple[Floats, Floats]] = []
@@ -281,10 +259,7 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
 
 
 def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interfaces:
-    """Compute local frames and sizes of straight contacts.
-
-    Result: interfaces of dimension 2: origin at mid-length, e1 = normal rotated by +90°.
-    """
+    """Compute frames and sizes of straight contacts: origin at mid-length, e1 = normal turned by +90°."""
     ends = np.array([c.ends for c in contacts]).reshape(-1, 2, 2)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 2)
     length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
@@ -306,11 +281,9 @@ def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interf
 
 
 def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools) -> int:
-    """Count pairs of polyhedra that certainly share a contact.
+    """Return a lower bound on the number of contacts between polyhedra.
 
-    Counted are pairs with a face of equal corners, or pairs of boxes along the axes that touch; the larger count is
-    returned. Pairs of two supports are left out. support: (n,) True for supports. Result: lower bound on the number of
-    interfaces of the scene.
+    It counts faces of equal corners, or boxes along the axes that touch.
     """
     surface = lay_out(vertices, faces)
     begin = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]
@@ -321,10 +294,7 @@ def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools)
 
 
 def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
-    """Return the distinct pairs (p,) of elements that have a face of the same corners.
-
-    sides: (n, 3) sides of the elements' bounding boxes.
-    """
+    """Return the pairs (p,) of elements that have a face of the same corners; sides: (n, 3) of bounding boxes."""
     node = merge_points(surface.points, tolerances.FACE * float(sides.max(axis=1).min()))[surface.vertex]
     pairs = []
     for corners in np.unique(surface.count).tolist():
@@ -340,10 +310,7 @@ def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
 
 
 def _touching_boxes(surface: Surface, lower: Floats, upper: Floats, vertices: Sequence[Floats]) -> tuple[Ints, Ints]:
-    """Return the pairs (p,) of boxes along the axes that touch along an area.
-
-    lower, upper: (n, 3) corners of the elements' bounding boxes.
-    """
+    """Return the pairs (p,) of boxes along the axes that touch along an area; lower, upper: (n, 3) corners."""
     size = (upper - lower).max(axis=1)
     owner = np.repeat(np.arange(len(size)), [len(v) for v in vertices])
     off = np.minimum(np.abs(surface.points - lower[owner]), np.abs(upper[owner] - surface.points)).max(axis=1)

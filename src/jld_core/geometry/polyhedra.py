@@ -1,7 +1,6 @@
 """Closed polyhedra: orientation, volume, centroid and plane facets.
 
-A **face** is a loop of vertices as the scene gives it. A **facet** is a whole plane piece of the surface: several
-faces where a file splits its quadrilaterals. Arrays run flat over all elements of a scene.
+A **facet** is a whole plane piece of a surface; a **face** is a loop of vertices in a scene, perhaps part of a facet.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Facets:
-    """Plane facets of all elements as a struct of arrays, in the order of the elements."""
+    """Plane facets of all elements, in the order of the elements."""
 
     element: Ints  # (f,) index of the element that owns the facet
     normal: Floats  # (f, 3) outward unit normal
@@ -57,11 +56,7 @@ class Facets:
 
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Concatenate several index ranges, and return the range and the index of every entry.
-
-    start, count: (n,) first index and length of each range. Range i holds start[i] … start[i] + count[i] − 1. Both
-    results have sum(count) entries, range after range: the number i of the range, and the index.
-    """
+    """Concatenate index ranges start[i] … start[i] + count[i] − 1; return the range and the index of every entry."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
     return owner, start[owner] + np.arange(len(owner)) - first[owner]
@@ -83,10 +78,7 @@ class Surface:
 
 
 def lay_out(vertices: list[Floats], faces: list[Faces]) -> Surface:
-    """Put the faces of all elements into flat arrays.
-
-    vertices: (k, 3) of each element.
-    """
+    """Put the faces of all elements into flat arrays."""
     shift = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1].astype(np.int64)
     element = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
     count = np.array([len(loop) for loops in faces for loop in loops], dtype=np.int64)
@@ -152,7 +144,7 @@ def solids(
 
 
 def _closed(surface: Surface, count: int) -> Bools:
-    """Return a mask (n,), True for elements whose surface is closed and consistently oriented."""
+    """Return a mask (n,) of elements whose surface is closed and consistently oriented."""
     # Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself.
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
@@ -165,10 +157,7 @@ def _closed(surface: Surface, count: int) -> Bools:
 
 
 def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge coinciding vertices of an element, and reverse faces until all are oriented alike.
-
-    Raises InputError if the surface is open.
-    """
+    """Merge coinciding vertices of an element, and orient its faces alike; raise InputError if its surface is open."""
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
     tree = cKDTree(vertices)
@@ -207,10 +196,7 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 
 def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
-    """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem.
-
-    vertices: (k, 3) of each element; sums run about its first vertex.
-    """
+    """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem."""
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
     about = base[owner]
@@ -284,7 +270,7 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
 
 
 def _repeats(surface: Surface) -> Bools:
-    """Return (faces,) True for faces that contain a vertex more than once."""
+    """Return a mask of faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
     face, vertex = surface.face[order], surface.vertex[order]
     again = np.flatnonzero((face[1:] == face[:-1]) & (vertex[1:] == vertex[:-1]))
@@ -294,11 +280,7 @@ def _repeats(surface: Surface) -> Bools:
 
 
 def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Join neighbouring faces in one plane to facets, and return the facet of each face.
-
-    vector: (faces, 3) area vector of each face. size: (faces,) largest extent of each. Returns the facet (faces,) of
-    each face, numbered by first face, and a mask (faces,) of faces that are a facet alone.
-    """
+    """Join neighbouring faces in one plane; return the facet (faces,) of each, and a mask of faces left alone."""
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     key = low * width + high
@@ -328,10 +310,7 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
 
 
 def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
-    """Return the boundary loops (k, 3) of joined faces, the outer one first.
-
-    vector: (3,) area vector of the facet, by which loops are sorted.
-    """
+    """Return the boundary loops (k, 3) of joined faces, the outer one first; vector: (3,) area of the facet."""
     # Edges that occur in both senses are inside and left out.
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
@@ -367,7 +346,6 @@ class FacetFrames:
 
     @classmethod
     def on(cls, facets: Facets) -> FacetFrames:
-        """Compute the axes of all facets."""
         e1 = np.empty((len(facets), 3))
         rectangle = np.zeros(len(facets), dtype=bool)
         for chosen, stack in measures.by_corner_count([loops[0] for loops in facets.loops]):
@@ -384,10 +362,7 @@ def unit_vectors(vectors: Floats) -> Floats:
 
 
 def longest_edge(polygons: Floats) -> Floats:
-    """Return the unit direction (n, 3) of the longest edge of each polygon (n, k, 3).
-
-    Among edges of equal length the first one counts.
-    """
+    """Return the unit direction (n, 3) of the first longest edge of each polygon (n, k, 3)."""
     edge = np.roll(polygons, -1, axis=1) - polygons
     length = np.linalg.norm(edge, axis=2)
     first = np.argmax(length >= (1.0 - 1e-9) * length.max(axis=1)[:, None], axis=1)
@@ -395,11 +370,7 @@ def longest_edge(polygons: Floats) -> Floats:
 
 
 def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
-    """Return facets as shapely polygons in the planes of other facets.
-
-    which: (k,) indices of the facets to convert. plane: (k,) index of the facet whose axes give the coordinates of
-    each. Holes are kept. Invalid polygons are replaced by the polygons that their area consists of.
-    """
+    """Return the facets `which` (k,) as valid shapely polygons in the planes of facets `plane` (k,)."""
     shells = [facets.loops[index][0] for index in which]
     count = np.array([len(shell) for shell in shells])
     owner = np.repeat(np.arange(len(which)), count)
@@ -416,10 +387,7 @@ def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: I
 
 
 def project(points: Floats, facets: Facets, frames: FacetFrames, plane: Ints) -> Floats:
-    """Project points to coordinates (k, 2) in the planes of facets.
-
-    points: (k, 3). plane: (k,) index of the facet for each point; its origin and axes in `frames` give the coordinates.
-    """
+    """Project points (k, 3) to coordinates (k, 2) in the planes of facets `plane` (k,)."""
     arm = points - facets.origin[plane]
     return np.column_stack([np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])])
 
@@ -433,10 +401,7 @@ def contains(shape: Floats, faces: _Loops, point: Floats, reach: float) -> bool:
 
 
 def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
-    """Return the distance of a point (d,) from a polygon or polyhedron, 0 inside.
-
-    shape: (k, 2) outline, or (k, 3) vertices.
-    """
+    """Return the distance of a point (d,) from an outline (k, 2) or a solid (k, 3), 0 inside."""
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)
         one, two = shape - point, ends - point
@@ -453,7 +418,7 @@ def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
 
 
 def point_in_face(faces: Interfaces, face: int) -> Floats:
-    """Return a point (d,) inside a face; its centroid may lie outside, for example around a corner."""
+    """Return a point (d,) inside a face; its centroid may lie outside."""
     if faces.origin.shape[1] == 2:
         return np.asarray(faces.origin[face])
     flat = shapely.get_coordinates(shapely.point_on_surface(_region(faces, face)))[0]
@@ -476,7 +441,7 @@ def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
 
 
 def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the distances (k,) of a point from segments, given by their ends (k, d)."""
+    """Return the distances (k,) of a point from segments with ends (k, d)."""
     along = end - start
     length = np.maximum(np.einsum("ij,ij->i", along, along), np.finfo(float).tiny)
     share = np.clip(np.einsum("ij,ij->i", point - start, along) / length, 0.0, 1.0)

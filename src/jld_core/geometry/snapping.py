@@ -1,9 +1,6 @@
 """Snapping: merge corners that nearly meet, and close gaps and overlaps up to a tolerance.
 
-In the plane, corners within the tolerance of one another become one node. A node within the tolerance of an edge moves
-onto it. The ends of every gap and overlap between two edges are such nodes, so that both close. Long edges stay
-straight, because the node moves. In space, corners within the tolerance become one, and faces within the tolerance of
-one plane move into that plane. Geometry further away than the tolerance does not move.
+In the plane, nodes move onto near edges; in space, near faces move into one plane.
 """
 
 from __future__ import annotations
@@ -40,21 +37,14 @@ class Snapped:
 
 
 def snap_polygons(outlines: Sequence[Floats], tolerance: float, *, keep_nodes: bool = False) -> Snapped:
-    """Close gaps and overlaps between polygons up to a tolerance.
-
-    Result: polygons after snapping. Raises InputError: the tolerance is negative or not finite.
-    """
+    """Close gaps and overlaps between polygons up to a tolerance, a length."""
     return snap_paths(outlines, [True] * len(outlines), tolerance, keep_nodes=keep_nodes)
 
 
 def snap_paths(
     paths: Sequence[Floats], closed: Sequence[bool], tolerance: float, *, keep_nodes: bool = False
 ) -> Snapped:
-    """Close gaps and overlaps between open and closed paths up to a tolerance.
-
-    closed: True for each closed path. Result: paths after snapping. Raises InputError: the tolerance is negative or not
-    finite.
-    """
+    """Close gaps and overlaps between open and closed paths up to a tolerance, a length."""
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(paths):
@@ -89,11 +79,9 @@ def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Find nodes that lie within the tolerance of an edge of which they are no end.
+    """Find nodes (n, 2) near edges (e, 2) that they do not end.
 
-    place: (n, 2) positions of the nodes. edges: (e, 2) nodes of each edge. The foot point lies between the ends of the
-    edge. Returns node, edge, distance, and position of the foot point as a share of the edge's length, each (h,). They
-    are sorted by node, then by distance.
+    Returns node, edge, distance and share of the edge's length, (h,) each, sorted by node and distance.
     """
     if not len(edges):
         none = np.zeros(0, dtype=np.int64)
@@ -116,11 +104,7 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
 def _onto_edges(
     place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
 ) -> tuple[Floats, list[list[int]], Ints]:
-    """Move nodes onto the nearest edge within the tolerance, repeatedly.
-
-    place: (n, 2) positions of the nodes. closed: True for each closed path. The results are new positions, rings and
-    nodes of the corners.
-    """
+    """Move nodes onto the nearest edge within the tolerance, repeatedly; return places, rings and nodes of corners."""
     # The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further
     # apart than the tolerance, along both joints; they meet on an edge.
     place, size = place.copy(), float(np.ptp(place, axis=0).max())
@@ -145,25 +129,17 @@ def _onto_edges(
 
 
 def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> Bools:
-    """Return a mask (k,) of nodes to move, so that no two near nodes swap places.
-
-    Two nodes swap if each moves onto an edge that ends at the other; only one of them may move. place: (n, 2) positions
-    of all nodes. node: (k,) nodes that are to move. ends: (k, 2) nodes of the edge that each moves onto.
-    """
+    """Return a mask (k,) of moves without those in which two near nodes would swap places."""
     goal = dict(zip(node.tolist(), ends.tolist(), strict=True))
 
     def passes(n: int, m: int) -> bool:
-        """Return True if nodes n and m are close and m moves onto an edge that ends at n."""
         return n < m and n in goal.get(m, ()) and bool(np.linalg.norm(place[n] - place[m]) <= 2.0 * tolerance)
 
     return np.array([not any(passes(n, m) for m in goal[n]) for n in node.tolist()], dtype=bool)
 
 
 def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
-    """Return the node (n,) into which each node merges, itself if into none.
-
-    place: (n, 2) positions.
-    """
+    """Return the node (n,) into which each node merges, itself if into none."""
     # Two nodes merge if they lie within the tolerance and no path contains both.
     into = np.arange(len(place))
     owners: dict[int, set[int]] = {}
@@ -186,11 +162,7 @@ def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) ->
 def _with_hanging(
     place: Floats, rings: Sequence[Sequence[int]], closed: Sequence[bool], tolerance: float
 ) -> tuple[list[list[int]], list[list[bool]]]:
-    """Insert nodes that lie on the edges of paths as corners.
-
-    place: (n, 2) positions. closed: True for each closed path. The results are the paths and, for every corner, True
-    where it is an original corner of the path.
-    """
+    """Insert nodes that lie on edges as corners of paths; return paths, and True for each original corner."""
     edges = _edges(rings, closed)
     size = float(np.ptp(place, axis=0).max()) if len(place) else 0.0
     node, edge, _, share = _hits(place, edges, max(tolerance, 1e-12 * size))
@@ -219,11 +191,7 @@ def _with_hanging(
 
 
 def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed: bool) -> list[int]:
-    """Remove inserted nodes of a path that lie in a straight edge.
-
-    place: (n, 2) positions. own: True for original corners, which stay. closed: True if the last node is joined to the
-    first.
-    """
+    """Remove inserted nodes of a path that lie in a straight edge; `own` marks original corners."""
     if not any(not mine for mine in own):
         return ring
     points, mine = place[ring], np.array(own)
@@ -242,11 +210,7 @@ def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed
 
 
 def straight(outline: Floats) -> Floats:
-    """Remove the corners of a closed outline that lie in straight edges.
-
-    outline: (k, 2) corners in order. Result: (n, 2) remaining corners; the whole outline where fewer than three would
-    remain.
-    """
+    """Remove corners (k, 2) in straight edges; keep the whole outline where fewer than three would remain."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
     onward = np.einsum("ij,ij->i", before, after) > 0.0
@@ -255,10 +219,7 @@ def straight(outline: Floats) -> Floats:
 
 
 def without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
-    """Remove repeated nodes from a path of node indices, and spikes from a closed one.
-
-    closed: True if the last node is joined to the first. The result may have too few nodes to be a path.
-    """
+    """Remove repeated nodes from a path of node indices, and spikes from a closed one."""
     # A spike is a run from a node to another and back.
     kept: list[int] = []
     for node in ring:
@@ -286,7 +247,7 @@ _FAR: Final = 4.0
 
 @dataclass(frozen=True)
 class SnappedSolids:
-    """Solids after snapping, in the given order; faces keep their vertex indices."""
+    """Solids after snapping; faces keep their vertex indices."""
 
     vertices: list[Floats]  # (k, 3) of each solid
     largest: float  # largest displacement of a vertex, length
@@ -346,7 +307,6 @@ class _Loops:
         return len(self.count)
 
     def of(self, face: int) -> Ints:
-        """Return the nodes (k,) of one face."""
         return self.node[self.start[face] : self.start[face] + self.count[face]]
 
     def stacks(self) -> list[tuple[Ints, Ints]]:
@@ -358,9 +318,7 @@ class _Loops:
 def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
     """Group faces that lie in one plane within the tolerance.
 
-    place: (n, 3) positions of the nodes. solid: (faces,) solid of each face. The results are the plane (faces,) of each
-    face, and normal (p, 3) and point (p, 3) of each plane, those of its largest face. The plane is −1 for faces that
-    are not plane themselves.
+    Returns the plane (faces,), −1 for faces that are not plane, and normal and point (p, 3) of each plane.
     """
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
@@ -389,7 +347,6 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
     own = farthest(every, every)
 
     def parallel(one: Ints, two: Ints) -> Bools:
-        """Return a mask (p,) of pairs of faces, True where normals are nearly parallel."""
         cosine = np.einsum("ij,ij->i", normal[one], normal[two])
         # Faces of two solids are opposite or continue one another; faces of one solid continue one another.
         return np.asarray(np.where(solid[one] == solid[two], cosine, np.abs(cosine)) > _FLAT)
@@ -411,11 +368,7 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
 
 
 def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
-    """Return the face (faces,) that defines the plane of each face.
-
-    key: (faces,) sort key. one, two: (p,) pairs of faces in nearly one plane. farthest: function that returns the
-    distances (k,) of faces (k,) from the planes of other faces (k,).
-    """
+    """Return the face (faces,) whose plane each face joins; of faces nearly in one plane it has the largest `key`."""
     # The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
     # compared with that face, so that chains do not drift.
     order = np.argsort(key, kind="stable")
@@ -450,11 +403,7 @@ def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints],
 
 
 def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, origin: Floats, tolerance: float) -> Floats:
-    """Move every node by the least distance onto the planes of the faces that meet in it.
-
-    place: (n, 3) positions. group: (faces,) plane of each face, −1 for none. normal, origin: (p, 3) of the planes. The
-    result is (n, 3).
-    """
+    """Move every node by the least distance onto the planes of the faces that meet in it; group: −1 for none."""
     # One number for a node and a plane: sorting it is many times faster than sorting rows.
     wide = len(normal) + 1
     pairs = np.unique(loops.node * wide + np.repeat(group, loops.count) + 1)

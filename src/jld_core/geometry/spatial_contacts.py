@@ -1,8 +1,4 @@
-"""Contact detection of polyhedra: overlaps of opposite, coplanar facets.
-
-Array operations on bounding boxes find the candidates. Rectangles with parallel sides are intersected by interval
-comparison, all other facets by shapely in the plane of contact.
-"""
+"""Contact detection of polyhedra: overlaps of opposite, coplanar facets, found by bounding boxes."""
 
 from __future__ import annotations
 
@@ -99,10 +95,7 @@ def near_pairs(
 
 
 def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Select the pairs of boxes that touch or overlap within a shorter reach.
-
-    pairs: the pairs (p,) that it found. The result has the same form.
-    """
+    """Select the pairs (p,) of boxes that touch or overlap within a shorter reach."""
     low, high = lower - reach[:, None], upper + reach[:, None]
     left, right = pairs
     near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
@@ -171,10 +164,7 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 
 
 def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
-    """Return a mask (p,) of facet pairs without a gap between them.
-
-    one, two: (p,) facets. size: (p,) size of the smaller facet of each pair.
-    """
+    """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet of each pair."""
     # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
     # the second facet has holes or not four corners.
     found = np.zeros(len(one), dtype=bool)
@@ -208,10 +198,9 @@ def _near_miss(
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
-    """Return pairs of facets that face one another in nearly one plane.
+    """Return pairs of facets (r,) of elements a, b (p,) that face one another in nearly one plane.
 
-    a, b: (p,) elements of each pair. share: distance by which bounding boxes are enlarged, in units of the facet size.
-    The results are the facets (r,) of the first and of the second element.
+    share: enlargement of boxes, in facet sizes.
     """
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
@@ -226,7 +215,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         return owner[inside], facet[inside]
 
     def facing(a: Ints, b: Ints) -> Ints:
-        """Return the opposite facets (2, r) of a batch of element pairs a, b (p,)."""
+        """Return the opposite facets (2, r) of a batch of element pairs (p,)."""
         owner_a, facet_a = within(a, b)
         owner_b, facet_b = within(b, a)
         first = np.searchsorted(owner_b, np.arange(len(a)))
@@ -251,11 +240,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
 def _cut_rectangles(
     facets: Facets, frames: FacetFrames, one: Ints, two: Ints
 ) -> tuple[Bools, list[tuple[int, SpatialContact]]]:
-    """Intersect pairs of rectangles with parallel sides.
-
-    one, two: (p,) facets. The results are a mask (p,) of pairs with parallel sides, which need no other treatment, and
-    their contacts, each with its position in the pairs.
-    """
+    """Intersect pairs of facets (p,) that are parallel rectangles; return their mask (p,) and contacts by position."""
     row, stack = facets.four
     first, second = stack[row[one]], stack[row[two]]
     origin, e1, e2, normal = facets.origin[one], frames.e1[one], frames.e2[one], facets.normal[one]
@@ -264,7 +249,6 @@ def _cut_rectangles(
     aligned = (skew <= PARALLEL) & (np.einsum("ij,ij->i", normal, facets.normal[two]) < PARALLEL - 1.0)
 
     def extent(stack: Floats, axis: Floats) -> tuple[Floats, Floats]:
-        """Return the least and greatest coordinate of corners along an axis."""
         along = np.einsum("nkj,nj->nk", stack - origin[:, None], axis)
         return along.min(axis=1), along.max(axis=1)
 
@@ -291,10 +275,7 @@ def _cut_rectangles(
 
 
 def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> list[tuple[int, SpatialContact]]:
-    """Intersect pairs of facets of any shape with shapely, in the plane of the first one.
-
-    one, two: (p,) facets. The result lists contacts, each with its position in the pairs.
-    """
+    """Intersect pairs of facets (p,) of any shape in the plane of the first; return contacts with positions."""
     if not len(one):
         return []
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
@@ -356,10 +337,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
 
 
 def _clusters(points: Floats, tolerance: float) -> Ints:
-    """Return the cluster (n,) of each point; clusters are further apart than the tolerance.
-
-    points: (n, d). Clusters are numbered by their first points.
-    """
+    """Return the cluster (n,) of each point (n, d); clusters are further apart than the tolerance."""
     one, two = [], []
     # Coordinates that differ by less than half a box lie in one box of one of two grids shifted by half a box.
     with np.errstate(over="ignore"):
@@ -374,7 +352,7 @@ def _clusters(points: Floats, tolerance: float) -> Ints:
 
 
 def _first_within(points: Floats, tolerance: float) -> Ints:
-    """Return the index (n,) of the point (n, d) that each point joins, one after the other."""
+    """Return the point (n,) that each point (n, d) joins, one after the other."""
     # A point joins the first one within the tolerance that joined none, else it joins none and keeps its own index.
     width = max(tolerance, 1e-300)
     # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
@@ -396,10 +374,7 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
 def check_overlaps(
     ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints], within: float = 0.0
 ) -> tuple[str, ...]:
-    """Refuse convex polyhedra that share a volume; return a warning about overlaps no deeper than `within`.
-
-    Raises InputError: elements overlap; the message names the pairs, depth and place.
-    """
+    """Raise InputError for convex polyhedra that share a volume; warn of overlaps no deeper than `within`."""
     # Pairs with a polyhedron that is not convex are not checked. Two elements are apart where all of one lies in front
     # of a facet of the other. For the few remaining pairs, a linear program finds the largest ball within both.
     lower = np.array([v.min(axis=0) for v in vertices])
@@ -463,10 +438,9 @@ def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
 
 
 def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
-    """Compute local frames and sections of plane contacts.
+    """Compute local frames and sections of plane contacts, without their holes.
 
-    Result: interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those of other polygons are
-    extents along e1 and e2. Sections are those of the area without its holes.
+    Sizes are means of opposite sides of rectangles, else extents along e1 and e2.
     """
     # The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1. Source: docs/method.md (1.2), (2.2).
     count = len(contacts)

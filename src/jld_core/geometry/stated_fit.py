@@ -37,12 +37,7 @@ class Fit:
 
 
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
-    """Measure the misfit of a stated straight contact and the edges of an element.
-
-    ends: (2, 2) ends of the contact, scene units. outward: (2,) unit normal of the contact, out of the element.
-    outline: (k, 2) corners of the element, counter-clockwise. Result: `beyond` is the length of the contact along which
-    the element has no edge.
-    """
+    """Measure the misfit of a stated contact (2, 2) and the edges of a polygon (k, 2); outward: (2,) unit normal."""
     # plain numbers: outlines have few corners, for which arrays take ten times as long
     (x, y), (x1, y1) = ends.tolist()
     out_x, out_y = outward.tolist()
@@ -72,12 +67,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
-    """Measure the misfit of a stated plane contact and the facets of an element.
-
-    polygon: (k, 3) corners of the contact in order, scene units. outward: (3,) unit normal of the contact, out of the
-    element. normals: (f, 3) outward unit normals of the facets. Result: `beyond` is the largest distance of a point of
-    the contact from the facets that it lies on.
-    """
+    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,) unit normal."""
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
@@ -111,7 +101,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 
 
 class Misfit(InputError):
-    """Error for contacts or elements that fit one another poorly, all of them within a tolerance above `most`."""
+    """Error for contacts or elements that fit one another poorly, but within a tolerance above `most`."""
 
     def __init__(self, where: str, problem: str, expected: str, most: float = 0.0) -> None:
         super().__init__(where, problem, expected)
@@ -121,9 +111,8 @@ class Misfit(InputError):
 def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, unit: str) -> tuple[str, ...]:
     """Return warnings about stated contacts that fit an element poorly.
 
-    fits: key of the contact, name of the element, and their fit. Raises InputError: contacts exceed the faces of their
-    elements, or lie inside them, by more than the larger of `tolerances.NEAR` times their size and the tolerance;
-    `Misfit` where a larger tolerance takes all of them.
+    Fits: key, element, fit. Raises InputError for misfits beyond `tolerances.NEAR` and the tolerance, `Misfit` where a
+    larger tolerance takes all of them.
     """
     warnings, wrong = list[str](), list[tuple[bool, float, str, str]]()
     for where, name, fit in fits:
@@ -158,10 +147,7 @@ def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, un
 
 
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
-    """Raise InputError for a stated plane contact whose outline crosses itself.
-
-    polygon: (k, 3) corners in order. normal: (3,) unit normal of its plane.
-    """
+    """Raise InputError for a stated plane contact (k, 3) whose outline crosses itself."""
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
     whole = float(area_of(shapely.Polygon(flat)).area)
@@ -170,10 +156,7 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
 
 
 def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
-    """Raise InputError for two contacts of one pair of elements that share more than an end or an edge.
-
-    pairs: elements (a, b) of each contact. places: ends (2, 2) or corners (k, 3) of each contact.
-    """
+    """Raise InputError for two contacts of one pair of elements that share more than an end or an edge."""
     known: dict[tuple[int, int], list[int]] = {}
     for second, (a, b) in enumerate(pairs):
         others = known.setdefault((min(a, b), max(a, b)), [])
@@ -185,10 +168,7 @@ def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) 
 
 
 def _cover(one: Floats, other: Floats) -> bool:
-    """Return True if two stated contacts overlap, that is, share more than an end or an edge.
-
-    one, other: ends (2, 2) or corners (k, 3) of each contact.
-    """
+    """Return True if two stated contacts, (2, 2) or (k, 3), share more than an end or an edge."""
     size = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in (one, other))
     reach = tolerances.FACE * size
     if one.shape[1] == 2:
@@ -267,22 +247,19 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
 
 
 def _gap(miss: NearMiss, unit: str) -> str:
-    """Describe width and place of a gap, or of a joint that opens from one end."""
     if miss.angle > 0.0:
         return f"touch at one end and open by {miss.gap:.3g} {unit} ({miss.angle:.2g}°) at ({_point(miss.place)})"
     return f"are {miss.gap:.3g} {unit} apart at ({_point(miss.place)})"
 
 
 def _point(place: Floats) -> str:
-    """Format the coordinates (d,) of a point, with more digits far from the origin."""
     return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)
 
 
 def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
-    """Compute the unit normals of stated contacts, out of element a of each.
+    """Compute the unit normals (m, 3) of stated contacts, out of their elements a (m,).
 
-    a: (m,) index of the first element of each contact. where: maps the index of a contact to its key in the scene, for
-    error messages. Returns (m, 3). Raises InputError: a contact has no area, or its corners do not lie in a plane.
+    Raises InputError for a contact without area, or one that is not plane.
     """
     # The stated polygon gives the direction. The face of a that it lies on only gives the sign.
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
@@ -302,11 +279,7 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
 
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
-    """Return the sense (m,) of each contact's normal: +1 if it points out of element a, or −1.
-
-    normal: (m, 3). place: (m, 3) a point of each contact. size: (m,) of the contacts, lengths. a: (m,) element of each
-    contact.
-    """
+    """Return +1 (m,) for normals (m, 3) that point out of element a of the contact at `place` (m, 3), else −1."""
     # The nearest face of a decides.
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]

@@ -169,10 +169,9 @@ def _weld(points: Floats, reach: float) -> Ints:
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
-    """Compute the regions of the outer surface of solids that lie in one plane.
+    """Compute the outer regions of solids in one plane.
 
-    size: extent of the solids. Regions where facets of opposite normals meet are left out. Returns, for each region,
-    its outward normal (3,) and its boundary loops (k, 3), the outer one first.
+    Returns the outward normal and loops (k, 3) of each; opposite facets that meet leave none.
     """
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
@@ -180,7 +179,6 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
     frame, origin = -across(normal), facets.origin[plane[0]]
 
     def region(facet: int) -> shapely.Geometry:
-        """Return a facet as shapely polygons in the plane."""
         loops = [(loop - origin) @ frame.T for loop in facets.loops[facet]]
         return area_of(shapely.Polygon(loops[0], loops[1:]))
 
@@ -219,16 +217,13 @@ def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) ->
 
 
 def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
-    """Return consecutive indices, from 0, for the corners of several rings, one list per ring."""
+    """Return consecutive indices for the corners of several rings, one list per ring."""
     stops = np.cumsum([0, *(len(ring) for ring in rings)])
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
 
 
 def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
-    """Triangulate a shell and its holes counter-clockwise without additional points.
-
-    points: (k, 2) coordinates that the loops refer to.
-    """
+    """Triangulate a shell and its holes in points (k, 2), counter-clockwise and without new points."""
     rings = [points[list(loop)] for loop in loops]
     if len(loops) == 1 and _fans(rings[0]):
         (loop,) = loops

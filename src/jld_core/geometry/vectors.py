@@ -1,7 +1,4 @@
-"""Cross products and areas as vectors, in the plane and in space.
-
-In the plane, moments and spins have one component, about the out-of-plane axis.
-"""
+"""Cross products and areas as vectors; in the plane, moments and spins have one component."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ import math
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
-from jld_core.linalg.sums import without_rounding
+from jld_core.linalg.projection import without_rounding
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:
@@ -87,10 +84,7 @@ def area_vector(corners: Floats) -> Floats:
 
 
 def across(normal: Floats) -> Floats:
-    """Return two axes of a plane that form a right-handed frame with its normal.
-
-    normal: (3,) unit normal of the plane. Returns (2, 3): unit axes e1, e2 with e1 × e2 = normal.
-    """
+    """Return unit axes (2, 3) that form a right-handed frame with a unit normal (3,)."""
     # written out: the general cross product of numpy takes ten times as long for single vectors
     x, y, z = normal.tolist()
     smallest = int(np.argmin(abs(normal)))
@@ -101,10 +95,7 @@ def across(normal: Floats) -> Floats:
 
 
 def frame(vectors: Floats) -> Floats:
-    """Return a right-handed orthonormal frame that starts with d − 1 given vectors.
-
-    vectors: (d − 1, d) independent vectors; Gram–Schmidt makes the second orthogonal to the first. Returns (d, d).
-    """
+    """Return a right-handed orthonormal frame (d, d) that starts with d − 1 independent vectors."""
     first = vectors[0] / np.linalg.norm(vectors[0])
     if len(first) == 2:
         return np.array([first, [-first[1], first[0]]])

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
+from jld_core.assembly import faces_of
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.reduced_rows import usable
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.solvers import make_solver
-from jld_core.sub_assembly import faces_of
 
 # Residual requested from the solver where there is no batch solver; a heuristic needs no more digits
 _RESIDUAL: Final = 1e-8

@@ -1,8 +1,6 @@
 """Multifrontal Cholesky factorisation of sparse matrices, in numpy and LAPACK.
 
-`Fronts` analyses a pattern once: elimination order, and one dense front per separator of a nested dissection. The
-numbers are then computed by dense LAPACK routines, front by front. Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu,
-SIAM Review 34 (1992) 82–109.
+Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu, SIAM Review 34 (1992) 82–109.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from jld_core.arrays import Bools, Floats, Ints
 
 @dataclass(frozen=True)
 class Dissection:
-    """Parts of a graph of n nodes in the order of elimination, children before their parents."""
+    """Parts of a graph in the order of elimination, children before their parents."""
 
     order: Ints  # (n,) nodes in order of elimination
     start: Ints  # (parts + 1,) part p is order[start[p] : start[p + 1]]; it may be empty
@@ -31,9 +29,7 @@ class Dissection:
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
     """Order the nodes of a graph for sparse elimination, by recursive bisection.
 
-    rows, columns: (e,) ends of the edges, each edge at least once; loops are ignored. places: (count, d) coordinates of
-    the nodes; default: computed from distances in the graph. Result: order of elimination, its parts (separators and
-    leaves), and their tree.
+    rows, columns: (e,) ends of edges. places: (count, d) coordinates; None: from distances in the graph.
     """
     proper = rows != columns
     rows, columns = rows[proper], columns[proper]
@@ -69,10 +65,7 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
 
 
 def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> tuple[Ints, Ints, Ints]:
-    """Split a part of a graph into two halves and a separator, and return all three.
-
-    places: (n, d) coordinates of all nodes. side: work array (n,), overwritten at the nodes of the part.
-    """
+    """Split a part of a graph into two halves and a separator. side: work array (n,)."""
     # Each of the two longest directions gives a cut, and either set of nodes along a cut may be the separator; the
     # smallest one is taken.
     middle = places[nodes] - places[nodes].mean(axis=0)
@@ -95,10 +88,7 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
 
 
 def _along(nodes: Ints, places: Floats) -> Ints:
-    """Sort nodes along their longest direction, so that neighbours get near numbers.
-
-    places: (n, d) coordinates of all nodes.
-    """
+    """Sort nodes along their longest direction, so that neighbours get near numbers."""
     if len(nodes) < 3:
         return nodes
     middle = places[nodes] - places[nodes].mean(axis=0)
@@ -107,10 +97,7 @@ def _along(nodes: Ints, places: Floats) -> Ints:
 
 
 def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
-    """Return artificial coordinates (count, 3) of the nodes of a graph, for bisection.
-
-    rows, columns: (e,) ends of the edges.
-    """
+    """Return artificial coordinates (count, 3) of the nodes of a graph with edges (e,), for bisection."""
     # Coordinates follow from the numbers of edges to a few distant nodes. Connected components get separate ranges of
     # the first coordinate; the third is 0.
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
@@ -132,10 +119,7 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
 
 def _distances(graph: sp.csr_array, root: int) -> Floats:
-    """Return the number of edges (n,) from a root to each node of a graph.
-
-    It is 0 for nodes out of reach.
-    """
+    """Return the number of edges (n,) from a root to each node, 0 where out of reach."""
     order, before = breadth_first_order(graph, root, directed=False)
     distance = np.zeros(graph.shape[0])
     for node in order[1:].tolist():
@@ -159,14 +143,9 @@ class _Run(NamedTuple):
 class Fronts:
     """Symbolic analysis of one sparsity pattern for multifrontal Cholesky factorisation.
 
-    Make it once per pattern; then call `factor` for each matrix.
-
-    rows, columns: (e,) positions of the entries, in either triangle, without repetition. node: (n,) graph node of each
-    unknown; unknowns of one node have the same neighbours. places: (nodes, d) coordinates of the nodes; default:
-    computed from distances in the graph. order, place: (n,) unknowns in order of elimination, and the position of each
-    unknown in it. size: number of unknowns n. parent: (fronts,) parent of each front in the elimination tree, −1 for a
-    root. bounds: (fronts + 1,) front k eliminates the positions from bounds[k] to bounds[k + 1]. passed: for each
-    front, positions of the later unknowns that its elimination changes.
+    rows, columns: (e,) entries of either triangle, once each. node: (n,) graph node of each unknown. order: unknowns as
+    eliminated, with positions `place`; front k eliminates bounds[k] … bounds[k + 1] and changes the unknowns
+    `passed[k]`. parent: −1 for a root.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:
@@ -189,10 +168,9 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
-        """Build the fronts of the elimination, and the row ranges that receive their updates.
+        """Build the fronts, and the row ranges that receive their updates.
 
-        start, parent: as in `Dissection`. a, b: (e,) ends of edges, by order of elimination. offset: (nodes + 1,) first
-        unknown of each node.
+        a, b: (e,) edges by order of elimination. offset: (nodes + 1,) first unknown of each node.
         """
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
@@ -220,10 +198,7 @@ class Fronts:
                 children[parent[part]].append(part)
 
     def _place_entries(self, rows: Ints, columns: Ints) -> None:
-        """Assign each matrix entry a position in the arrays of its front.
-
-        rows, columns: (e,) positions in the matrix.
-        """
+        """Assign each matrix entry (e,) a position in the arrays of its front."""
         # The arrays are the pivot matrix and the panel below it.
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         front = np.searchsorted(self.bounds, column, side="right") - 1
@@ -242,10 +217,9 @@ class Fronts:
         self.diagonal = np.flatnonzero(row[order] == column[order])
 
     def factor(self, data: Floats) -> Factor:
-        """Compute the Cholesky factor of a matrix with this pattern.
+        """Compute the Cholesky factor for entries (e,).
 
-        data: (e,) values of the entries, in the order of `rows` and `columns`. Raises np.linalg.LinAlgError: the matrix
-        is not positive definite in floating point.
+        Raise np.linalg.LinAlgError if the matrix is not positive definite.
         """
         values, where, cut, bounds = data[self.entries], self.where, self.cut, self.bounds
         pivots: list[Floats] = []
@@ -281,10 +255,7 @@ class Fronts:
 
 
 def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
-    """Split ascending positions into ranges of consecutive ones.
-
-    own: True if the positions count in the parent's pivot unknowns.
-    """
+    """Split ascending positions into ranges; own: they count in the parent's pivot unknowns."""
     if not len(places):
         return []
     cuts = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), len(places)]
@@ -292,10 +263,7 @@ def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
 
 
 def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, target: Floats) -> None:
-    """Add the update matrix of a child front to the matrices of its parent.
-
-    table: (n, n) update matrix, its upper triangle.
-    """
+    """Add the update matrix (n, n), upper triangle, of a child front to the matrices of its parent."""
     for i, row in enumerate(runs):
         rows = slice(row.place, row.place + row.last - row.first)
         for column in runs[i:]:
@@ -318,20 +286,15 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
 
 
 class Factor:
-    """Cholesky factorisation of a matrix, made by `Fronts.factor`; it solves linear systems.
+    """Cholesky factorisation of a matrix.
 
-    fronts: analysis of the pattern. pivots: lower Cholesky factor of the p unknowns that each front eliminates. panels:
-    rows of the factor below them, for the r later unknowns of the front.
+    pivots: factor of the p unknowns that each front eliminates. panels: its rows for the r later ones.
     """
 
     def __init__(self, fronts: Fronts, pivots: list[Floats], panels: list[Floats]) -> None:
         self._fronts, self._pivots, self._panels = fronts, pivots, panels
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solve the system for one or several right-hand sides.
-
-        rhs: (n,) right-hand sides. Returns (n,).
-        """
         fronts = self._fronts
         x = np.array(rhs[fronts.order], dtype=float)
         if x.ndim == 1:

@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.linalg.cholesky import Fronts
 
@@ -22,13 +23,9 @@ _STEPS = 12  # number of steps of regularisation
 
 
 class Projector:
-    """Projection of a vector F on the solutions of A F = r, with A factored once.
+    """Projection of a vector F on the solutions of A F = r, with A factored once (3.9).
 
-    The projected vector is F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
-
-    matrix: (rows, columns) A, restricted to the active resultants. places: (rows, d) coordinates of the element of each
-    row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full. rows: A in a form for fast products with
-    vectors (see `dense_if_small`).
+    places: (rows, d) coordinates for sparse Cholesky; None (LU) where a full column makes A Aᵀ full.
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
@@ -42,20 +39,14 @@ class Projector:
             self._solve = _cholesky(normal, places) or _lu(normal)
 
     def correction(self, residual: Floats) -> Floats:
-        """Return the least-norm change of F that removes a residual.
-
-        residual: (rows,) a F − r. Returns (columns,).
-        """
+        """Return the least-norm change (columns,) of F that removes a residual A F − r."""
         if self._dense is not None:
             return self._dense @ residual
         return np.asarray(self.matrix.T @ self._solve(residual))
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Return a solver of A Aᵀ x = r by multifrontal Cholesky.
-
-    None without places, or where A Aᵀ is not positive definite. places: (rows, d) coordinates of the rows.
-    """
+    """Return a multifrontal solver of A Aᵀ x = r; None without places, or if A Aᵀ is not positive definite."""
     if places is None:
         return None
     rows, columns = normal.tocoo().coords
@@ -92,12 +83,8 @@ def _right_inverse(matrix: Floats) -> Floats:
 class ConsistentProjector:
     """Projection on the solutions of consistent equations E y = r whose rows may be dependent.
 
-    Few equations take a pseudo-inverse. Many take iterated Tikhonov regularisation: y ← y − Eᵀ(E Eᵀ + δ)⁻¹(E y − r)
-    with one sparse factorisation, which converges to the nearest solution by a factor δ/(σ² + δ) for each singular
-    value σ > 0. Source: Hanke & Groetsch, Nonstationary iterated Tikhonov regularization, J. Optim. Theory Appl. 98
-    (1998).
-
-    equations: (rows, columns) E, with rows of order one.
+    Few equations take a pseudo-inverse, many iterated Tikhonov regularisation. Source: Hanke & Groetsch, J. Optim.
+    Theory Appl. 98 (1998).
     """
 
     def __init__(self, equations: sp.csr_array) -> None:
@@ -113,10 +100,7 @@ class ConsistentProjector:
             self._factor = spla.splu(sp.csc_array(sp.block_array(corners)), permc_spec="MMD_AT_PLUS_A", options=options)
 
     def project(self, y: Floats, right: Floats) -> Floats:
-        """Return the solution next to a point, up to rounding.
-
-        y: (columns,) point to project. right: (rows,) r. Returns (columns,).
-        """
+        """Return the solution (columns,) next to a point y, up to rounding."""
         if self._inverse is not None:
             for _ in range(3):
                 y = y - self._inverse @ (self.equations @ y - right)
@@ -135,8 +119,15 @@ class ConsistentProjector:
 
 
 def dense_if_small(matrix: Any) -> Any:
-    """Return a small sparse matrix as a dense one, which multiplies vectors faster.
-
-    Result: dense up to `_FULL` entries (rows × columns), else the same matrix.
-    """
+    """Return a sparse matrix of up to `_FULL` entries as a dense one, which multiplies vectors faster."""
     return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix
+
+
+def summed(*parts: Floats) -> Floats:
+    """Add arrays of one shape; entries that cancel up to rounding become exactly zero."""
+    return without_rounding(np.sum(parts, axis=0), np.sum(np.abs(parts), axis=0))
+
+
+def without_rounding(total: Floats, gross: Floats) -> Floats:
+    """Return sums with zero in place of those that are rounding of the summed magnitudes of their terms."""
+    return np.where(abs(total) <= tolerances.ROUNDING * gross, 0.0, total)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, labels_of
 from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
@@ -19,7 +19,6 @@ from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing,
 from jld_core.limit.options import Governing
 from jld_core.parameters import typed
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
-from jld_core.sub_assembly import labels_of
 from jld_core.threads import one_thread
 
 _COARSE: Final = 0.9  # gap of bounds of which only the sign counts
@@ -38,7 +37,7 @@ class FieldResult(Result):
     cases: dict[str, FieldBounds | FieldBounds]  # bounds of each load case by its name; a single load has the name ""
     seconds: dict[str, float]  # wall-clock time: total, s
 
-    shown_by: ClassVar[str] = "jld_core.views.field_notebook:FieldResultView"
+    shown_by: ClassVar[str] = "jld_core.views.notebook:FieldResultView"
     notes = ()
     forces = mechanism = instability_mechanism = None
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Labels, checked_labels, labels_of, with_members
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
@@ -36,7 +36,6 @@ from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
 from jld_core.parameters import shown_value
 from jld_core.scene import Scene, load_scene
-from jld_core.sub_assembly import Labels, checked_labels, labels_of, with_members
 from jld_core.threads import one_thread
 
 

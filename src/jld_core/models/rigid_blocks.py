@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import DRY, INNER, Assembly, Elements, blocks_of
+from jld_core.assembly import DRY, INNER, Assembly, Elements, blocks_of, without
 from jld_core.errors import ParameterError, SolverError
 from jld_core.geometry import spun
 from jld_core.geometry.vectors import resultants
@@ -38,7 +38,6 @@ from jld_core.plugins import part
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, RawStatus, is_large
 from jld_core.strengths import ADHESION, STANDARD, Route
-from jld_core.sub_assembly import without
 
 _STRONG = 300.0  # weakest inner strength over the force scale above which blocks are first solved as rigid
 

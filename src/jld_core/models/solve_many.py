@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Labels
 from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
 from jld_core.mechanics import require_materials
@@ -26,7 +26,6 @@ from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 from jld_core.parameters import require_kind
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
-from jld_core.sub_assembly import Labels
 from jld_core.threads import one_thread
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from jld_core.mechanics import Scaling
 
 @dataclass(frozen=True)
 class Bodies:
-    """Blocks that a labelling makes of an assembly; computed where a solver asks for them."""
+    """Blocks that a labelling makes of an assembly, computed where a solver asks for them."""
 
     assembly: Assembly  # elements and interfaces
     scaling: Scaling
@@ -49,10 +49,9 @@ class Bodies:
         return np.asarray(np.where(held[block], np.arange(len(free)), first[block]), dtype=np.int64)
 
     def sums(self, equations: int) -> sp.csr_array | None:
-        """Return the matrix T that replaces the equations of each root by those of its block.
+        """Return the invertible matrix T that replaces the equations of each root by those of its block.
 
-        equations: number of equations; those beyond equilibrium stay as they are. Returns (equations, equations): T,
-        which has an inverse; None where every free block is one element.
+        None where every free block is one element.
         """
         # A block's equations are sums over its elements, with moments about the centroid of the root. Source:
         # docs/method.md (8.6).
@@ -182,7 +181,7 @@ _SHARED_BITS: Final = 43
 
 
 def _round(values: Floats) -> Floats:
-    """Round an array of any shape to `_SHARED_BITS` bits, by Veltkamp's splitting."""
+    """Round an array to `_SHARED_BITS` bits, by Veltkamp's splitting."""
     high = (2.0 ** (53 - _SHARED_BITS) + 1.0) * values
     return np.asarray(high - (high - values))
 
@@ -215,13 +214,12 @@ class ConicProgram:
     def rounded(self) -> ConicProgram:
         """Return the program that solvers get: M and r rounded to `_SHARED_BITS` bits.
 
-        The last digits of a solver's answer then depend neither on units nor on the order of a sum. Bounds proven from
-        that answer use the numbers as they are.
+        Solutions then depend neither on units nor on the order of sums; proofs use the numbers as they are.
         """
         return replace(self, data=_round(self.data), rhs=_round(self.rhs))
 
     @cached_property
     def matrix(self) -> sp.csc_array:
-        """Return the matrix M as a sparse array (rows, columns) in compressed columns."""
+        """Return M as a sparse array (rows, columns) in compressed columns."""
         s = self.structure
         return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)

@@ -1,10 +1,7 @@
 """Template of the conic programs of one assembly: data independent of the labelling.
 
-minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
-
-The rows are equilibrium, then λ ≥ −c, then the yield rows. The row λ ≥ −c keeps the program feasible near zero and
-gives proofs of instability the right sign. The structure is built once per assembly. A labelling chooses, entry by
-entry, between two arrays of numbers.
+Rows: equilibrium, λ ≥ −c (feasible near zero; gives proofs of instability their sign), yield rows. A labelling chooses
+between two arrays of numbers.
 """
 
 from __future__ import annotations
@@ -37,7 +34,7 @@ _ROUTE: Final = Route("programs", STANDARD | CRITERIA)
 
 @dataclass(frozen=True)
 class Beside:
-    """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0."""
+    """Scaled equation in addition to equilibrium: row·F + dead + λ live = 0."""
 
     row: Floats  # (q·m,) coefficients of the resultants
     # dead, live: constant term and coefficient of λ
@@ -111,7 +108,6 @@ class Template:
 
     @property
     def precision(self) -> Precision:
-        """Return the accuracy that an interior-point method should reach on these programs."""
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths(_ROUTE)
@@ -119,20 +115,13 @@ class Template:
         return tolerances.CRUSHING if (crushing & ~self.assembly.of_members).any() else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
-        """Return a template with another yield set, for example one of other strengths.
-
-        Scaling and equilibrium are shared, and so is the structure if its sparsity is the same.
-        """
+        """Return a template with another yield set, which shares scaling, equilibrium and, if equal, sparsity."""
         other = self.with_rows(sets)
         other.yield_set = sets
         return other
 
     def with_rows(self, rows: Rows) -> Template:
-        """Return a template with the rows of other yield sets in its programs.
-
-        Its attribute `yield_set` stays; use `renumbered` to replace that too. The structure is shared if its sparsity
-        is the same.
-        """
+        """Return a template with other rows in its programs, whose attribute `yield_set` stays."""
         other = copy.copy(self)
         other._lay_out(rows)
         old, new = self.structure, other.structure
@@ -143,7 +132,7 @@ class Template:
 
     @property
     def columns(self) -> int:
-        """Return the number of columns of the programs: resultants, extra variables and λ."""
+        """Return the number of resultants, extra variables and λ."""
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:
@@ -188,9 +177,9 @@ class Template:
         self._pressure[np.arange(0, resultants, q)] = -1.0
 
     def _places(self) -> Floats:
-        """Return the coordinates (equations, d) of each equation, for the elimination order.
+        """Return coordinates (equations, d) for the elimination order.
 
-        They are centroids of free elements; the equation `beside` has their mean.
+        Centroids of free elements, their mean for `beside`.
         """
         elements = self.assembly.elements
         places = np.repeat(elements.centroid[elements.free], self.assembly.freedoms, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, faces_of
 from jld_core.build import build_assembly
 from jld_core.build.materials import direction_of_weight
 from jld_core.errors import InputError, ParameterError
@@ -33,7 +33,6 @@ from jld_core.refinement.voussoirs import voussoir_cells
 from jld_core.refinement.walls import bed_joints, split_prism, split_walls
 from jld_core.samples.wall_openings import Lintel
 from jld_core.scene import Scene, parse_scene
-from jld_core.sub_assembly import faces_of
 
 _LEAST: Final = 0.05  # share of a cell's area below which a piece joins its neighbour
 

@@ -14,7 +14,7 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, Interfaces
-from jld_core.build.pressure import Boundary
+from jld_core.build.loads import Boundary
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.polyhedra import distance_from_face, distance_to, point_in_face
 from jld_core.scene import Scene

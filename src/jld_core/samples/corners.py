@@ -6,7 +6,7 @@ import shapely
 
 from jld_core.errors import ParameterError
 from jld_core.parameters import typed
-from jld_core.samples.corner_bonds import corner_course
+from jld_core.samples.bonds import corner_course
 from jld_core.samples.stone import Stone, box, cap, check, count, scene_of
 from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
 from jld_core.scene import Scene
@@ -149,8 +149,7 @@ def _opening(
 ) -> tuple[float, float, int, int]:
     """Return both jambs of an opening along its wall, its first course, and that of its lintel.
 
-    text: position, sill, width and height, as in `form`. start, length: of the wall between its corners. height: of a
-    course. Raises ParameterError for another text, or an opening that does not fit.
+    text: position, sill, width and height, as in `form`.
     """
     try:
         numbers = [float(part) for part in text.split(",")]

@@ -188,7 +188,6 @@ def buttress(
     width = base + (top - base) * levels / height
 
     def at(level: int, column: int) -> list[float]:
-        """Return the corner at a level and a column."""
         return [float(width[level] * column / columns), float(levels[level])]
 
     elements: list[dict[str, Any]] = [
@@ -275,10 +274,7 @@ def wall(
 
 
 def _opening(text: str, courses: int, height: float, length: float) -> tuple[float, float, int, int]:
-    """Return left, right, first course and lintel course of an opening.
-
-    Raises ParameterError for another text, or an opening that does not fit.
-    """
+    """Return left, right, first course and lintel course of an opening; raise ParameterError if it does not fit."""
     try:
         x, y, wide, tall = (float(part) for part in text.split(","))
     except ValueError:

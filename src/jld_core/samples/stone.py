@@ -78,10 +78,7 @@ def choose(option: str, value: str, allowed: Sequence[str]) -> None:
 def scene_of(
     name: str, elements: list[dict[str, Any]], stone: Stone, load: str, *, depth: float | None = None
 ) -> Scene:
-    """Return the scene of a sample from its elements, with material and live load.
-
-    Raises InputError for another load, or an invalid element.
-    """
+    """Return the scene of a sample from its elements, with material and live load."""
     choose("load", load, LOADS)
     spatial = "vertices" in elements[0]
     document: dict[str, Any] = {
@@ -96,7 +93,6 @@ def scene_of(
 
 
 def materials(stone: Stone) -> dict[str, Any]:
-    """Return the entry "materials" of a scene for a sample's stone."""
     return {
         "density": stone.density,
         "dry": {"friction_coefficient": stone.friction},
@@ -105,7 +101,6 @@ def materials(stone: Stone) -> dict[str, Any]:
 
 
 def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict[str, Any]]:
-    """Return the "live" loads of a scene."""
     if load == "push":
         return [{"body": [1.0, 0.0, 0.0] if spatial else [1.0, 0.0]}]
     shapes = [np.array(e["vertices" if spatial else "polygon"]) for e in elements]
@@ -169,11 +164,7 @@ def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> 
 
 
 def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
-    """Make a spatial element through consecutive four-cornered sections.
-
-    sections: (k, 4, 3), k ≥ 2, corners in the same order, m. Each section, and each side between two of them, must be
-    plane.
-    """
+    """Make a spatial element through consecutive plane sections (k, 4, 3), corners in one order, with plane sides."""
     number = len(sections)
     faces = [[3, 2, 1, 0], [4 * (number - 1) + i for i in range(4)]]
     for k in range(number - 1):
@@ -183,10 +174,9 @@ def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
 
 
 def steps(parts: int, offset: bool) -> list[tuple[int, ...]]:
-    """Return the stations along a ring that each of its parts spans, to shift its joints.
+    """Return the half-step stations along a ring of 2·parts half steps that each part spans, two of them.
 
-    The ring has 2·parts half steps and stations 0 … 2·parts. A part spans two half steps. With `offset`, parts begin
-    half a part later, and the first and the last part are half as long.
+    With `offset`, parts begin half a part later, and the first and the last are half as long.
     """
     if not offset:
         return [(2 * k, 2 * k + 1, 2 * k + 2) for k in range(parts)]

@@ -74,8 +74,7 @@ def _barrel(
 ) -> list[dict[str, Any]]:
     """Return the elements of a barrel vault along y.
 
-    inner, outer: radii, m. first: angle of the springing, radians. running: whether head joints alternate from course
-    to course.
+    first: angle of the springing, radians. running: head joints alternate.
     """
     fine = 2 if running else 1
     angles = np.linspace(np.pi - first, first, fine * voussoirs + 1)
@@ -83,7 +82,6 @@ def _barrel(
     places = np.linspace(0.0, length, courses + 1)
 
     def cell(name: str, at: np.ndarray[Any, Any], y0: float, y1: float, **keys: Any) -> dict[str, Any]:
-        """Return one voussoir through the given angles, from y0 to y1."""
         corners = ((inner, y0), (outer, y0), (outer, y1), (inner, y1))
         sections = np.array([[[r * np.cos(a), y, r * np.sin(a)] for r, y in corners] for a in at])
         return swept(name, sections, **keys)
@@ -98,7 +96,6 @@ def _barrel(
 
 
 def _cross(inner: float, outer: float, reach: float, half: int, courses: int, first: float) -> list[dict[str, Any]]:
-    """Return the elements of a cross vault: eight half webs, from groin to end."""
     # The lowest cells of each half web stand on separate supports.
     end = outer + reach
     angles = np.linspace(first, np.pi / 2.0, half + 1)

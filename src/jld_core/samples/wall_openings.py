@@ -1,4 +1,4 @@
-"""Walls in bonds with openings: bonded corners, jambs, and lintels of one stone or of a flat arch."""
+"""Walls in bonds with openings: corners, jambs, and lintels of one stone or of a flat arch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.samples.corner_bonds import (
+from jld_core.samples.bonds import (
     SLIVER,
     Rectangle,
     axis_of,
@@ -65,8 +65,8 @@ def bonded_walls(
 ) -> list[list[Floats]]:
     """Return the stones of walls course by course, each as its corners (8, 3) with the faces `FACES`.
 
-    lintel: None for its defaults. Raises InputError for an unknown bond, edges that are not along the axes, an opening
-    that is no rectangle through its wall, or no room for the bearing of a lintel.
+    Raises InputError for edges off the axes, an opening that is no rectangle through its wall, or no room for a
+    bearing.
     """
     # Corners are bonded as by `corner_course`. Head joints keep a quarter of a stretcher away from the jambs of
     # openings in their own course and in those above and below, and from the ends of lintels in courses above and
@@ -111,18 +111,13 @@ class _Walls:
         self.near = _SAME * float(np.ptp(shapely.get_coordinates(plan), axis=0).max())
 
     def _refusal(self, problem: str, expected: str) -> InputError:
-        """Return the error of an element that cannot be cut."""
         return InputError(f"element {self.name!r}", problem, expected)
 
     def walls(self, k: int) -> list[Rectangle]:
-        """Return the walls of a course."""
         return walls_of(self.plan, self.corners, (self.first + k) % 2)
 
     def _intervals(self, region: shapely.Geometry, wall: Rectangle, *, strict: bool = True) -> list[Interval]:
-        """Return the positions along a wall that a region covers, ascending.
-
-        strict: True raises InputError where the region is no rectangle through the whole thickness of the wall.
-        """
+        """Return the positions along a wall that a region covers, ascending; if strict, through its whole thickness."""
         along = axis_of(wall)
         thickness = wall[3 - along] - wall[1 - along]
         found = []
@@ -169,10 +164,7 @@ class _Walls:
         return found
 
     def _bearing(self, limit: float, lines: list[float]) -> float:
-        """Return the length by which a lintel reaches beyond a jamb.
-
-        Raises InputError where the wall beside the opening is too short.
-        """
+        """Return the length by which a lintel reaches beyond a jamb; raise InputError where the wall is too short."""
         least, given = SLIVER * self.stretcher * (1.0 - 1e-9), self.lintel.bearing
         if limit < (least if given is None else given * (1.0 - 1e-9)):
             wanted = f"at least {SLIVER * self.stretcher if given is None else given:g} for the bearing of its lintel"
@@ -225,7 +217,7 @@ def _area(whole: Rectangle, span: Interval) -> float:
 
 
 def _axes(stone: Rectangle) -> tuple[int, Interval, Interval, Interval]:
-    """Return axis, ends at the lower and at the upper face, and sides of an upright stone, for `_hexahedron`."""
+    """Return axis, ends at the lower and at the upper face, and sides of an upright stone."""
     along = axis_of(stone)
     ends = (stone[along], stone[along + 2])
     return along, ends, ends, (stone[1 - along], stone[3 - along])

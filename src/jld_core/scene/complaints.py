@@ -121,7 +121,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def plain(key: str) -> str:
-    """Return a key of a scene file for a message: unchanged if an identifier, else quoted."""
+    """Return a key of a scene file for a message, quoted unless it is an identifier."""
     return key if key.isidentifier() else shown(key)
 
 

@@ -19,20 +19,14 @@ _OPTIONS: Final = "faces, cells:SIZE or fields[:GAP]"
 
 
 class CellCracks(Part):
-    """Cracks along the faces of finer rigid cells inside the elements.
-
-    kind: name of the crack model. cell: size of the cells, length.
-    """
+    """Cracks along the faces of finer rigid cells (a length) inside the elements."""
 
     kind: Literal["cells"]
     cell: Annotated[Positive, Field(description="a length above 0")]
 
 
 class FieldCracks(Part):
-    """Cracks anywhere, by stress and velocity fields in triangles (docs/method.md, section 9).
-
-    kind: name of the crack model. gap: relative width of the bracket at which refinement ends.
-    """
+    """Cracks anywhere, by fields in triangles (docs/method.md, section 9), refined until the bracket is `gap` wide."""
 
     kind: Literal["fields"]
     gap: Annotated[Positive, Field(description="a number above 0")] = 0.05
@@ -43,10 +37,7 @@ CrackModel = Literal["faces"] | CellCracks | FieldCracks
 
 
 def cracks_by_kind(given: Any) -> Any:
-    """Validate the value of the key "cracks" by its kind: "faces", a CellCracks or a FieldCracks.
-
-    Raises InputError for an unknown kind or a wrong value, for messages about the kind meant.
-    """
+    """Validate the value of the key "cracks" by its kind, for error messages about the kind meant."""
     if given == "faces" or isinstance(given, CellCracks | FieldCracks):
         return given
     kind = given.get("kind") if isinstance(given, dict) else None
@@ -61,10 +52,7 @@ def cracks_by_kind(given: Any) -> Any:
 
 
 def cracks_of(given: Any) -> CrackModel:
-    """Return the crack model that a text, a value of the key "cracks" or a crack model names.
-
-    Raises InputError: nothing of these names a crack model.
-    """
+    """Return the crack model that a text, a value of the key "cracks" or a crack model names."""
     if isinstance(given, str):
         return parse_cracks(given)
     try:
@@ -119,18 +107,12 @@ def cracks_in_words(cracks: CrackModel) -> str:
 
 
 def cracks_in_short(cracks: CrackModel) -> str:
-    """Return a crack model in two or four words, for the repr of results.
-
-    Result: "by faces", "by cells of SIZE" or "by fields".
-    """
+    """Return "by faces", "by cells of SIZE" or "by fields", for the repr of results."""
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g}"
     return "by fields" if isinstance(cracks, FieldCracks) else "by faces"
 
 
 def cracks_to_json(cracks: CrackModel) -> Any:
-    """Return a crack model as the value of the key "cracks".
-
-    Result: value of the key in a scene file.
-    """
+    """Return a crack model as the value of the key "cracks"."""
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

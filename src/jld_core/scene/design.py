@@ -25,9 +25,7 @@ EQUILIBRIUM: Final = "EN 1990 EQU"
 class DesignFactors(Part):
     """Partial factors that a scene states itself; absent ones are those of its set.
 
-    self_weight, dead, prestressing: factors of permanent actions where they are favourable and where they are
-    unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths, of
-    friction coefficients, and of capacities of members.
+    Pairs are [favourable, unfavourable]; strength, friction and members are divisors.
     """
 
     self_weight: Annotated[FactorPair | None, Field(description="[favourable, unfavourable]")] = None
@@ -40,11 +38,9 @@ class DesignFactors(Part):
 
 
 class Design(Part):
-    """Partial factors of the design check.
+    """Partial factors of the design check, with classes of EN 1996-1-1.
 
-    set: name of a set of partial factors, or of an own one whose factors stand in `factors`. units: category of masonry
-    units by EN 1996-1-1. mortar: kind of mortar by EN 1996-1-1. execution: class of execution control by EN 1996-1-1, 1
-    to 5. factors: factors that replace those of the set.
+    set: name of a set, or of an own one whose factors stand in `factors`.
     """
 
     set: Annotated[str, Field(min_length=1, description="the name of a set of partial factors")] = DEFAULT_SET
@@ -72,9 +68,7 @@ class Design(Part):
 class PartialFactors:
     """Partial factors of a design check.
 
-    self_weight, dead, prestressing: (float, float) factors of self-weight, of stated dead loads and of prestress:
-    favourable, unfavourable. live: factor of the live load. strength, friction, members: divisors of strengths and
-    of friction coefficients, and of capacities of members. clauses: source of each factor, by the name of its
+    Pairs are (favourable, unfavourable); strength, friction and members are divisors. clauses: source of each factor by
     attribute.
     """
 
@@ -94,7 +88,6 @@ class PartialFactors:
         return self.name == EQUILIBRIUM
 
     def to_json(self) -> dict[str, object]:
-        """Return the factors and their sources as plain values."""
         found: dict[str, object] = {"set": self.name}
         for one in fields(self)[1:-1]:
             value = getattr(self, one.name)
@@ -104,10 +97,8 @@ class PartialFactors:
 
 
 STATED: Final = "stated in the scene"
-"""Source of a factor that the scene states."""
 
 UNREDUCED: Final = "not in this set"
-"""Source of a factor of 1 of a kind that a set does not state."""
 
 _ACTIONS: Final = ("self_weight", "dead", "live")  # factors that EN 1990 states
 
@@ -143,10 +134,7 @@ _STEEL: Final = 1.15  # γM of reinforcing and prestressing steel: EN 1996-1-1:2
 
 
 def partial_factors(design: Design | None, name: str | None = None) -> PartialFactors:
-    """Return the partial factors of a design check.
-
-    Raises ParameterError: no set has this name; the parameter is `set`.
-    """
+    """Return the partial factors of a design check; raise ParameterError of `set` if no set has this name."""
     own = design or Design()
     chosen = own.set if name is None else name
     if chosen not in _NAMED and chosen != own.set:

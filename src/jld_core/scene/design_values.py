@@ -30,9 +30,8 @@ SMALL_VARIATION: Final = 0.1
 def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) -> Scene:
     """Return the scene with design values of strengths, friction, capacities and prestress.
 
-    Result: scene at design values. A tendon that states no capacity keeps none but its prestress. Raises InputError:
-    the design values contradict one another, such as a prestress beyond the design tension; a permanent action varies
-    by more than `SMALL_VARIATION`; or the scene has fill.
+    A tendon without a stated capacity keeps its prestress alone. Raises InputError for design values that contradict
+    one another, a permanent action that varies by more than `SMALL_VARIATION`, and fill.
     """
     # Loads and weights become characteristic values.
     if scene.fill is not None:
@@ -60,17 +59,14 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
 
 
 def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) -> None:
-    """Replace a value by its changed characteristic value; do nothing if it is absent."""
+    """Replace a value by its changed characteristic value, if present."""
     value = entry.get(key)
     if value is not None:
         entry[key] = change(characteristic(value) if isinstance(value, dict) else value)
 
 
 def _put_loads(document: dict[str, Any], scene: Scene) -> None:
-    """Replace loads and weights with uncertainty in a document by their characteristic values.
-
-    Raises InputError for a permanent action of more than small variation.
-    """
+    """Replace loads and weights with uncertainty by their characteristic values; a permanent action may vary little."""
     for path, value in list(uncertain_values(scene)):
         if path[0] not in ("loads", "elements") and path[-1] != "density":
             continue

@@ -17,12 +17,9 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Fill(Part):
     """Soil with a level surface on the upper boundary of a planar structure.
 
-    level: height of the surface, measured against gravity, length. friction_angle: angle of internal friction, degrees.
-    cohesion: cohesion, stress. surcharge: permanent vertical pressure on the surface, such as a road. dispersal: angle
-    from the vertical at which a load on the surface spreads with depth, degrees. active: share of Rankine's active
-    pressure that always acts. passive, passive_cohesion: shares of the two terms of Rankine's passive pressure, weight
-    and cohesion, that the soil can reach. start, end: horizontal range of the soil, length; None for the ends of the
-    structure. The keys are "from" and "to".
+    level: height against gravity. surcharge: permanent pressure on the surface. dispersal: angle at which loads spread,
+    degrees. active, passive, passive_cohesion: shares of Rankine's pressures that always act, and that weight and
+    cohesion can reach. start, end: None for the ends of the structure.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -61,20 +58,14 @@ class Fill(Part):
 
 
 class Strip(Part):
-    """Strip on the surface of the fill.
-
-    at: horizontal position of its middle, length. width: length.
-    """
+    """Strip on the surface of the fill: horizontal position of its middle, and width."""
 
     at: float
     width: NonNegative = 0.0
 
 
 class FillLoad(Part):
-    """Vertical load on the surface of the fill, spread over the structure below.
-
-    on_fill: strip of the surface that carries it. weight: force along gravity.
-    """
+    """Vertical load on a strip of the fill, spread over the structure below."""
 
     on_fill: Strip
     weight: Positive

@@ -1,4 +1,4 @@
-"""Define the keys of loads and of movements of supports in a scene file."""
+"""Keys of loads and of movements of supports in a scene file."""
 
 from __future__ import annotations
 
@@ -76,11 +76,9 @@ class FacePlace(Part):
 
 
 class FaceLoad(Part):
-    """Load on free faces: a pressure, a force per length, or a force per area.
+    """Load on free faces: a pressure (positive inwards), a force per length of "along", or per area of "patch".
 
-    face: part of the boundary on which the load acts. pressure: force per area, positive towards the inside. Two
-    numbers: at the first and at the last point of "along", linear between them. line: force per length of "along", a
-    vector. traction: force per area of "patch", a vector.
+    Two pressures hold at the first and at the last point of "along", linear between them.
     """
 
     face: FacePlace
@@ -157,7 +155,6 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
 
 
 LoadEntry = PointLoad | BodyLoad | FaceLoad | FillLoad
-"""One entry of a list of loads."""
 
 _Entries = list[LoadEntry]  # load entries of a scene
 
@@ -170,11 +167,7 @@ def require_unique_names(key: str, names: list[str]) -> None:
 
 
 class Case(Part):
-    """Load case of a structure.
-
-    name: name, different from those of other cases. live: loads that are multiplied by λ. dead: loads that act beside
-    the dead loads of all cases. required: required load factor, by which λ of the case is divided.
-    """
+    """Load case of a structure; required: load factor by which λ of the case is divided."""
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
@@ -185,22 +178,16 @@ class Case(Part):
 
 
 class Axle(Part):
-    """Axle of a vehicle.
-
-    weight: force. distance: from the axle before it, length; ignored for the first axle.
-    """
+    """Axle of a vehicle, at a distance from the one before it."""
 
     weight: Annotated[VaryingPositive, Field(description="a force above 0")]
     distance: NonNegative = 0.0
 
 
 class MovingLoad(Part):
-    """Vehicle that moves along a path on a planar structure.
+    """Vehicle that moves along a path on a planar structure; each of its positions is a load case.
 
-    name: first word of the names of its load cases. axles: axles in the order in which they enter the path. The
-    distance of the first one is ignored. path: points of a polyline on the outline of the structure. steps: number of
-    positions from the first axle at the start of the path to the last axle at its end. both_directions: also move from
-    the end of the path to its start. required: required load factor of every position.
+    steps: positions from the first axle at the start of the path to the last axle at its end.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")] = "moving"
@@ -223,9 +210,7 @@ class MovingLoad(Part):
 class Pushes(Part):
     """Horizontal forces in proportion to weight; each direction is a load case.
 
-    name: first word of the names of its load cases. of_weight: share of the weight of each free element that pushes it.
-    directions: number of horizontal directions at equal angles, planar 1 or 2; or vectors, of which only the direction
-    counts. required: required load factor of every direction.
+    directions: number of directions at equal angles (planar 1 or 2), or vectors of any length.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")] = "push"
@@ -238,12 +223,7 @@ class Pushes(Part):
 
 
 class Loads(Part):
-    """Dead loads, and either live loads, or load cases, moving loads and pushes.
-
-    dead: loads beside self-weight that are not multiplied by λ. live: loads that are multiplied by λ; None if there are
-    load cases or moving loads. cases: load cases; None if none is stated. moving: vehicles of which every position is a
-    load case; None for none. pushes: pushes of which every direction is a load case; None for none.
-    """
+    """Dead loads, and either live loads, or load cases, moving loads and pushes."""
 
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
@@ -286,8 +266,7 @@ class Moved(Part):
 class Settling(Part):
     """Movement of supports in a known direction, such as a foundation that sinks or tilts.
 
-    name: name, different from those of other settlements. supports: supports that move; all others stay. load: share of
-    the live load that acts during the movement.
+    load: share of the live load that acts during the movement.
     """
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]

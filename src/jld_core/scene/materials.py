@@ -1,4 +1,4 @@
-"""Define the keys of materials in a scene file, with types and defaults."""
+"""Keys of materials in a scene file, with types and defaults."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ from jld_core.scene.part import Angle, NonNegative, Pair, Part, PositiveValue, V
 
 
 class StatedMaterial(Part):
-    """Material of one label, which may be a criterion of a plug-in.
-
-    criterion: name of a criterion that an installed package adds; no other key but its parameters then applies.
-    """
+    """Material of one label, which may be a criterion of a plug-in."""
 
     criterion: str | None = None
     parameters: dict[str, float] = {}
@@ -36,9 +33,7 @@ class StatedMaterial(Part):
 class Dry(StatedMaterial):
     """Material of dry joints: Mohr–Coulomb friction, optional cohesion and tensile bond; or a criterion.
 
-    friction_angle, friction_coefficient: friction, as an angle in degrees or a coefficient; exactly one is given.
-    compressive_strength: compressive strength, stress; None for unlimited. cohesion: cohesion, stress.
-    tensile_strength: tensile strength of the bond of joints, stress; at most cohesion over friction.
+    Exactly one form of friction is given; None is unlimited. The bond is at most cohesion over friction.
     """
 
     friction_angle: Angle | None = None
@@ -49,7 +44,6 @@ class Dry(StatedMaterial):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        """Check that friction is given exactly once."""
         if self.criterion is None and (self.friction_angle is None) == (self.friction_coefficient is None):
             how = "friction is missing" if self.friction_angle is None else "friction is given twice"
             raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
@@ -67,12 +61,7 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
 
 
 class Inner(StatedMaterial):
-    """Material of inner faces (potential cracks): tensile and shear strength, friction; or a criterion.
-
-    tensile_strength, shear_strength: strengths, stress; needed without a criterion. compressive_strength: compressive
-    strength, stress; None for unlimited. friction_angle, friction_coefficient: friction, as an angle in degrees or a
-    coefficient; at most one is given.
-    """
+    """Material of inner faces (potential cracks): tensile and shear strength, friction; or a criterion."""
 
     tensile_strength: Annotated[Value | None, Field(description="a stress of at least 0")] = None
     shear_strength: Annotated[Value | None, Field(description="a stress of at least 0")] = None
@@ -95,11 +84,7 @@ class Inner(StatedMaterial):
 
 
 class DryFace(StatedMaterial):
-    """Joint values that override "materials.dry" for the faces between two elements.
-
-    friction_angle, friction_coefficient: friction, as an angle in degrees or a coefficient; at most one is given.
-    compressive_strength, cohesion, tensile_strength: strengths, stress.
-    """
+    """Joint values that override "materials.dry" for the faces between two elements."""
 
     friction_angle: Angle | None = None
     friction_coefficient: Value | None = None
@@ -109,17 +94,12 @@ class DryFace(StatedMaterial):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        """Check that friction is given at most once."""
         _at_most_one_friction(self.friction_angle, self.friction_coefficient)
         return self
 
 
 class InnerFace(StatedMaterial):
-    """Inner-face values that override "materials.inner" for the faces between two elements.
-
-    tensile_strength, shear_strength, compressive_strength: strengths, stress. friction_angle, friction_coefficient:
-    friction, as an angle in degrees or a coefficient; at most one is given.
-    """
+    """Inner-face values that override "materials.inner" for the faces between two elements."""
 
     tensile_strength: Value | None = None
     shear_strength: Value | None = None
@@ -129,7 +109,6 @@ class InnerFace(StatedMaterial):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        """Check that friction is given at most once."""
         _at_most_one_friction(self.friction_angle, self.friction_coefficient)
         return self
 
@@ -141,10 +120,7 @@ def _at_most_one_friction(angle: float | None, coefficient: float | None) -> Non
 
 
 class FaceMaterial(Part):
-    """Material of all faces between two elements; absent values are those of "materials".
-
-    between: ids of two elements that touch. dry: values of dry joints. inner: values of inner faces.
-    """
+    """Material of all faces between two elements; absent values are those of "materials"."""
 
     between: Annotated[Pair, Field(description="[id, id] of two elements that touch")]
     dry: DryFace | None = None
@@ -152,7 +128,6 @@ class FaceMaterial(Part):
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        """Check that at least one material is given."""
         if self.dry is None and self.inner is None:
             raise InputError("", "it states no value", '"dry", "inner" or both')
         return self
@@ -161,8 +136,7 @@ class FaceMaterial(Part):
 class Materials(Part):
     """Weights and strengths of all elements and faces.
 
-    density: density of elements that state none. gravity: magnitude, acting downwards, or a vector. dry: material of
-    dry joints. inner: material of inner faces. faces: materials of the faces between pairs of elements.
+    gravity: magnitude, acting downwards, or a vector.
     """
 
     density: Weighing | None = None

@@ -16,9 +16,8 @@ Limits = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
 class Path(Part):
     """Line or circle along which vertices of joints slide.
 
-    at: vertex that slides along `direction`; two entries with one vertex let it move freely. direction: direction of
-    the vertex at `at`. circle: centre of circles on which vertices of joints slide, where their neighbours on the
-    outline lie on the same one. supports: with `circle`: joints with supports turn as well, and the supports with them.
+    Two entries with one vertex let it move freely. circle: centre of circles for vertices whose neighbours lie on the
+    same one.
     """
 
     at: Annotated[Vector | None, Field(description="a point")] = None
@@ -50,7 +49,6 @@ class Draft(Part):
 
     @model_validator(mode="after")
     def _a_direction(self) -> Self:
-        """Check that the direction is not zero."""
         if not any(self.direction):
             raise InputError(".direction", "it has no length", "a vector")
         return self
@@ -59,15 +57,9 @@ class Draft(Part):
 class Move(Part):
     """Variables, limits and objective of `jld move`.
 
-    vertices: vertices that move: all of dry joints, or only those that `along` names. along: lines and circles along
-    which vertices slide. ties: vertices that move alike: mirrored about the middle of the structure, or the same way
-    within each list; or elements of equal shape that stay equal, mirrored ones among them. inner: vertices of inner
-    faces "stay", or "follow": those in which joints end move, others follow their neighbours. straight: keep straight
-    faces of blocks straight where joints end in them. angle: bounds of the angles at corners of elements, degrees.
-    edge: least length of an edge; None for a share of the mean edge. block_mass: bounds of the mass of each block, kg
-    with m and N. draft: least inclination of dry joints. box: largest distance that a vertex moves along each of its
-    directions, length. maximise: λ; or the least friction, or the least thickness of an arch, at which the dead load
-    stands.
+    ties: vertices that move alike. inner: vertices of inner faces "stay", or "follow" those of joints. straight: keep
+    straight faces of blocks straight. edge: None for a share of the mean edge. block_mass: kg with m and N. box:
+    largest distance along each direction.
     """
 
     vertices: Literal["joints", "along"] = "joints"

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from jld_core.errors import InputError, ParameterError
 from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
-from jld_core.scene.spread import lowered
+from jld_core.scene.uncertain import lowered
 from jld_core.scene.units import with_numbers
 
 DRAWINGS: Final = ("dxf", "svg", "csv", "obj", "ply", "stl", "3dm", "ifc")
@@ -23,10 +23,7 @@ _PLAIN: Final = {int, float, str}  # types of JSON that most lists hold
 
 
 class NeedsImport(InputError):
-    """Error for a drawing or a file of solids where a scene is expected.
-
-    The message states the command that imports it.
-    """
+    """Error for a drawing or a file of solids where a scene is expected; it states the command to import it."""
 
 
 def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
@@ -83,7 +80,6 @@ def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
 
 
 def _not_imported(path: Path, problem: str) -> NeedsImport:
-    """Return the error for a file that has to be imported first."""
     return NeedsImport(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
 
 
@@ -134,10 +130,7 @@ def _as_json(value: Any, depth: int = 0) -> Any:
 
 
 def at_low(scene: Scene) -> Scene:
-    """Return the scene with the low value of every material value that has one.
-
-    Raises InputError: no material value has a low value, or the low values contradict one another.
-    """
+    """Return the scene with the low value of every material value; raise InputError if there is none."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces", "members") if key in document}
     if low == document:

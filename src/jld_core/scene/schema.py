@@ -1,4 +1,4 @@
-"""Keys of a scene file, with types and defaults."""
+"""Keys of a scene file, with types and defaults; docs/scene_keys.md has the meaning of each."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from jld_core.scene.design import Design
 from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
 from jld_core.scene.materials import Materials
-from jld_core.scene.members import Member
 from jld_core.scene.move import Move
 from jld_core.scene.part import (
     Angle,
     LabelName,
+    Member,
     NonNegative,
     Pair,
     Part,
@@ -33,20 +33,16 @@ from jld_core.scene.search import Labels, Search
 
 
 class Units(Part):
-    """Names of the units of length and force, written in tables and on axes.
-
-    The numbers of the scene must be consistent with them; no number is converted.
-    """
+    """Names of the units of length and force; no number is converted."""
 
     length: str = "m"
     force: str = "N"
 
 
 class Grid(Part):
-    """Planar cells, given as rows of letters.
+    """Planar cells, given as rows of letters from top to bottom.
 
-    cell: width and height of a cell, length. thickness: out-of-plane depth, length. rows: rows from top to bottom: '.'
-    no cell, '#' a support, connected equal letters one block.
+    '.' no cell, '#' a support, connected equal letters one block.
     """
 
     cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
@@ -70,11 +66,8 @@ class Grid(Part):
 class Element(Part):
     """Rigid element: a polygon (planar), or vertices and faces (spatial).
 
-    id: unique name. polygon: corners of a planar element, length. vertices: vertices of a spatial element, length.
-    faces: faces of a spatial element as loops of vertex indices from 0. weight: weight as a force; overrides densities.
-    density: density; overrides that of the materials. volume: volume used instead of the computed one. centroid:
-    centroid used instead of the computed one. block: block name; elements of equal name form one block. support: True
-    for a fixed element.
+    Weight, density, volume and centroid override computed ones. faces: loops of vertex indices from 0. block: elements
+    of equal name form one block.
     """
 
     id: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -117,15 +110,9 @@ class Element(Part):
 
 
 class Contact(Part):
-    """Interface stated in the scene, used without contact detection.
+    """Interface stated in the scene, used without contact detection; its strengths override "materials".
 
-    Strengths and friction override "materials" for this interface.
-
-    elements: ids of the two elements. polygon: two points [x, y], or the corners of a spatial polygon in order, length.
-    friction_coefficient, friction_angle: friction of the dry joint, as a coefficient or an angle in degrees.
-    tensile_strength, shear_strength: strengths of the inner face, stress. compressive_strength: compressive strength
-    under either label, stress. cohesion: cohesion of the dry joint, stress. inner_friction_coefficient,
-    inner_friction_angle: friction of the inner face, as a coefficient or an angle in degrees.
+    Friction and cohesion are those of the dry joint, tension and shear of the inner face, compression of both.
     """
 
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
@@ -142,7 +129,6 @@ class Contact(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        """Check that no friction is given both as angle and as coefficient."""
         for name in ("friction", "inner_friction"):
             if getattr(self, f"{name}_angle") is not None and getattr(self, f"{name}_coefficient") is not None:
                 raise InputError("", "friction is given twice", f'"{name}_angle" or "{name}_coefficient"')
@@ -217,10 +203,7 @@ class Scene(Part, Showable):
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
-        """Check that the geometry is given once and has one dimension.
-
-        Names of settlements and of members must be unique.
-        """
+        """Check that the geometry is given once, in one dimension, and that names are unique."""
         if (self.grid is None) == (self.elements is None):
             how = "missing" if self.grid is None else "given twice"
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
@@ -245,23 +228,16 @@ class Scene(Part, Showable):
 
     @property
     def dimension(self) -> Literal[2, 3]:
-        """Return the dimension of the scene: 2 planar, 3 spatial."""
         return 3 if self.elements is not None and self.elements[0].polygon is None else 2
 
     @property
     def plane_thickness(self) -> float:
-        """Return the out-of-plane thickness of a planar scene, length.
-
-        It is that of the grid if there is one, else that of the scene, else 1.
-        """
+        """Return the out-of-plane thickness, a length: that of the grid, else of the scene, else 1."""
         return self.grid.thickness if self.grid is not None else (self.thickness or 1.0)
 
     @property
     def fingerprint(self) -> str:
-        """Return the hex digest of all keys that results depend on.
-
-        Records of a search are found by it. Name, source, notes, expected, move and design are left out.
-        """
+        """Return the hex digest of all keys that results depend on; records of a search are found by it."""
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected", "move", "design"})
         if not self.members:  # scenes without members keep the digest that they had before there were any
             del content["members"]

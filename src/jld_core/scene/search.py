@@ -12,10 +12,9 @@ from jld_core.scene.part import LabelName, NonNegative, Pair, Part, Positive
 
 
 class Labels(Part):
-    """The scene's own labelling.
+    """The scene's own labelling: pairs of elements by label, and the label of all other faces.
 
-    default: label of all faces that the lists do not name. None: inner between elements of one named block, else dry.
-    inner, dry: pairs of ids of elements whose faces have that label.
+    default: None for inner between elements of one named block, else dry.
     """
 
     default: LabelName | None = None
@@ -24,10 +23,7 @@ class Labels(Part):
 
 
 class Keep(Part):
-    """Faces that keep a label in a search, given by pairs of elements.
-
-    dry, inner: pairs of element ids whose faces stay dry or inner.
-    """
+    """Faces that keep a label in a search, given by pairs of elements."""
 
     dry: list[Pair] = []
     inner: list[Pair] = []
@@ -92,18 +88,12 @@ class Require(Part):
 
     @property
     def threshold(self) -> float:
-        """Return the least λ that meets the requirement.
-
-        It is `load_factor`, less the tolerance of proven bounds.
-        """
+        """Return the least λ that meets the requirement: `load_factor` less the tolerance of proven bounds."""
         return self.load_factor * (1.0 - tolerances.PROVEN)
 
 
 class Moulds(Part):
-    """Copies of a block's shape that count as the same shape, beside translated ones.
-
-    rotate: rotated copies. flip: mirrored copies.
-    """
+    """Copies of a block's shape that count as the same shape, beside translated ones."""
 
     rotate: bool = False
     flip: bool = False

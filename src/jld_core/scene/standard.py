@@ -1,4 +1,4 @@
-"""Parameters of the standard criterion, stated once: friction, tension, shear and crushing of dry and inner faces."""
+"""Parameters of the standard criterion, stated once."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class StandardParameter:
-    """Parameter of the standard criterion: what every reader needs to know of one number of a material.
-
-    label: of the faces that it is for. side: field of `Side`, and field: of `Strengths`, that hold it. key: key of a
-    material; that of friction has a twin for an angle. fact: kind of statement that it is. where, words: key in
-    messages and name in words. absent: value of a material that does not state it.
-    """
+    """Number of a material: its label, fields of `Side` and `Strengths`, key, fact, words and value if absent."""
 
     label: str
     side: str
@@ -48,7 +43,7 @@ PARAMETERS: Final = (
         *("compressive strength of inner faces", math.inf),
     ),
 )
-"""Parameters of the standard criterion; units, scenes, design values, samples and pages iterate over them."""
+"""All that units, scenes, design values, samples and pages iterate over."""
 
 STRESS_KEYS: Final = tuple(
     dict.fromkeys(one.key for one in sorted(PARAMETERS, key=lambda one: one.side == "crush") if one.side != "friction")

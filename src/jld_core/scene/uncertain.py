@@ -1,4 +1,4 @@
-"""Values with uncertainty, such as `{"mean": 0.6, "cov": 0.1, "kind": "lognormal"}`."""
+"""Values of a scene that are no plain numbers: with a distribution, or with a nominal and a low value."""
 
 from __future__ import annotations
 
@@ -14,10 +14,8 @@ from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
 
 KINDS: Final = ("normal", "lognormal")
-"""Kinds of distributions."""
 
 KEYS: Final = ("mean", "cov", "kind")
-"""Keys that a value with uncertainty must have."""
 
 EACH: Final = "each"
 """Optional key: true where each face or element has an independent value of its own."""
@@ -28,8 +26,7 @@ _FORM: Final = '"mean", "cov" and "kind"'
 class Uncertain(float):
     """Mean of an uncertain value, used as a float, with its distribution in the attributes.
 
-    cov: coefficient of variation, standard deviation over |mean|. kind: one of `KINDS`. each: True where each face or
-    element has an independent value.
+    cov: standard deviation over |mean|. each: True where each face or element has an independent value.
     """
 
     __slots__ = ("cov", "each", "kind")
@@ -38,7 +35,6 @@ class Uncertain(float):
     each: bool
 
     def __new__(cls, mean: float, cov: float, kind: str, each: bool = False) -> Uncertain:
-        """Make an uncertain value from its mean and its distribution."""
         self = super().__new__(cls, mean)
         self.cov, self.kind, self.each = cov, kind, each
         return self
@@ -50,7 +46,7 @@ class Uncertain(float):
 class UncertainVector(list[float]):
     """Mean of a load of certain direction and uncertain size, used as a list of numbers.
 
-    size: 1 with the distribution of the size, by which the vector is multiplied.
+    size: 1 with the distribution by which the vector is multiplied.
     """
 
     def __init__(self, mean: list[float], size: Uncertain) -> None:
@@ -67,11 +63,7 @@ def is_uncertain(value: Any) -> bool:
 
 
 def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, *, each: bool = True) -> Uncertain:
-    """Validate an object {"mean", "cov", "kind"}.
-
-    Raises InputError for missing, unknown or wrong keys, a negative coefficient of variation, and a mean of zero, of
-    which it says nothing.
-    """
+    """Validate an object {"mean", "cov", "kind"}; its mean must not be zero."""
     cov, kind, own = _distribution(value, each=each)
     mean = number(value["mean"])
     if mean == 0.0:
@@ -81,10 +73,7 @@ def read_uncertain(value: dict[str, Any], number: ValidatorFunctionWrapHandler, 
 
 
 def _distribution(value: dict[str, Any], *, each: bool) -> tuple[float, str, bool]:
-    """Return coefficient of variation, kind and "each" of an object.
-
-    Raises InputError if one of them is wrong.
-    """
+    """Return coefficient of variation, kind and "each" of an object."""
     form = f"a number, or {_FORM}"
     odd = next((key for key in value if key not in (*KEYS, *([EACH] if each else []))), None)
     if odd is not None:
@@ -123,10 +112,7 @@ def object_schema(mean: dict[str, Any], *, each: bool = True) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class MayVary:
-    """Annotation of a pydantic field whose number may have uncertainty.
-
-    each: whether each face or element may have a value of its own.
-    """
+    """Annotation of a pydantic field whose number may have uncertainty; each: for every face or element."""
 
     each: bool = True
 
@@ -212,3 +198,72 @@ def with_means(document: Any) -> Any:
     if isinstance(document, list) and any(isinstance(one, dict | list) for one in document):
         return [with_means(value) for value in document]
     return document
+
+
+_KEYS = ("nominal", "low")  # keys of a value with a nominal and a low value
+
+
+class Spread(float):
+    """Nominal value of a material, used as a float, with its low value in the attribute `low`."""
+
+    __slots__ = ("low",)
+    low: float
+
+    def __new__(cls, nominal: float, low: float) -> Spread:
+        self = super().__new__(cls, nominal)
+        self.low = low
+        return self
+
+    def __getnewargs__(self) -> tuple[float, float]:  # type: ignore[override]
+        return float(self), self.low
+
+
+@dataclass(frozen=True)
+class MaySpread:
+    """Annotation of a field whose number may have a nominal and a low value, or uncertainty."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        written = core_schema.plain_serializer_function_ser_schema(_written)
+        return core_schema.no_info_wrap_validator_function(_read, handler(source), serialization=written)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number = handler(schema["schema"])
+        both = {
+            "type": "object",
+            "properties": dict.fromkeys(_KEYS, number),
+            "required": list(_KEYS),
+            "additionalProperties": False,
+        }
+        return {"anyOf": [number, both, object_schema(number)]}
+
+
+def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
+    """Validate a number, an object {"nominal", "low"}, or an object with uncertainty."""
+    if isinstance(value, Spread | Uncertain):
+        return value
+    if not isinstance(value, dict):
+        return number(value)
+    if is_uncertain(value):
+        return read_uncertain(value, number)
+    if set(value) != set(_KEYS):
+        odd = next((key for key in value if key not in _KEYS), None)
+        problem = f'"{odd}" stands there' if odd is not None else "one of two values is missing"
+        raise InputError("", problem, 'a number, or "nominal" and "low"')
+    nominal, low = number(value["nominal"]), number(value["low"])
+    if low > nominal:
+        raise InputError("", f"low, {low:g}, is above nominal, {nominal:g}", "a low value of at most the nominal one")
+    return Spread(nominal, low)
+
+
+def _written(value: Any) -> Any:
+    """Return a value for JSON: an object for low or uncertain values, else unchanged."""
+    return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else written(value)
+
+
+def lowered(document: Any) -> Any:
+    """Replace each object {"nominal", "low"} in a scene document by its low value."""
+    if isinstance(document, dict):
+        if set(document) == set(_KEYS):
+            return document["low"]
+        return {key: lowered(value) for key, value in document.items()}
+    return [lowered(value) for value in document] if isinstance(document, list) else document

@@ -93,10 +93,7 @@ USUAL_GRAVITY: Final = (1.0, 25.0)
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """Units of a scene in SI; None for a unit of unknown name.
-
-    force, length: newtons and metres. gravity: number of the scene for the acceleration of gravity.
-    """
+    """Units of a scene in SI, newtons and metres; None for a unit of unknown name."""
 
     force: float | None
     length: float | None
@@ -104,23 +101,21 @@ class UnitSystem:
 
     @classmethod
     def named(cls, force: str, length: str, gravity: float = GRAVITY) -> UnitSystem:
-        """Return the system of two names of units."""
         return cls(NEWTONS.get(force), METRES.get(length), gravity)
 
     @property
     def known(self) -> bool:
-        """Return True if both units are known."""
         return self.force is not None and self.length is not None
 
     def si(self, powers: tuple[int, int]) -> float:
-        """Return the size in SI of the unit of a quantity with powers of force and length; units must be known."""
+        """Return the size in SI of a quantity with powers of force and length; units must be known."""
         assert self.force is not None
         assert self.length is not None
         return self.force ** powers[0] * self.length ** powers[1]
 
     @property
     def acceleration(self) -> float:
-        """Return gravity in m/s²: the number is one of m/s² where that is usual, else of the unit of length."""
+        """Return gravity in m/s²; its number is in m/s² where that is usual, else in the unit of length."""
         scaled = self.gravity * (self.length or 1.0)
         usual = [one for one in (self.gravity, scaled) if USUAL_GRAVITY[0] <= one <= USUAL_GRAVITY[1]]
         return usual[0] if usual else self.gravity
@@ -132,11 +127,9 @@ class UnitSystem:
 
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
-    """Convert the texts with units in a scene to numbers in the units of the scene.
+    """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists.
 
-    Result: new document with numbers in place of the texts. Lists in which nothing is converted are not copied. Raises
-    InputError if a text under a key of `QUANTITIES` is no number with a fitting unit, or the scene's own units are
-    unknown.
+    Raises InputError for a text under a key of `QUANTITIES` that is no number with a fitting unit.
     """
     units = document.get("units")
     names = units if isinstance(units, dict) else {}
@@ -156,12 +149,11 @@ class _Names(NamedTuple):
 
     @property
     def system(self) -> UnitSystem:
-        """Return the units in SI."""
         return UnitSystem.named(*self)
 
 
 def _gravity(materials: Any) -> float:
-    """Return the size of gravity in materials that are not validated; the default where none is stated."""
+    """Return the size of gravity in unvalidated materials, or the default."""
     value = materials.get("gravity", GRAVITY) if isinstance(materials, dict) else GRAVITY
     parts = value if isinstance(value, list) else [value]
     numbers = [one for one in parts if isinstance(one, int | float) and math.isfinite(one)]
@@ -185,10 +177,7 @@ def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> A
 
 
 def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
-    """Convert a text with a number and a unit to a number in the units of the scene.
-
-    Raises InputError for no number, an unknown unit or a unit of another quantity.
-    """
+    """Convert a text with a number and a unit to a number in the units of the scene."""
     expected = f'a number, or a text such as "{_EXAMPLES[powers]}"'
     found = _TEXT.fullmatch(text)
     if found is None or not math.isfinite(float(found[1])):

@@ -1,4 +1,4 @@
-"""Interface of all solvers and the form of their solutions; a solver's status is a hint, never a result."""
+"""Interface of all solvers; their solutions are hints, never results."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ Suffices = Callable[[Floats, Floats], bool]
 """Test whether a point and multipliers suffice for the caller of a solver."""
 
 EARLY: Final = 3e-7
-"""Relative duality gap from which a solver offers its iterates, and relative width of a bracket that suffices.
+"""Relative duality gap from which a solver offers its iterates, a third of `tolerances.GAP`.
 
-It leaves a factor of three to `tolerances.GAP`. Smaller values cost iterations whose linear systems are the worst.
+Smaller values cost the iterations with the worst linear systems.
 """
 
 
 class RawStatus(StrEnum):
-    """Status that a solver reports of its own solution, a hint and never a proof.
+    """Status that a solver reports of its own solution, a hint that decides which method is tried next.
 
-    It decides which solution methods are tried next. NEARLY_INFEASIBLE: the iterates tend to a proof that no point is
-    admissible, which the solver does not reach to its tolerance.
+    NEARLY_INFEASIBLE: iterates tend to a proof that no point is admissible, short of its tolerance.
     """
 
     OPTIMAL = "optimal"
@@ -124,10 +123,7 @@ class Solver(ABC):
         return self.solve(program)
 
     def require(self, structure: Structure) -> None:
-        """Raise SolverError if the solver does not support programs of this structure.
-
-        Callers check this before any work begins. The default supports every structure.
-        """
+        """Raise SolverError if the solver does not support programs of this structure; called before any work."""
         return
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:

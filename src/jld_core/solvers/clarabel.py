@@ -89,10 +89,7 @@ class ClarabelSolver(Solver):
         self.updates = self.rebuilds = 0
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
-        """Set up the solver on the reference program of a structure, if that structure is new.
-
-        Otherwise keep the present set-up. structure, reference: as in `Solver.prepare`.
-        """
+        """Set up the solver on the reference program of a structure, if that structure is new."""
         if self._structure is not structure:
             program = reference().rounded
             self._set_up(program, program.objective)
@@ -143,13 +140,11 @@ class ClarabelSolver(Solver):
 
 
 def _cones(structure: Structure) -> list[Any]:
-    """Return the cones of a structure as Clarabel's types."""
     linear = [clarabel.ZeroConeT(structure.equalities), clarabel.NonnegativeConeT(structure.linear)]
     return linear + [clarabel.SecondOrderConeT(size) for size in structure.cones]
 
 
 def _raw_solution(answer: Any, start: float) -> RawSolution:
-    """Convert an answer of Clarabel to a raw solution."""
     name = str(answer.status)
     return RawSolution(
         status=_STATUS.get(name, RawStatus.FAILED),

@@ -1,4 +1,4 @@
-"""CVXPY: a slow reference solver, kept for comparison."""
+"""CVXPY: a slow reference solver, for comparison."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ _STATUS = {
 class CvxpySolver(Solver):
     """Reference solver that states each program anew in CVXPY.
 
-    solver: name of the solver that CVXPY calls. **options: settings of that solver; default: tolerances of 1e-11 for
-    CLARABEL.
+    solver, **options: the solver that CVXPY calls, and its settings; default: tolerances of 1e-11 for CLARABEL.
     """
 
     name = "cvxpy"
@@ -39,10 +38,7 @@ class CvxpySolver(Solver):
         self._options = options or (tight if solver == "CLARABEL" else {})
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a program by a CVXPY model that is built for this call.
-
-        Return the unverified solution. Point and dual are zero where CVXPY gives none.
-        """
+        """Solve a program; point and dual are zero where CVXPY gives none."""
         start = time.perf_counter()
         s = program.structure
         matrix: Any = program.matrix.tocsr()  # CVXPY's operators have no types

@@ -58,16 +58,11 @@ class HighsSolver(Solver):
         }
 
     def require(self, structure: Structure) -> None:
-        """Raise SolverError if the structure has second-order cones."""
         if structure.cones:
             raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a linear program, and return the unverified solution.
-
-        For an unbounded or infeasible program, `point` or `dual` is a ray if HiGHS has one. Raises SolverError if the
-        program has second-order cones.
-        """
+        """Solve a linear program; `point` or `dual` is a ray of an unbounded or infeasible one if HiGHS has one."""
         s = program.structure
         self.require(s)
         start = time.perf_counter()
@@ -99,11 +94,7 @@ class HighsSolver(Solver):
 def highs_of(
     rows: Any, objective: Floats, low: Floats, high: Floats, least: Floats, most: Floats, options: Mapping[str, Any]
 ) -> Any:
-    """Make a silent, single-threaded HiGHS instance of a linear program, ready to run.
-
-    rows: (rows, columns) matrix R. objective: (columns,) coefficients of the objective. low, high: (rows,) bounds on R
-    x. least, most: (columns,) bounds on x. Result: the instance; its method `run` solves the program.
-    """
+    """Make a silent, single-threaded HiGHS instance: objective·x, low ≤ R x ≤ high, least ≤ x ≤ most."""
     # The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
     import highspy  # local imports here and below: most labellings are solved without it
 
@@ -129,7 +120,6 @@ _greeted = False
 
 
 def _new() -> Any:
-    """Make a HiGHS instance."""
     # The first one of a process prints a banner to stdout since version 1.16, whatever `output_flag` says later. It is
     # made while stdout leads nowhere, as that is where results go.
     import highspy

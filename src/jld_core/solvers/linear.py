@@ -1,7 +1,4 @@
-"""Linear programs with many objectives or bounds over one set of columns, solved by HiGHS.
-
-The search for solutions without dilation uses them. Solutions are hints; callers verify what they prove.
-"""
+"""Linear programs with many objectives or bounds over one set of columns, solved by HiGHS."""
 
 from __future__ import annotations
 
@@ -31,32 +28,19 @@ class LinearAnswer:
 
 
 class LinearRows:
-    """Linear program low ≤ R x ≤ high, least ≤ x ≤ most, minimised for many objectives.
-
-    The dual simplex method starts from the solution of the previous objective.
-
-    rows: (rows, columns) matrix R. low, high: (rows,) bounds on R x, ±inf for none. least, most: (columns,) bounds on
-    x, ±inf for none.
-    """
+    """Linear program low ≤ R x ≤ high, least ≤ x ≤ most, minimised for many objectives from the previous solution."""
 
     def __init__(self, rows: Any, low: Floats, high: Floats, least: Floats, most: Floats) -> None:
         self._highs = highs_of(rows, np.zeros(rows.shape[1]), low, high, least, most, _FEASIBLE)
         self._columns = np.arange(rows.shape[1], dtype=np.int32)
 
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
-        """Change the bounds of consecutive rows for the minimisations that follow.
-
-        low, high: (k,) new bounds, ±inf for none.
-        """
+        """Change the bounds (k,) of consecutive rows for the minimisations that follow."""
         place = np.arange(rows.start, rows.stop, dtype=np.int32)
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
-        """Minimise an objective over the present bounds.
-
-        objective: (columns,) coefficients of the objective. Result: unverified solution; `found` is False if the solver
-        reports no optimum.
-        """
+        """Minimise an objective (columns,) over the present bounds."""
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)
 
@@ -70,11 +54,7 @@ def interior_point(
     threads: int = 1,
     presolve: bool = True,
 ) -> LinearAnswer:
-    """Minimise objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior-point method.
-
-    objective: (columns,) objective. rows: (rows, columns) matrix R. low, high: (rows,) bounds on R x, ±inf for none.
-    Result: unverified solution.
-    """
+    """Minimise objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior-point method."""
     # No crossover follows.
     free = np.full(rows.shape[1], np.inf)
     options = {
@@ -91,7 +71,6 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
-    """Run a HiGHS instance, and return its solution, which is not verified."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus().name == "kOptimal"

@@ -20,10 +20,9 @@ _CARRIES: Final = 1e-3  # share of the largest force below which a face does not
 
 
 def advice(result: LimitAnalysisResult) -> dict[str, str]:
-    """Return causes of a result without a load factor, and the next option to try.
+    """Return causes of a result without a load factor ("falls", "confined") and the option to try ("next").
 
-    The keys are "falls" (moving elements and their movement), "confined" (supports between which forces are unbounded)
-    and "next". The result is empty for several load cases, and where the bracket is as narrow as asked.
+    Empty for several load cases, and where the bracket is as narrow as asked.
     """
     if result.cases:
         return {}
@@ -51,10 +50,7 @@ def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _way(speed: Floats, turning: float) -> str:
-    """Describe a motion in words: "turn", or "move along" a direction.
-
-    speed: (d,) summed velocity of the moving elements.
-    """
+    """Describe a motion: "turn", or "move along" a direction; speed: (d,) summed velocity of the moving elements."""
     length = float(np.linalg.norm(speed))
     if length < 0.1 * turning:
         return "turn"

@@ -15,20 +15,14 @@ from jld_core.views.figures import draw_mechanism, figure_of_mechanism
 from jld_core.views.writing import as_written
 
 FRAMES: Final = 24
-"""Number of frames from rest to the drawn displacement and back.
-
-The opposite displacement is not drawn, because blocks would penetrate one another.
-"""
+"""Number of frames from rest to the drawn displacement and back; the opposite one would let blocks penetrate."""
 
 PER_SECOND: Final = 12
 """Frames per second."""
 
 
 def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
-    """Write the collapse mechanism of a result as a looped animation, .gif or .mp4.
-
-    Raises InputError for another ending, for .mp4 without ffmpeg, or for a result without a mechanism.
-    """
+    """Write the mechanism of a result as a looped .gif or .mp4; raise InputError without mechanism or ffmpeg."""
     ending = Path(path).suffix.lower()
     if ending not in (".gif", ".mp4"):
         raise InputError(str(path), f"{ending!r} is no ending of an animation", "a name ending in .gif or .mp4")

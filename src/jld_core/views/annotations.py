@@ -6,21 +6,25 @@ import math
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
 from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.result import effects
 from jld_core.views import quantities
 from jld_core.views.look import (
     HATCH,
     LOAD,
+    MEMBER,
     MOVEMENTS,
     PRESS,
     REST,
@@ -30,10 +34,11 @@ from jld_core.views.look import (
     THRUST_DASH,
     TINTS,
     USED_STOPS,
+    WHITE,
     YIELDS,
 )
 from jld_core.views.quantities import MovementSign
-from jld_core.views.structure import DOTTED, Drawn, LineStyle, element_points, extent, projection_of
+from jld_core.views.structure import DOTTED, Drawn, LineStyle, Move, element_points, extent, projection_of
 
 USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
 """Colour map of utilisation, 0 … 1."""
@@ -63,10 +68,7 @@ FONT: Final = 7.5
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Draw the live loads on axes, and return the points that loads and structure cover.
-
-    Result: a list of arrays (2,) or (k, 2) on paper, scene units.
-    """
+    """Draw the live loads on axes; return the points that loads and structure cover, arrays (2,) or (k, 2) on paper."""
     # Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Artists are
     # added to `drawn` as "live", "body" and "couples".
     projection = projection_of(assembly)
@@ -115,10 +117,7 @@ def arrows(
     width: float,
     hollow: bool = False,
 ) -> Quiver:
-    """Draw vectors as arrows and return the artist.
-
-    feet: (k, 2) positions, and vectors: (k, 2), both in data units.
-    """
+    """Draw vectors (k, 2) at feet (k, 2), in data units, as arrows."""
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
     look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
     head: dict[str, Any] = {"headwidth": 3.8, "headlength": 4.4, "headaxislength": 4.0, "minlength": 0.5}
@@ -127,10 +126,7 @@ def arrows(
 
 
 def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
-    """Set the limits and aspect of axes so that they show given points, and label the axes.
-
-    covered: arrays (2,) or (k, 2), data units.
-    """
+    """Set limits and aspect of axes so that they show the points `covered`, and label the axes."""
     points = np.vstack([np.atleast_2d(p) for p in covered])
     lower, upper = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * float(np.max(upper - lower))
@@ -152,10 +148,7 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
 
 
 def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
-    """Draw arrows of equal scene length along x, y, z to the left of a spatial view.
-
-    lower: (2,) lower corner of the drawing so far. Returns the lower corner (2,) with the arrows.
-    """
+    """Draw arrows along x, y, z to the left of a spatial view; return the lower corner (2,) with them."""
     size = assembly.size
     power = 10.0 ** math.floor(math.log10(0.18 * size))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.18 * size)
@@ -187,15 +180,12 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
 
 
 def _below(ax: Axes) -> float:
-    """Return the height that ticks and axis label take below the axes, in points."""
+    """Return the height that ticks and axis label take below the axes, points."""
     return 34.0 if ax.axison else 8.0
 
 
 def legend_inches(ax: Axes) -> float:
-    """Return the height that ticks and legend take below the axes, in inches.
-
-    It is estimated from the number of entries; 0.6 without a legend.
-    """
+    """Return an estimate of the height of ticks and legend below the axes, inches; 0.6 without a legend."""
     found = ax.get_legend()
     figure = ax.get_figure(root=True)
     if found is None or figure is None:
@@ -206,20 +196,15 @@ def legend_inches(ax: Axes) -> float:
 
 
 def _line(label: str, **style: Any) -> Line2D:
-    """Return a legend handle of a line."""
     return Line2D([], [], label=label, **style)
 
 
 def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
-    """Return a legend handle of a marker."""
     return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
 
 
 def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
-    """Return legend handles of dry faces, inner faces and supports.
-
-    labels: (m,) True = dry; labels that no face has are left out.
-    """
+    """Return legend handles of dry faces, inner faces and supports, as present."""
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
         if mask.any():
@@ -231,10 +216,7 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
 
 
 def block_handle(assembly: Assembly, labels: Bits) -> Artist:
-    """Return the legend handle of the blocks' tints; its text has the number of blocks.
-
-    labels: (m,) True = dry. Blocks of supports alone are not counted.
-    """
+    """Return the legend handle of the blocks' tints, with the number of blocks that are not supports alone."""
     count = len(np.unique(blocks_of(assembly, labels)[assembly.elements.free]))
     name = "1 block" if count == 1 else f"{count} blocks, by tint"
     return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
@@ -251,10 +233,7 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 
 
 def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thick: float) -> list[Artist]:
-    """Return legend handles of a figure of forces: utilisation, arrows, thrust line, loads.
-
-    forces: (m, q) those of the result.
-    """
+    """Return legend handles of a figure of forces (m, q): utilisation, arrows, thrust line, loads."""
     size = np.linalg.norm(quantities.face_vectors(result.assembly, forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
     handles: list[Artist] = []
@@ -274,13 +253,77 @@ def force_handles(result: LimitAnalysisResult, forces: Floats, drawn: Drawn, thi
 
 
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
-    """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement.
-
-    labels: (m,) True = dry.
-    """
+    """Return legend handles of a figure of a mechanism: labels, rest, kinds of movement."""
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color=REST, linewidth=0.6))
     for kind, style in MOVES.items():
         if str(kind) in drawn:
             handles.append(_line(MEANING[kind], linestyle="none", markersize=6.0, markeredgewidth=0.8, **style))
+    return handles
+
+
+_WIDTH = 1.6  # width of the line of a member, points; up to twice as much with its force
+
+_SEEN = 1e-3  # least pressure of fill that is drawn, in the largest force of a member
+
+
+def draw_members(
+    ax: Axes, assembly: Assembly, drawn: Drawn, forces: Floats | None = None, move: Move | None = None
+) -> None:
+    """Draw fill and members on axes, and add them to `drawn`; with forces (m, q), write tensions and scale lines."""
+    # The names in `drawn` are "fill" and "members", or "pressures" where all members are pressures of fill.
+    members, projection = assembly.members, projection_of(assembly)
+    if assembly.fill:
+        joined = shapely.union_all([shapely.Polygon(outline) for outline in assembly.fill])
+        parts = [np.array(part.exterior.coords) for part in getattr(joined, "geoms", [joined])]
+        drawn["fill"] = [ax.add_patch(_soil(part)) for part in parts]
+    if not members:
+        return
+    force = None if forces is None else effects(assembly, forces)
+    largest = 0.0 if force is None else float(abs(force).max(initial=0.0))
+    found: list[Artist] = []
+    for k, (elements, points) in enumerate(zip(members.elements, members.points, strict=True)):
+        soil = members.kinds[k] == "fill"
+        # Pressures are many: none in a mechanism, and of forces those that can be seen.
+        if soil and (move is not None or (force is not None and abs(force[k]) <= _SEEN * largest)):
+            continue
+        if move is not None:
+            points = np.vstack([move(int(e), p[None]) for e, p in zip(elements, points, strict=True)])
+        line = projection(points)
+        pin = members.kinds[k] == "pin"
+        width = _WIDTH * (1.0 if force is None or largest == 0.0 else 1.0 + abs(float(force[k])) / largest)
+        look: dict[str, Any] = {"marker": "s" if pin else "o", "markersize": 5.0 if pin else 2.0 + width}
+        if soil:
+            look["markevery"] = [0]  # the other end stands for the soil, not for a point of an element
+        found += ax.plot(*line.T, color=MEMBER, linewidth=width, zorder=3.5, label="members", **look)
+        if force is not None and not soil:
+            found.append(_written(ax, line, float(force[k])))
+    if found:
+        drawn["pressures" if set(members.kinds) == {"fill"} else "members"] = found
+
+
+def _soil(outline: Floats) -> Polygon:
+    return Polygon(outline, facecolor=WHITE, edgecolor=HATCH, hatch="....", linewidth=0.0, zorder=0.2)
+
+
+def _written(ax: Axes, line: Floats, force: float) -> Artist:
+    """Write the value of a force beside the middle of a polyline (r, 2), and return the text."""
+    middle = 0.5 * (line[(len(line) - 1) // 2] + line[len(line) // 2])
+    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "color": MEMBER}
+    text = ax.annotate(f"{force + 0.0:.3g}", middle, xytext=(3, 3), **style)
+    text.set_path_effects([withStroke(linewidth=1.5, foreground=WHITE)])
+    text.set_zorder(5.0)
+    return text
+
+
+def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
+    """Return the legend handles of fill and members, if any were drawn."""
+    line: dict[str, Any] = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
+    handles: list[Artist] = []
+    if "fill" in drawn:
+        handles.append(Patch(facecolor=WHITE, edgecolor=HATCH, hatch="....", linewidth=0.0, label="fill"))
+    if "pressures" in drawn:
+        handles.append(Line2D([], [], **line, label="pressure of the fill"))
+    if "members" in drawn:
+        handles.append(Line2D([], [], **line, label=words))
     return handles

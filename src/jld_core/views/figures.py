@@ -1,12 +1,12 @@
-"""Figures of an assembly, its forces and its mechanism, on any matplotlib axes.
+"""Figures of an assembly, its forces and its mechanism, on any matplotlib axes, without pyplot state.
 
-No function uses pyplot state or a display. The same functions draw planar scenes and, in an axonometric view, spatial
-ones. Each draw function returns a dict of artist lists by their meaning.
+Each draw function returns artist lists by their meaning.
 """
 
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,30 +17,82 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, faces_of
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
 from jld_core.limit.movements import result_of_faces
-from jld_core.sub_assembly import faces_of
 from jld_core.views import annotations as notes
 from jld_core.views import quantities
-from jld_core.views.figure_layout import figure_for, finish, title_of
+from jld_core.views.annotations import draw_members, member_handles
 from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
-from jld_core.views.member_lines import draw_members, member_handles
-from jld_core.views.structure import (
-    Drawn,
-    LineStyle,
-    default_ink,
-    element_points,
-    extent,
-    paint,
-    projection_of,
-)
+from jld_core.views.structure import Drawn, LineStyle, default_ink, element_points, extent, paint, projection_of
 from jld_core.views.writing import as_written, write_forces, write_ids, write_loads
+
+
+def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
+    """Return a new figure with axes of about their final size, on which line widths depend."""
+    lower, upper = extent(assembly, projection_of(assembly))
+    figure = Figure(dpi=120)
+    FigureCanvasAgg(figure)
+    axes = [figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(k)) for k in range(count)]
+    _place(figure, axes, upper - lower + 0.2 * float(np.max(upper - lower)), columns)
+    return figure, axes
+
+
+def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
+    """Give all axes of a figure one scale and their final sizes, and set the figure's title."""
+    limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
+    low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
+    for ax in axes:
+        ax.set_xlim(low[0], high[0])
+        ax.set_ylim(low[1], high[1])
+    _place(figure, axes, high - low, columns)
+    figure.suptitle(title, fontsize=11, y=1.0 - 0.1 / figure.get_figheight(), va="top")
+
+
+def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
+    """Set sizes in inches from the extent (2,) of the data, ticks, titles and the longest legend."""
+    stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
+    width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
+    height = width * float(span[1] / span[0])
+    if height > 6.0:
+        width, height = width * 6.0 / height, 6.0
+    depth = max(notes.legend_inches(ax) for ax in axes)
+    slot = max(width + 0.75, 3.7)
+    row = 0.45 + height + depth
+    columns = columns or (1 if stacked else len(axes))
+    rows = math.ceil(len(axes) / columns)
+    total = (columns * slot + 0.1, rows * row + 0.55)
+    figure.set_size_inches(*total)
+    for k, ax in enumerate(axes):
+        line, column = divmod(k, columns)
+        left = column * slot + 0.5 * (slot - width) + 0.25
+        bottom = total[1] - 0.55 - line * row - 0.45 - height
+        ax.set_position((left / total[0], bottom / total[1], width / total[0], height / total[1]))
+
+
+def title_of(result: LimitAnalysisResult) -> str:
+    """Return the title of a figure of a result: name, λ with its bracket, status, friction."""
+    digits = 4
+    if math.isfinite(result.gap) and result.gap > 0.0:
+        digits = int(np.clip(math.ceil(-math.log10(result.gap)) + 2, 4, 14))
+    low, high = (f"{end:.{digits}g}" if math.isfinite(end) else "unproven" for end in result.bracket)
+    if result.status is Status.LOCKED:
+        value = f"no finite collapse load (admissible from λ = {low} upwards)"
+    elif result.status is Status.UNSTABLE:
+        value = "no λ ≥ 0 is admissible"
+    elif math.isfinite(result.load_factor):
+        value = f"λ = {result.load_factor:.{max(digits - 2, 4)}g}  in  [{low}, {high}]"
+    else:
+        value = f"λ in [{low}, {high}]"
+    name = textwrap.shorten(result.assembly.name, 90, placeholder=" …")
+    return f"{name}\n{value}  ·  {result.status}  ·  {result.friction} friction"
+
 
 FADED: Final = HATCH
 """Colour of faces where forces or mechanism are missing."""
@@ -56,11 +108,9 @@ NO_MECHANISM: Final = {
 
 
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
-    """Draw an assembly on axes: blocks in tints, dry and inner faces, supports, live loads.
+    """Draw an assembly on axes.
 
-    labels: (m,) True = dry, default the assembly's own. Returns artists by name: "elements", "supports", "outlines",
-    "dry", "inner", "ticks", "live", "body", "couples", as present. Raises ValueError for labels of another length than
-    the interfaces.
+    Blocks in tints, dry and inner faces, supports, live loads. labels: (m,), default the assembly's own.
     """
     # Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. In space faces and elements are in
     # "elements" and "supports", in the order in which they are painted.
@@ -81,11 +131,7 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """Draw the forces on the faces of a result on axes, with utilisation and thrust line.
-
-    Returns artists by name: those of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry",
-    "yield inner", "thrust", as present.
-    """
+    """Draw the forces on the faces of a result on axes, with utilisation and thrust line."""
     # Arrows are centred at centres of pressure and point along the load path; hollow arrows are tension (N < 0). A
     # turning arrow at the centroid marks a face without a centre of pressure on it. Forces below 1 % of the largest are
     # left out. Without forces the title says so.
@@ -120,10 +166,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
 
 
 def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: Drawn) -> list[Floats]:
-    """Draw arrows and couples of face forces, and return the points (k, 2) that they cover.
-
-    forces: (m, q) resultants.
-    """
+    """Draw arrows and couples of face forces (m, q); return the points (k, 2) that they cover."""
     assembly, projection = result.assembly, projection_of(result.assembly)
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
@@ -169,10 +212,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, forces: Floats, drawn: D
 
 
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: Floats, drawn: Drawn) -> None:
-    """Mark each face at yield by a symbol on the half opposite to its centre of pressure.
-
-    forces: (m, q) resultants. used: (m,) utilisation.
-    """
+    """Mark each face at yield by a symbol on the half opposite to its centre of pressure; used: (m,) utilisation."""
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
     at = quantities.pressure_points(result.assembly, forces)[0]
@@ -186,11 +226,7 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, forces: Floats, used: 
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Draw the mechanism of a result on axes: displaced elements over the outline at rest.
-
-    Returns artists by name: those of `paint` for the displaced state, "rest", and "hinge", "slide", "open" and "crack"
-    for the kinds of movement present.
-    """
+    """Draw a share of the mechanism of a result on axes: displaced elements over the outline at rest."""
     result = result_of_faces(result)
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.instability_mechanism is not None
@@ -206,11 +242,9 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     velocity, scale = result.mechanism, quantities.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
-        """Return the points of an element displaced by the drawn share."""
         return np.asarray(points + share * scale * displacement(assembly, velocity, element, points))
 
     def fully(element: int, points: Floats) -> Floats:
-        """Return the points of an element at full displacement."""
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
     drawn = paint(ax, assembly, labels, tints_of(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
@@ -233,7 +267,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
 
 def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Draw thin outlines of the free elements at rest on axes; return the one artist."""
+    """Draw thin outlines of the free elements at rest; return the one artist."""
     projection, rings = projection_of(assembly), []
     for k in assembly.elements.free:
         shape = projection(assembly.elements.shape[k])
@@ -257,10 +291,7 @@ def figure_of_assembly(assembly: Assembly, *, ids: bool = False, values: bool = 
 
 
 def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
-    """Return a figure of the mechanism of a result, and its axes for an animation.
-
-    The title has name, λ and status.
-    """
+    """Return a figure of the mechanism of a result, titled by name, λ and status, and its axes for an animation."""
     figure, axes = figure_for(result.assembly, 1)
     draw_mechanism(axes[0], result)
     name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
@@ -300,10 +331,7 @@ def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[s
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file that ends in .png, .svg or .pdf, completely or not at all.
-
-    Equal figures give equal bytes. Raises InputError for another ending.
-    """
+    """Write a figure to a .png, .svg or .pdf file, completely or not at all; equal figures give equal bytes."""
     ending = Path(path).suffix.lower()
     undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     if ending not in undated:
@@ -313,10 +341,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 
 def svg_of(figure: Figure) -> str:
-    """Return a figure as SVG text that can stand in an HTML page, without an XML header.
-
-    Equal figures give equal text.
-    """
+    """Return a figure as SVG text that can stand in an HTML page; equal figures give equal text."""
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "jld"}), as_written(figure):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -333,9 +358,6 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
-    """Return the fill colour (#rrggbb) of each element: by block, and grey for supports.
-
-    labels: (m,) True = dry.
-    """
+    """Return the fill colour (#rrggbb) of each element: by block, and grey for supports."""
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

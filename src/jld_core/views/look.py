@@ -1,8 +1,4 @@
-"""Colours, line styles and marks, shared by matplotlib figures and web pages.
-
-Colours are #rrggbb. They remain distinct for colour-blind readers and in greyscale. Dry and inner, compression and
-tension, kinds of movement and of evidence also differ by line or shape. Only `Mark.style` refers to matplotlib.
-"""
+"""Colours, line styles and marks of figures and pages, distinct also in greyscale; meanings differ in shape too."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ TINTS: Final = ("#CFE1F2", "#FBE3B5", "#D3EBCD", "#F6D3D9", "#E3D9EE", "#D5EFEE"
 """Fill colours of blocks: light, so that lines remain visible, and of different lightness."""
 
 PLAIN: Final = "#F4F3EF"
-"""Fill colour of elements where blocks are not distinguished, as in figures of forces."""
+"""Fill colour of elements where blocks are not distinguished."""
 
 SUPPORT: Final = "#DADADA"
 """Fill colour of supports."""
@@ -51,7 +47,7 @@ DOTS: Final = "#7C9CBF"
 """Colour of visited layouts."""
 
 USED_STOPS: Final = ("#B4B4B4", "#D89A2B", "#8C2300")
-"""Colours of utilisation 0 … 1: darker with utilisation, and lines wider, so that it is readable without colour."""
+"""Colours of utilisation 0 … 1, darker with it."""
 
 INNER_DASH: Final = (1.0, 1.6)
 """Lengths of line and gap of inner faces, in line widths."""
@@ -117,7 +113,6 @@ def rules() -> dict[str, Any]:
     # The format of the object is in docs/guide/page.md.
 
     def mark(of: Mark) -> dict[str, str]:
-        """Return a mark as a dict."""
         return {"shape": of.shape, "fill": of.fill, "edge": of.edge, "meaning": of.meaning}
 
     return {

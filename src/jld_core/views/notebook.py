@@ -1,13 +1,11 @@
-"""Notebook representations of assemblies and results: a table of facts and a drawing.
-
-The facts are those of the command line. matplotlib is imported only when a drawing is made.
-"""
+"""Notebook representations: a table of facts and a drawing; matplotlib is imported only when it draws."""
 
 from __future__ import annotations
 
 import base64
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,6 +16,7 @@ from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number, stands_in_words
 from jld_core.limit.result import tensions
 from jld_core.loads import resultants
+from jld_core.models.by_fields import FieldResult
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
@@ -25,8 +24,9 @@ from jld_core.views.advice import advice
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 LARGEST: Final = 1500
-"""Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
+"""Largest number of elements that a notebook draws unasked; larger drawings take megabytes and many seconds."""
 
 
 _MEMBERS: Final = 6  # largest number of members whose tension the facts of a result name
@@ -163,10 +163,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _range(extra: dict[str, Any]) -> dict[str, str]:
-    """Describe the lowest and highest λ found without dilation, and the lower bound.
-
-    Empty where these were not sought.
-    """
+    """Describe the lowest and highest λ found without dilation, and the lower bound; empty if not sought."""
     if extra.get("lowest_found") is None:
         return {}
     ends = (
@@ -198,7 +195,6 @@ class AssemblyView:
     """Notebook representation of an assembly: structure, labels and loads, beside its facts."""
 
     def drawing(self, thing: Assembly) -> str | bytes | None:
-        """Return the drawing of an assembly as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.elements) > LARGEST:
             return None
         from jld_core.views import figures, small_pictures
@@ -206,13 +202,11 @@ class AssemblyView:
         return small_pictures.drawing_of(figures.figure_of_assembly(thing))
 
     def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure of an assembly, of any size; options as in `figure_of_assembly`."""
         from jld_core.views import figures
 
         return figures.figure_of_assembly(thing, ids=ids, values=values)
 
     def html(self, thing: Assembly, drawing: str | bytes | None) -> str:
-        """Return the HTML of an assembly's facts and drawing."""
         return page(thing.name, facts_of_assembly(thing), drawing)
 
 
@@ -220,7 +214,6 @@ class ResultView:
     """Notebook representation of a result: labels, forces and mechanism, beside its facts."""
 
     def drawing(self, thing: LimitAnalysisResult) -> str | bytes | None:
-        """Return the drawing of a result as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_core.views import figures, small_pictures
@@ -228,13 +221,11 @@ class ResultView:
         return small_pictures.drawing_of(figures.figure_of_result(thing))
 
     def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
-        """Return the figure of a result, of any size; options as in `figure_of_result`."""
         from jld_core.views import figures
 
         return figures.figure_of_result(thing, ids=ids, values=values)
 
     def html(self, thing: LimitAnalysisResult, drawing: str | bytes | None) -> str:
-        """Return the HTML of a result's facts and drawing."""
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
@@ -252,7 +243,6 @@ def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tab
 
 
 def _shown(value: float | None) -> str:
-    """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"
 
 
@@ -260,3 +250,25 @@ def aligned(facts: Mapping[str, str]) -> str:
     """Return facts as lines of text, the values one below another."""
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
+
+
+class FieldResultView:
+    """Notebook representation of a result by fields: stresses and cracks of its governing case, beside its facts."""
+
+    def drawing(self, thing: FieldResult) -> str | bytes | None:
+        if len(thing.assembly.elements) > LARGEST:
+            return None
+        from jld_core.views import small_pictures
+
+        return small_pictures.drawing_of(self.figure(thing))
+
+    def figure(self, thing: FieldResult, *, ids: bool = False, values: bool = False) -> Figure:
+        """Return the figure of a result; in space, where fields have no picture, that of the labelled structure."""
+        from jld_core.views import field_figures, figures
+
+        if thing.assembly.dimension == 3:
+            return figures.figure_of_assembly(replace(thing.assembly, labels=thing.labels), ids=ids, values=values)
+        return field_figures.figure_of_fields(*thing.governing_case)
+
+    def html(self, thing: FieldResult, drawing: str | bytes | None) -> str:
+        return page(thing.assembly.name, thing.facts_in_words(), drawing)

@@ -1,7 +1,4 @@
-"""Quantities shown in figures: block colours, centres of pressure, utilisation, movements.
-
-No function depends on matplotlib or has side effects. Shapes: m interfaces, n elements, d = 2 or 3.
-"""
+"""Quantities shown in figures: block colours, centres of pressure, utilisation, movements; without matplotlib."""
 
 from __future__ import annotations
 
@@ -23,21 +20,18 @@ REACH: Final = 0.12
 TURN: Final = 0.35
 """Largest rotation drawn, radians.
 
-Displacements are linear in the velocities, so that hinges stay closed; larger rotations would visibly enlarge elements.
+Displacements are linear in velocities; larger rotations would visibly enlarge elements.
 """
 
 SMALL: Final = 0.01
 """Share of the largest movement or force of a figure below which nothing is drawn."""
 
 YIELDING: Final = 0.995
-"""Utilisation from which a face is marked as yielding.
-
-It is below 1 because forces belong to the proven lower bound of λ.
-"""
+"""Utilisation from which a face is marked as yielding, below 1 because forces belong to a lower bound of λ."""
 
 
 class MovementSign(StrEnum):
-    """Kinds of face movement that figures distinguish: still, hinge, slide, open or crack."""
+    """Kinds of face movement that figures distinguish."""
 
     STILL = "still"
     HINGE = "hinge"
@@ -47,10 +41,9 @@ class MovementSign(StrEnum):
 
 
 def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
-    """Choose a colour number for each element so that touching blocks differ if possible.
+    """Choose a colour number (n,) for each element so that touching blocks differ if possible.
 
-    labels: (m,) True = dry. available: number of colours. The result (n,) is 0 … available − 1, or −1 for supports.
-    Blocks with most neighbours choose first; each takes the least used of the colours that its neighbours do not have.
+    −1 for supports. Blocks with most neighbours choose first, each the least used colour that is left.
     """
     block, support = blocks_of(assembly, labels), assembly.elements.support
     a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
@@ -73,18 +66,14 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
 def typical(assembly: Assembly) -> float:
     """Return the median size of the free elements, by which figures scale arrows and lines.
 
-    The size of an element, in scene units, is the square root of the area of its bounding box; in space the cube root
-    of the volume.
+    Root of their boxes' area or volume.
     """
     sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
     return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))
 
 
 def body_load(assembly: Assembly) -> Floats | None:
-    """Return the sum (d,) of the live forces on all bodies, scene units.
-
-    None where it is zero, within rounding.
-    """
+    """Return the sum (d,) of the live forces on all bodies; None where it is zero, within rounding."""
     total = assembly.live_loads.body.sum(axis=0)
     if np.linalg.norm(total) <= 1e-9 * assembly.total_live:
         return None
@@ -100,11 +89,9 @@ def live_couples(assembly: Assembly) -> Ints:
 
 
 def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
-    """Return the centre of pressure of each face, and whether it lies on the face.
+    """Return the centre of pressure (m, d) of each face under forces (m, q), and a mask (m,) of those on the face.
 
-    forces: (m, q) resultants of the faces, scene units. The centres are (m, d), scene units: x1 = −M2/N along e1 and x2
-    = M1/N along e2 from the centroid (planar M = M2). A face without a centre of pressure on it gets its centroid, and
-    False in the mask (m,); an inner face may have a moment without thrust.
+    Others get the centroid: a moment without thrust has no centre.
     """
     faces, normal = assembly.interfaces, forces[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -121,11 +108,7 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
 
 
 def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
-    """Return the relative position of a point of a face: 0 at the centroid, 1 on the hull.
-
-    point: (2,) coordinates x1, x2; in the plane only x1 counts. The result is above 1 outside the hull, and inf for a
-    NaN or infinite coordinate.
-    """
+    """Return the relative position of a point (2,) of a face: 0 at the centroid, 1 on the hull, inf for NaN."""
     faces = assembly.interfaces
     if not np.all(np.isfinite(point)):
         return np.inf
@@ -140,19 +123,16 @@ def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
 
 
 def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
-    """Return the force vector of each interface on its element b, (m, d), scene units.
-
-    forces: (m, q) resultants of the faces; moments are not used.
-    """
+    """Return the force (m, d) of each interface on its element b, from resultants (m, q)."""
     faces = assembly.interfaces
     vectors = forces[:, [0]] * faces.normal + forces[:, [1]] * faces.e1
     return vectors + forces[:, [2]] * faces.e2 if assembly.dimension == 3 else vectors
 
 
 def utilisation(result: LimitAnalysisResult) -> Floats:
-    """Return the utilisation of each face of a result, (m,): 1 is at yield.
+    """Return the utilisation (m,) of each face of a result, 1 at yield.
 
-    Raises ValueError where the result holds no forces, and TypeError for yield sets without a utilisation.
+    Raises TypeError for yield sets without a utilisation.
     """
     # Utilisation is the largest of bending, shear, tension and crushing, by the yield set of the result's own model.
     # Faces without force have 0.
@@ -174,11 +154,7 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
 
 
 def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
-    """Reverse those face forces (m, d) that point against the total dead load.
-
-    vectors: (m, d) forces on the faces. A reversed force is that on the other element. Without dead load, the live load
-    gives the direction. Self-stress of members does not count.
-    """
+    """Reverse those face forces (m, d) that point against the total dead load, or without one the live load."""
     d, free = assembly.dimension, assembly.elements.free
     down = resultants(assembly.dead_loads, assembly.elements)[free, :d].sum(axis=0)
     if not down.any():
@@ -187,11 +163,9 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
 
 
 def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
-    """Return the segments of the thrust line between centres of pressure.
+    """Return segments (2, d) of the thrust line under resultants (m, q).
 
-    forces: (m, q) resultants of the faces, scene units. There is one segment (2, d) for each free element that exactly
-    two faces press. With more faces, a single line is undefined. The list is empty where fewer than half of the loaded
-    elements have a segment.
+    Each is of a free element that exactly two faces press; empty where fewer than half of the loaded elements have one.
     """
     points, on_face = pressure_points(assembly, forces)
     size = np.linalg.norm(face_vectors(assembly, forces), axis=1)
@@ -207,11 +181,7 @@ def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
 
 
 def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
-    """Return the factor by which a figure multiplies velocities; 0 for no motion.
-
-    mechanism: (n, q) velocities. The largest displacement becomes at most `REACH` of the scene's size, and the largest
-    rotation at most `TURN`.
-    """
+    """Return the factor by which a figure multiplies velocities (n, q), within `REACH` and `TURN`; 0 for no motion."""
     reach = max(
         float(np.linalg.norm(displacement(assembly, mechanism, k, shape), axis=1).max())
         for k, shape in enumerate(assembly.elements.shape)
@@ -223,10 +193,7 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
 
 
 def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Floats]:
-    """Return the kind of movement of each face in a result's mechanism, and its place.
-
-    The places (m, d) lie on the undeformed faces, scene units. Raises ValueError where the result holds no mechanism.
-    """
+    """Return the kind of movement of each face in a result's mechanism, and its place (m, d) on the undeformed face."""
     motions = face_motions(result)
     kinds = tuple(_SIGNS[motion.kind] for motion in motions)
     return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)

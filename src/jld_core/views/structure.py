@@ -1,7 +1,4 @@
-"""Drawing of elements and interfaces: planar outlines, or an axonometric view.
-
-`paint` draws every structure, at rest or displaced. `jld_core.views.figures` draws forces, movements and loads on top.
-"""
+"""Drawing of elements and interfaces: planar outlines, or an axonometric view, at rest or displaced."""
 
 from __future__ import annotations
 
@@ -18,14 +15,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from shapely.geometry import Polygon
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
+from jld_core.assembly import Assembly, blocks_of, faces_of
 from jld_core.geometry import area_vector
-from jld_core.sub_assembly import faces_of
 from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_core.views.quantities import typical
 
 Drawn = dict[str, list[Artist]]
-"""Artists by their meaning."""
 
 Move = Callable[[int, Floats], Floats]
 """Displacement for drawing: (element index, points (k, d)) → points (k, d)."""
@@ -66,10 +61,7 @@ def projection_of(assembly: Assembly) -> Projection:
 
 
 def extent(assembly: Assembly, projection: Projection, move: Move | None = None) -> tuple[Floats, Floats]:
-    """Return the lower and upper corner of the structure on paper, (2,) each, scene units.
-
-    move: displacement function (element, points) → points, if any.
-    """
+    """Return the lower and upper corner (2,) of the structure on paper, perhaps displaced, scene units."""
     shapes = [shape if move is None else move(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     points = projection(np.vstack([*shapes, *assembly.fill]))
     return points.min(axis=0), points.max(axis=0)
@@ -86,10 +78,7 @@ def element_points(ax: Axes, assembly: Assembly) -> float:
 
 
 def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> LineStyle:
-    """Return the usual style of faces: dry ones thick and dark, inner ones thin and grey.
-
-    labels: (m,) True = dry. Widths grow with the size of elements on the axes.
-    """
+    """Return the usual style of faces: dry ones thick and dark, inner ones thin and grey, wider on larger elements."""
     points = element_points(ax, assembly)
     thick, thin = float(np.clip(0.07 * points, 0.5, 2.4)), float(np.clip(0.04 * points, 0.3, 0.9))
     tick = (1.3 * thick + 1.0) / points * typical(assembly) if points > 14.0 else 0.0
@@ -104,10 +93,7 @@ def paint(
     ink: LineStyle | None = None,
     move: Move | None = None,
 ) -> Drawn:
-    """Draw the elements and interfaces of a structure on axes, at rest or displaced.
-
-    labels: (m,) True = dry; interfaces of members are left out.
-    """
+    """Draw the elements and interfaces of a structure, without those of members, at rest or displaced."""
     assembly, labels = faces_of(assembly), labels[: assembly.faces]
     ink = default_ink(ax, assembly, labels) if ink is None else ink
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
@@ -116,7 +102,6 @@ def paint(
 def _paint_planar(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
-    """Draw a planar structure on axes; parameters and result as in `paint`."""
     place = move or (lambda _, points: points)
     shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
@@ -163,10 +148,7 @@ def _lines(
     dash: Any,
     zorder: float,
 ) -> LineCollection:
-    """Draw segments as one line collection, and return it.
-
-    segments: points (k, 2) of each.
-    """
+    """Draw segments (k, 2) as one line collection, and return it."""
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)
     ax.add_collection(lines, autolim=False)
@@ -174,10 +156,7 @@ def _lines(
 
 
 def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Floats]:
-    """Return the boundaries of the free part of each block.
-
-    blocks: (n,) block of each element.
-    """
+    """Return the boundaries of the free part of each block; blocks: (n,) of elements."""
     # Lines between touching elements of a block are left out; open cracks are drawn.
     seam = 2e-3 * typical(assembly)
     lines: list[Floats] = []
@@ -195,10 +174,7 @@ def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Fl
 
 
 def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
-    """Return the indices of the elements from the farthest to the nearest to the viewer.
-
-    toward: (3,) unit vector to the viewer.
-    """
+    """Return the elements from the farthest to the nearest to the viewer; toward: (3,) unit vector to the viewer."""
     # Of two elements in contact, the one on the viewer's side of the contact plane is nearer. Depth of the centroids
     # decides for other pairs and in cycles.
     faces, count = assembly.interfaces, len(assembly.elements)
@@ -233,7 +209,6 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
 def _paint_spatial(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
-    """Draw a spatial structure on axes; parameters and result as in `paint`."""
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
     place = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)
@@ -280,10 +255,7 @@ def _paint_spatial(
 
 
 def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
-    """Return the faces of an element that point to the viewer, the farthest first.
-
-    shape: (k, 3) vertices. toward: (3,) unit vector to the viewer.
-    """
+    """Return the faces of vertices (k, 3) that point to the viewer, the farthest first."""
     seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
@@ -294,9 +266,9 @@ def _closed(points: Floats) -> Floats:
 
 
 def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
-    """Darken a tint on faces that point sideways, for light from above and from the right.
+    """Darken a tint on a face (k, 3) that points sideways, for light from above and the right.
 
-    corners: (k, 3) of the face, counter-clockwise seen from outside. The result is (red, green, blue, opacity).
+    Return RGB and opacity.
     """
     from matplotlib.colors import to_rgb
 
@@ -307,10 +279,7 @@ def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
 
 
 def _front_edges(corners: Floats, normal: Floats, toward: Floats) -> Bools:
-    """Return a mask (k,) of the edges of a contact polygon on the viewer's side of its middle.
-
-    corners: (k, 3). normal: (3,) unit normal of the contact, of either sense. toward: (3,) unit vector to the viewer.
-    """
+    """Return a mask (k,) of the edges of a contact polygon (k, 3) on the viewer's side of its middle."""
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.cross(along, normal)
     sense = float(area_vector(corners) @ normal)

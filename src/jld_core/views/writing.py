@@ -87,11 +87,9 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 def write_numbers(
     ax: Axes, assembly: Assembly, blocks: Sequence[Sequence[int]], centroids: Sequence[Any], size: float = 7.0
 ) -> list[Text]:
-    """Write the number of each block, from 1, into a drawing; return the texts.
+    """Write the number of each block, from 1, into a drawing.
 
-    In the plane a number stands at the block's centroid, or in its widest part where that is near its edge. In space it
-    stands on the largest part of the block that the viewer sees; a block of which too little is seen has none.
-    centroids: (d,) of each block.
+    Return the texts. In space it stands on the largest visible part, if that is large enough.
     """
     if assembly.dimension == 2:
         places = [_inside(assembly, block, np.asarray(at)) for block, at in zip(blocks, centroids, strict=True)]
@@ -103,10 +101,7 @@ def write_numbers(
 
 
 def _inside(assembly: Assembly, block: Sequence[int], centroid: Floats) -> Floats:
-    """Return the place (2,) of the number of a planar block: its centroid, or the centre of its largest circle.
-
-    centroid: (2,).
-    """
+    """Return the place (2,) of the number of a planar block: its centroid, or the centre of its largest circle."""
     elements = assembly.elements
     outlines = [shapely.Polygon(elements.shape[k]) for k in block if not elements.support[k]]
     if not outlines:

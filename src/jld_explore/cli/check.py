@@ -11,7 +11,7 @@ import typer
 from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.mechanics import require_materials
 from jld_core.models import require_memory, rigid

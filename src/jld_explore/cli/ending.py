@@ -15,7 +15,7 @@ from typing import Any, Final, NoReturn
 import typer
 
 from jld_core.errors import InputError, SolverError
-from jld_core.memory import memory_limit
+from jld_core.threads import memory_limit
 from jld_explore.cli.overview import COMMANDS
 from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
 from jld_explore.search.state import Interrupted

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from jld_core.build import build_robust
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import FLOOR_SECONDS, Friction, LimitAnalysisResult, Model, Result, Status
@@ -237,7 +237,7 @@ def _write_result(result: Result, out: Path) -> None:
         return
     draw_rates(result, out)
     if any(case.place is not None for case in result.assembly.cases):
-        from jld_core.views.path import figure_of_path, path_values
+        from jld_core.views.moved_joints import figure_of_path, path_values
 
         path = figure_of_path(result.assembly, path_values(result))
         for ending in ("png", "svg"):

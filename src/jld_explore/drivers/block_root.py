@@ -16,8 +16,7 @@ from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import LimitAnalysis, SolveOptions
 from jld_core.limit.block_relaxation import applies_to
 from jld_core.limit.case_relaxation import relaxation_of
-from jld_core.memory import memory_limit
-from jld_core.threads import one_thread
+from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.evaluation import Pool

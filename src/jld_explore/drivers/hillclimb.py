@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits
+from jld_core.assembly import with_members
 from jld_core.errors import ParameterError
-from jld_core.sub_assembly import with_members
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation

@@ -12,11 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, without
 from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError
 from jld_core.limit import CaseBounds, LimitAnalysis, Status, governing
-from jld_core.sub_assembly import without
 from jld_explore.evaluation.protocol import (
     BOUND,
     SOLVE,

@@ -313,7 +313,7 @@ class _Best:
 
     def draw_path(self) -> Figure:
         """Draw λ of the layout along the paths of moving loads."""
-        from jld_core.views.path import figure_of_path, path_values
+        from jld_core.views.moved_joints import figure_of_path, path_values
 
         return figure_of_path(self._found.assembly, path_values(self._found))
 

@@ -19,10 +19,9 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, with_members
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene.search import Front
-from jld_core.sub_assembly import with_members
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT

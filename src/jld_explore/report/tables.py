@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, faces_of
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.exchange.writers import harmless
 from jld_core.files import whole_file, write_text
 from jld_core.limit import Status, load_scale, relative_width
-from jld_core.sub_assembly import faces_of
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.protocol import BOUND

@@ -11,9 +11,9 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
-from jld_core.memory import memory_limit
 from jld_core.models import require_memory
 from jld_core.scene.cracks import FieldCracks
+from jld_core.threads import memory_limit
 from jld_explore.drivers import Driver, make_driver
 from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to

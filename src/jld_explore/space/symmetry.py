@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, Elements, Interfaces
+from jld_core.assembly import Assembly, Elements, Interfaces, faces_of
 from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
@@ -20,7 +20,6 @@ from jld_core.scene import PointLoad, Scene
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
 from jld_core.scene.uncertain import Uncertain, UncertainVector, uncertain_values, written
-from jld_core.sub_assembly import faces_of
 
 if TYPE_CHECKING:
     from jld_core.refinement.cells import CrackCells

@@ -8,12 +8,11 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import DRY, Assembly, LoadCase
+from jld_core.assembly import DRY, Assembly, LoadCase, with_members, without
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
 from jld_core.scene.loads import FaceLoad
 from jld_core.strengths import Strengths
-from jld_core.sub_assembly import with_members, without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
 LETTER: Final = "v"  # letter of a face beside a cell that is left out

@@ -337,8 +337,7 @@ def _next() -> list[str]:
 
 def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
-    from jld_core.views.figure_layout import figure_for, finish
-    from jld_core.views.figures import draw_assembly, save_figure
+    from jld_core.views.figures import draw_assembly, figure_for, finish, save_figure
     from jld_core.views.writing import write_numbers
 
     shown = [one for one in (work.usual, winner) if one is not None]

@@ -17,7 +17,7 @@ from jld_core._version import __version__
 from jld_core.files import whole_file, write_text
 from jld_core.views.figures import draw_assembly, draw_mechanism, svg_of
 from jld_core.views.look import INK, SOFT
-from jld_core.views.path import PathValue, draw_path
+from jld_core.views.moved_joints import PathValue, draw_path
 from jld_core.views.writing import as_written
 from jld_practice.design_check.check import DesignCheck
 from jld_practice.design_check.tables import Content, Table, content_of

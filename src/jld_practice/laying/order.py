@@ -9,11 +9,10 @@ from typing import Final, Literal, get_args
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, labels_of
 from jld_core.errors import ParameterError
 from jld_core.parameters import typed
 from jld_core.scene.units import force_in_words
-from jld_core.sub_assembly import labels_of
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
 

@@ -12,7 +12,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.build.settlements import Settlement
+from jld_core.build.loads import Settlement
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
 from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
 from jld_core.mechanics.scaling import reference_load

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jld_core.views.figure_layout import figure_for, finish
-from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
+from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism, figure_for, finish
 from jld_core.views.look import FRONT
 from jld_core.views.structure import projection_of
 from jld_practice.reactions import Settled

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from jld_core.assembly import Assembly
-from jld_core.build.settlements import settlements_of
+from jld_core.build.loads import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.models import rigid

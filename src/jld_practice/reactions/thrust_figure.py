@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from jld_core.views.figure_layout import figure_for, finish
-from jld_core.views.figures import draw_assembly, draw_forces
+from jld_core.views.figures import draw_assembly, draw_forces, figure_for, finish
 from jld_practice.reactions.thrust import ResultantRange, ThrustRanges
 
 

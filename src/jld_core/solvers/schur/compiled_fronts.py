@@ -1,8 +1,4 @@
-"""Multifrontal Cholesky in the compiled library, with the BLAS of scipy; numpy computes the same without it.
-
-The compiled library has no linear algebra of its own for large fronts. It is given the addresses of scipy's routines,
-which scipy publishes for Cython. Their number of threads is limited as everywhere (`jld_core.threads`).
-"""
+"""Multifrontal Cholesky in the compiled library, with the BLAS of scipy; numpy computes the same without it."""
 
 from __future__ import annotations
 
@@ -44,20 +40,14 @@ class Solves(Protocol):
 
 
 class Factorisation(Protocol):
-    """Symbolic Cholesky analysis of one sparsity pattern, reused for matrices of that pattern.
-
-    `factor` computes the factor for given entries; the result solves linear systems.
-    """
+    """Symbolic Cholesky analysis of one sparsity pattern, reused for matrices of that pattern."""
 
     def factor(self, data: Floats) -> Solves:
         """Compute the Cholesky factor; raise np.linalg.LinAlgError if the matrix is indefinite."""
 
 
 def factorisation(fronts: Fronts) -> Factorisation:
-    """Return the compiled factorisation of a pattern; `fronts` itself if that cannot be used.
-
-    It needs the batch solver's library, and a BLAS of scipy with 32-bit integers.
-    """
+    """Return the compiled factorisation of a pattern; `fronts` itself without library or a BLAS of 32-bit integers."""
     variant, routines = chosen(), _addresses()
     return fronts if variant is None or routines is None else CompiledFronts(fronts, variant, routines)
 
@@ -76,10 +66,7 @@ def _addresses() -> tuple[int, ...] | None:
 
 
 class CompiledFronts:
-    """Compiled factorisation of matrices of one pattern.
-
-    fronts: analysis of the pattern. routines: addresses of `_ROUTINES`.
-    """
+    """Compiled factorisation of matrices of one pattern."""
 
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
         self._library = library(variant)
@@ -106,7 +93,6 @@ class CompiledFronts:
         self.stated = FrontsOfC(count=len(own), **pointers(**self._arrays))
 
     def factor(self, data: Floats) -> CompiledFactor:
-        """Compute the Cholesky factor of a matrix with this pattern, as `Fronts.factor` does."""
         numbers, definite = np.zeros(self.size), np.zeros(1, dtype=np.uint8)
         numbers[self._where] = data[self._entries]
         given = pointers(factor=numbers, definite=definite)
@@ -122,16 +108,12 @@ class CompiledFronts:
 
 
 class CompiledFactor:
-    """Cholesky factorisation made by `CompiledFronts.factor`.
-
-    fronts: analysis of the pattern. numbers: pivot columns of all fronts.
-    """
+    """Cholesky factorisation; numbers: pivot columns of all fronts."""
 
     def __init__(self, fronts: CompiledFronts, numbers: Floats) -> None:
         self._fronts, self._numbers = fronts, numbers
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solve the system for right-hand sides (n,) or (n, k)."""
         fronts = self._fronts
         columns = np.ascontiguousarray(np.atleast_2d(rhs.T)[:, fronts.order], dtype=float)
         fronts.solve(self._numbers, columns)
@@ -158,10 +140,7 @@ _CANCELLED = 1e-11
 
 
 class BlockEquations:
-    """Equations of a program replaced by those of whole blocks, for one labelling.
-
-    program: program with `bodies`. sums: matrix T that replaces the equations of roots, see `Bodies.sums`.
-    """
+    """Equations of a program replaced by those of whole blocks, for one labelling; sums: matrix T of `Bodies.sums`."""
 
     def __init__(self, program: ConicProgram, sums: sp.csr_array) -> None:
         old = program.structure
@@ -262,9 +241,9 @@ class FaceBlocks:
 
 
 def face_blocks(structure: Structure) -> FaceBlocks:
-    """Find which columns, rows and equations of a structure belong to each face.
+    """Find which columns, rows and equations belong to each face.
 
-    Raises SolverError if cones have several sizes, or if columns do not separate into small matrix blocks.
+    Raises SolverError for cones of several sizes, or columns that do not separate into small blocks.
     """
     sizes = set(structure.cones)
     if len(sizes) > 1:
@@ -317,7 +296,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
 
 
 class _Layout:
-    """Local numbers of columns, yield rows and equations within the faces they belong to."""
+    """Local numbers of columns, yield rows and equations within their faces."""
 
     def __init__(
         self, face_column: Ints, column_face: Ints, row_face: Ints, equalities: int, first: int, columns: int
@@ -334,10 +313,7 @@ class _Layout:
     def families(
         self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
     ) -> tuple[Family, ...]:
-        """Group the faces by their sizes, and locate the program data of each family.
-
-        yields: True for entries of yield rows. apart: True for border columns.
-        """
+        """Group the faces by size, and locate their data. yields: entries of yield rows. apart: border columns."""
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
         in_edge = yields & apart[column] & (self.face_of_row[row] >= 0)
@@ -375,11 +351,7 @@ class _Layout:
 
 
 def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
-    """Group members by owner, and number them within their group.
-
-    owner: (n,) group of each member, −1 for none. count: number of groups. Returns (members, start), with the members
-    of each group ascending, and the number (n,) of each member in its group, −1 for none.
-    """
+    """Group members by owner (n,), −1 for none; return (members, start) ascending, and the number (n,) in the group."""
     members = np.argsort(owner, kind="stable")
     members = members[np.searchsorted(owner[members], 0) :]
     start = np.searchsorted(owner[members], np.arange(count + 1))

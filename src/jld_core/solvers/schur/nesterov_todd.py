@@ -1,6 +1,5 @@
 """Nesterov–Todd scaling of products of half-lines and second-order cones of one size.
 
-A vector of the product holds (linear,) numbers, then (cones, size) rows one after another, as in `ConicProgram`.
 Source: Nesterov & Todd, Math. Oper. Res. 22 (1997) 1–42; Vandenberghe, The CVXOPT linear and quadratic cone program
 solvers (2010), section 4.
 """
@@ -18,7 +17,7 @@ from jld_core.arrays import Floats
 class Cones:
     """Product of `linear` half-lines and `count` second-order cones of `size` dimensions each.
 
-    Vectors of the product have linear + count·size numbers, in this order.
+    Vectors in this order.
     """
 
     linear: int
@@ -27,15 +26,14 @@ class Cones:
 
     @property
     def degree(self) -> int:
-        """Barrier parameter of the cones: one per half-line and one per cone."""
+        """Barrier parameter: one per half-line and one per cone."""
         return self.linear + self.count
 
     def parts(self, vector: Floats) -> tuple[Floats, Floats]:
-        """Split a vector into views of its half-lines (linear,) and its cones (count, size)."""
+        """Split a vector into views (linear,) and (count, size)."""
         return vector[: self.linear], vector[self.linear :].reshape(self.count, self.size)
 
     def join(self, linear: Floats, cones: Floats) -> Floats:
-        """Return the vector made of numbers on half-lines (linear,) and cones (count, size)."""
         return np.concatenate([linear, cones.ravel()])
 
     def unit(self) -> Floats:
@@ -52,7 +50,7 @@ class Cones:
         return self.join(ul * vl, out)
 
     def quotient(self, u: Floats, v: Floats) -> Floats:
-        """Return the vector w whose Jordan product with u is v, for u inside the cones."""
+        """Return w with u ∘ w = v, for u inside the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
         cross = np.einsum("ij,ij->i", u1, v1)
@@ -84,21 +82,13 @@ class Cones:
 
 
 def _determinant(cones: Floats) -> Floats:
-    """Return v₀² − ‖v₁‖² of each cone (k, size), where v₀ is its first number.
-
-    It is computed as a product, which keeps digits near the boundary of the cone.
-    """
+    """Return v₀² − ‖v₁‖² of each cone (k, size), as a product that keeps digits near the boundary."""
     norm = np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
     return np.asarray(np.maximum((cones[:, 0] - norm) * (cones[:, 0] + norm), 1e-300))
 
 
 class NesterovTodd:
-    """Nesterov–Todd scaling of the cones at an iterate: W is symmetric with W z = W⁻¹ s.
-
-    cones: product of cones, of vectors with n numbers. s, z: (n,) slack and multiplier, both inside the cones. linear:
-    (linear,) diagonal of W on half-lines. blocks, inverse: (count, size, size) symmetric matrix blocks of W and of W⁻¹
-    on cones. point: (n,) scaled point W z = W⁻¹ s.
-    """
+    """Scaling W of the cones at slack s and multiplier z inside them: symmetric, with W z = W⁻¹ s = `point`."""
 
     def __init__(self, cones: Cones, s: Floats, z: Floats) -> None:
         self.cones = cones
@@ -117,12 +107,10 @@ class NesterovTodd:
         self.point = self.times(z)
 
     def times(self, vector: Floats) -> Floats:
-        """Return the product W v of the scaling with a vector v of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(self.linear * linear, np.einsum("nij,nj->ni", self.blocks, cones))
 
     def divide(self, vector: Floats) -> Floats:
-        """Return the product W⁻¹ v of the inverse scaling with a vector v of the cones."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(linear / self.linear, np.einsum("nij,nj->ni", self.inverse, cones))
 

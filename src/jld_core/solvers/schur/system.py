@@ -48,14 +48,9 @@ _EMPTY = np.zeros(0)
 class SchurSystem:
     """Linear systems of the interior-point method, for all programs of one structure.
 
-    Call `load` once per program, then `factor` once per iteration, then `solve` for each right-hand side. With the
-    equations E and the yield rows G of the program, and the scaling W of the cones, the system is
-
-        Eᵀu + Gᵀv = p,   E x = q,   G x − W²v = r.
-
-    x are the columns of the program, u and v the multipliers of its equations and of its yield rows. The constructor
-    raises SolverError if the structure does not separate into faces. `accuracy` is the residual, relative to the
-    right-hand side, at which refinement ends.
+    Call `load` once per program, `factor` once per iteration, `solve` for each right-hand side: Eᵀu + Gᵀv = p, E x = q,
+    G x − W²v = r. The constructor raises SolverError if the structure does not separate into faces. accuracy: relative
+    residual at which refinement ends.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -65,10 +60,7 @@ class SchurSystem:
         self.accuracy = _ACCURACY
 
     def _lay_out(self, size: int, places: Floats | None) -> None:
-        """Analyse the pattern of the Schur complement, and where the entries of faces add up.
-
-        places: (size, d) coordinates of the equations, None where unknown.
-        """
+        """Analyse the pattern of the Schur complement, and where the entries of faces add up."""
         keys, cover = [np.arange(size) * (size + 1)], np.zeros(size)
         rng = np.random.default_rng(0)
         for family in self.blocks.families:
@@ -89,7 +81,7 @@ class SchurSystem:
         self._fronts = factorisation(Fronts(self._rows, self._columns, node, None if places is None else places[first]))
 
     def _prepare_products(self, size: int) -> None:
-        """Lay out sparse matrices of the columns of all faces, one after another, whose values `factor` fills in."""
+        """Lay out sparse matrices of the columns of all faces, whose values `factor` fills in."""
         families = self.blocks.families
         self._columns_of_faces = np.concatenate([family.columns.ravel() for family in families] or [_NONE])
         count, done = len(self._columns_of_faces), 0
@@ -110,10 +102,7 @@ class SchurSystem:
         self._inverse, self._half = laid(own, wide, count), laid(touched, deep, size)
 
     def load(self, program: ConicProgram) -> None:
-        """Take over the numbers of a program; the next call must be `factor`.
-
-        Raises SolverError if a column without yield rows has entries.
-        """
+        """Take over the numbers of a program; raise SolverError if a column without yield rows has entries."""
         data, blocks = program.data, self.blocks
         matrix = program.matrix
         edge = self.structure.equalities
@@ -138,11 +127,11 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """Return the product E x (equations,) of the loaded equations with x (columns,)."""
+        """Return E x (equations,) for x (columns,)."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """Return the product G x (yield rows,) of the loaded yield rows with x (columns,)."""
+        """Return G x (yield rows,) for x (columns,)."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
@@ -200,7 +189,7 @@ class SchurSystem:
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
     def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
-        """Return the yield rows that only border columns enter, (rows, border), times W⁻¹."""
+        """Return the yield rows (rows, border) that only border columns enter, times W⁻¹."""
         return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
 
     def _solve(self, rhs: Floats) -> Floats:
@@ -209,11 +198,7 @@ class SchurSystem:
         return size * self._factor.solve(size * rhs)
 
     def solve(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the factored system for one right-hand side, and return x, u and W v.
-
-        p: (columns,), q: (equations,), r: (yield rows,); x, u and W v have these shapes in this order. Iterative
-        refinement continues while it halves the residual, at most three times.
-        """
+        """Return x (columns,), u (equations,) and W v (yield rows,), refined while that halves the residual."""
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
         aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
@@ -235,10 +220,7 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the system of the module docstring once, without refinement.
-
-        p: (columns,), q: (equations,), r: (yield rows,). The results are x, u and W v.
-        """
+        """Solve the system once, without refinement."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -256,7 +238,7 @@ class SchurSystem:
 
 
 def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
-    """Return the yield rows (m, rows, ·) of a family, multiplied by the inverse scaling W⁻¹."""
+    """Return the yield rows (m, rows, ·) of a family, multiplied by W⁻¹."""
     half, cones = family.linear, scaling.cones
     out = np.empty_like(rows)
     out[:, :half] = rows[:, :half] / scaling.linear[family.rows[:, :half], None]
@@ -322,13 +304,13 @@ class Iterate:
     kappa: float = 1.0
 
     def relative_gap(self, objective: Floats) -> float:
-        """Return the duality gap over the larger of 1 and the objective, whose coefficients (columns,) are given."""
+        """Return the duality gap over the larger of 1 and the objective (columns,)."""
         return float(self.s @ self.v) / self.tau**2 / max(1.0, abs(float(objective @ self.x) / self.tau))
 
     def progress(self, objective: Floats) -> float:
-        """Return the relative duality gap, or the complementarity of an iterate that tends to a ray.
+        """Return the relative duality gap.
 
-        objective: coefficients (columns,). The gap of a ray is divided by a τ that vanishes, so it does not decrease.
+        For an iterate that tends to a ray, whose gap grows with 1/τ, its complementarity.
         """
         return float(self.s @ self.v) if self.kappa > self.tau else self.relative_gap(objective)
 
@@ -359,10 +341,8 @@ class Direction:
 class Newton:
     """Newton system of the central path at one iterate, factored for several right-hand sides.
 
-    system: linear systems, with the program loaded. given: objective q (columns,), right-hand side r of the equations
-    and h of the yield rows. it: the iterate. embedded: True while τ and κ are variables. apart: True if forces and
-    motion may have steps of their own. In linear programs without the embedding, their residuals do not depend on each
-    other; with cones this was measured to take more iterations.
+    given: objective q, right-hand sides r of equations and h of yield rows. embedded: τ and κ are variables. apart:
+    forces and motion take steps of their own, which linear programs allow; with cones that took more iterations.
     """
 
     def __init__(self, system: SchurSystem, given: tuple[Floats, Floats, Floats], it: Iterate) -> None:
@@ -386,7 +366,7 @@ class Newton:
             self.slope = float(q @ x1 + r @ u1 + h @ self.scaling.divide(wv1)) - it.kappa / it.tau
 
     def direction(self, eta: float, ds: Floats, dk: float) -> Direction:
-        """Return the search direction that removes a share eta of the residuals and ds, dk of complementarity."""
+        """Return the direction that removes a share eta of the residuals, and ds, dk of complementarity."""
         it, scaling = self.it, self.scaling
         comp = self.cones.quotient(scaling.point, ds)
         x2, u2, wv2 = self.system.solve(-eta * self.res_x, -eta * self.res_u, -eta * self.res_v - scaling.times(comp))
@@ -429,12 +409,12 @@ class Newton:
         return way if min(self.lengths(way)) > _SHORT else self._centring_direction(square)
 
     def _centring_direction(self, square: Floats) -> Direction:
-        """Return the direction to the central path at nearly the same μ; a jammed iterate can move along it."""
+        """Return the direction to the central path at nearly the same μ, along which a jammed iterate can move."""
         target, it = _CENTRING * self.mu, self.it
         return self.direction(1.0 - _CENTRING, target * self.cones.unit() - square, target - it.tau * it.kappa)
 
     def _centring(self, way: Direction, reached: tuple[float, float]) -> float:
-        """Return the share of μ to aim at. way, reached: affine direction and its steps."""
+        """Return the share of μ to aim at, from the affine direction and its steps."""
         if not self.apart:
             return min(1.0, max(1e-6, (1.0 - reached[0]) ** 3))
         # Mehrotra's share of μ that an affine step would leave.
@@ -446,7 +426,7 @@ class Newton:
     def _weighted(
         self, way: Direction, more: Direction, reached: tuple[float, float]
     ) -> tuple[Direction, tuple[float, float]]:
-        """Add that multiple of a corrector which allows the longest steps; return the direction and its steps."""
+        """Add the multiple of a corrector that allows the longest steps; return the direction and its steps."""
         weights = np.linspace(max(_LEAST_WEIGHT, min(reached) ** 2), 1.0, _WEIGHTS).tolist()
         found = [self.lengths(way.plus(weight, weight, more)) for weight in weights]
         # Where steps are equal, the larger weight is taken.
@@ -471,13 +451,10 @@ _VANISHED = 1e-14  # τ/κ below which no further iterate can be a point; rays a
 
 
 class SchurSolver(Solver):
-    """Schur-complement interior-point solver for large assemblies.
+    """Schur-complement interior-point solver for large assemblies; it keeps the analysis of the last structure.
 
-    The analysis of a structure is kept for later programs. Columns of a program must separate into faces, and its cones
-    must have one size, as in every template. `solve` raises SolverError for other programs.
-
-    tolerance: relative residuals to reach; None: the precision of the kind of program. gap: relative duality gap to
-    reach. most: largest number of iterations.
+    Columns must separate into faces, and cones have one size; `solve` raises SolverError for other programs. gap:
+    relative duality gap to reach. most: largest number of iterations.
     """
 
     name = "schur"
@@ -489,18 +466,9 @@ class SchurSolver(Solver):
         self._equations: BlockEquations | None = None
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve a program by the Schur-complement interior-point method.
-
-        The structure is analysed if it is not that of the previous program. The status is FAILED where the iterations
-        break down. Raises SolverError for a structure that does not separate into faces, or cones of several sizes.
-        """
         return self.solve_until(program, None)
 
     def solve_until(self, program: ConicProgram, suffices: Suffices | None) -> RawSolution:
-        """Solve a program, or stop at the first iterate that suffices.
-
-        Raises SolverError as `solve`.
-        """
         # An iterate is offered once its relative duality gap is at most `EARLY`. The structure is analysed if it is
         # new.
         start = time.perf_counter()
@@ -527,7 +495,7 @@ class SchurSolver(Solver):
     def _block_equations(self, program: ConicProgram) -> BlockEquations | None:
         """Return the transformation of a program to equilibrium of whole blocks.
 
-        None for a program without `bodies`, and where every block is one element.
+        None where every block is one element.
         """
         # The last transformation is stored and reused if it fits the program.
         bodies, known = program.bodies, self._equations
@@ -586,10 +554,7 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def _is_enough(self, it: Iterate) -> bool:
-        """Return True if the caller accepts an iterate as sufficient.
-
-        It is asked only once the relative duality gap is at most `EARLY` and κ is small against τ.
-        """
+        """Return True if the caller accepts an iterate; asked only at gaps up to `EARLY` and κ small against τ."""
         if self.suffices is None or it.kappa > SETTLED * it.tau:
             return False
         return it.relative_gap(self.q) <= EARLY and self.suffices(*self.answer(RawStatus.OPTIMAL, it))
