@@ -22,8 +22,12 @@ class Deadline:
 
     A deadline pickled for another process or machine ends there at the same time of day.
 
-    seconds: time from `started` to the end, s; None: no end. started: start, a value of `time.perf_counter` in this
-    process, s; None: now.
+    Parameters
+    ----------
+    seconds : float, optional
+        Time from `started` to the end, s; None: no end.
+    started : float, optional
+        Start, a value of `time.perf_counter` in this process, s; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -105,7 +109,10 @@ def checkpoint() -> None:
 def time_left() -> float:
     """Return the time left until the enforced deadline ends.
 
-    Result: seconds, 0 after the end; inf where no deadline is enforced.
+    Returns
+    -------
+    float
+        Seconds, 0 after the end; inf where no deadline is enforced.
     """
     deadline = _enforced.get()
     return math.inf if deadline is None else deadline.remaining()

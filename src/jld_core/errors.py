@@ -74,8 +74,19 @@ class ParameterError(InputError):
 def error_context(file: str | Path, *outside: str) -> Iterator[None]:
     """Add the name of a file to errors about its content.
 
-    Errors about parameters, or about paths that begin with one of `outside`, stay unchanged. Raises InputError: the
-    error raised within the context.
+    Raises InputError: the error raised within the context.
+
+    Parameters
+    ----------
+    file : str or Path
+        Name of the file.
+    *outside : str
+        Errors about paths that begin with one of these stay unchanged, as errors about parameters do.
+
+    Yields
+    ------
+    None
+        Nothing.
     """
     try:
         yield

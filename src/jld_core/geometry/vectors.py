@@ -89,7 +89,15 @@ def area_vector(corners: Floats) -> Floats:
 def across(normal: Floats) -> Floats:
     """Return two axes of a plane that form a right-handed frame with its normal.
 
-    normal: (3,) unit normal of the plane. Returns (2, 3): unit axes e1, e2 with e1 × e2 = normal.
+    Parameters
+    ----------
+    normal : (3,) array
+        Unit normal of the plane.
+
+    Returns
+    -------
+    (2, 3) array
+        Unit axes e1, e2 with e1 × e2 = normal.
     """
     # written out: the general cross product of numpy takes ten times as long for single vectors
     x, y, z = normal.tolist()

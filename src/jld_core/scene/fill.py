@@ -73,7 +73,12 @@ class Strip(Part):
 class FillLoad(Part):
     """Vertical load on the surface of the fill, spread over the structure below.
 
-    on_fill: strip of the surface that carries it. weight: force along gravity.
+    Parameters
+    ----------
+    on_fill : Strip
+        Strip of the surface that carries it.
+    weight : float
+        Force along gravity.
     """
 
     on_fill: Strip

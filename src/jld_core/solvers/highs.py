@@ -16,7 +16,8 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats
 from jld_core.errors import SolverError
-from jld_core.program import ConicProgram, Structure
+from jld_core.program import ConicProgram
+from jld_core.program.conic import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each name of a status that HiGHS reports; others count as failed
@@ -101,8 +102,23 @@ def highs_of(
 ) -> Any:
     """Make a silent, single-threaded HiGHS instance of a linear program, ready to run.
 
-    rows: (rows, columns) matrix R. objective: (columns,) coefficients of the objective. low, high: (rows,) bounds on R
-    x. least, most: (columns,) bounds on x. Result: the instance; its method `run` solves the program.
+    Parameters
+    ----------
+    rows : (rows, columns) sparse array
+        Matrix R.
+    objective : (columns,) array
+        Coefficients of the objective.
+    low, high : (rows,) array
+        Bounds on R x.
+    least, most : (columns,) array
+        Bounds on x.
+    options : Mapping of str to Any
+        Options of HiGHS.
+
+    Returns
+    -------
+    Highs
+        Instance; its method `run` solves the program.
     """
     # The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
     import highspy  # local imports here and below: most labellings are solved without it
@@ -162,7 +178,18 @@ def _flush() -> None:
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Return bounds with ±inf replaced by the infinity of HiGHS."""
+    """Return bounds with ±inf replaced by the infinity of HiGHS.
+
+    Parameters
+    ----------
+    values : array
+        Bounds.
+
+    Returns
+    -------
+    array
+        Bounds for HiGHS.
+    """
     import highspy
 
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.result import effects
+from jld_core.limit import effects
 from jld_core.views.look import HATCH, MEMBER, WHITE
 from jld_core.views.structure import Drawn, Move, projection_of
 

@@ -12,12 +12,8 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
-from jld_core.errors import ParameterError
-from jld_core.parameters import typed
-from jld_core.scene.units import force_in_words
-from jld_core.sub_assembly import labels_of
+from jld_core import Assembly, Bits, Bools, Floats, ParameterError, parameters, sub_assembly
+from jld_core.scene import units
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
 
@@ -193,11 +189,11 @@ def words_of_fall(laying: Laying, number: int, step: Step) -> str:
     blocks = laying.blocks
     laid = " + ".join(blocks.name(block) for block in step.blocks)
     propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
-    need = f"props of {force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
+    need = f"props of {units.force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
     return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
 
 
-@typed
+@parameters.typed
 def assembly_order(
     assembly: Assembly,
     labels: Bits,
@@ -243,7 +239,7 @@ def assembly_order(
         `start` is none of these names.
     """
     assembly.members.refuse("an assembly sequence")
-    labels = labels_of(assembly, labels)
+    labels = sub_assembly.labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)

@@ -15,16 +15,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.build.settlements import Settlement
+from jld_core import Assembly, Bits, Floats, one_thread, tolerances
+from jld_core.build import settlements
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
-from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
-from jld_core.mechanics.scaling import reference_load
-from jld_core.program import Template
-from jld_core.program.template import Beside
-from jld_core.threads import one_thread
+from jld_core.mechanics import Scaling, equilibrium_matrix, reference_load, require_materials, scaling_of, yield_set
+from jld_core.program import Beside, Template
 
 # Values from which λ is counted, in weights of the structure; the first one that no state reaches is used
 _REACHES: Final = (2.0, 32.0, 1024.0)
@@ -177,7 +172,7 @@ class Settled:
         Wall-clock time.
     """
 
-    settlement: Settlement
+    settlement: settlements.Settlement
     assembly: Assembly
     labels: Bits
     stands: bool | None
@@ -208,7 +203,7 @@ class Settled:
 
 @one_thread()
 def settle(
-    assembly: Assembly, settlement: Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
+    assembly: Assembly, settlement: settlements.Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
 ) -> Settled:
     """Compute the range of thrust after a support movement, and the mechanisms at its ends.
 
