@@ -15,6 +15,9 @@ from typing import Final
 ROOT: Final = Path(__file__).resolve().parents[1]
 SOURCES: Final = ROOT / "src"
 FOLDERS: Final = ("src", "tests", "benchmarks", "studies", "tools")
+MISSION: Final = ("jld_core", "jld_explore")
+"""Packages that never import another one of this project; what add-ons import is exported by them."""
+
 SLOW: Final = ("jld_core.views.", "jld_explore.report.pictures")
 """Modules that load what is slow; names that they define stay imported from them."""
 
@@ -53,6 +56,9 @@ def defined(path: Path) -> frozenset[str]:
 
 def home_of(module: str, name: str, here: str) -> str:
     """Return the module from which a file `here` imports a name that it imported from `module`."""
+    if here.startswith("jld_") and not here.startswith(MISSION) and module.startswith(MISSION):
+        faces = [module.rsplit(".", cut)[0] for cut in range(1, module.count(".") + 1)]
+        return next((face for face in (module, *faces) if name in exported(face)), module)
     path = path_of(module)
     submodule = path_of(f"{module}.{name}") is not None
     if path is None or submodule or name.startswith("__") or module.startswith(SLOW):

@@ -1,25 +1,48 @@
 """Limit analysis of one assembly: the load factor λ of a labelling, between proven bounds.
 
+- `FACTS`: key of a scene and a name in words for each fact about strengths
 - `Assembly`: one structure with loads and materials, before any labelling is chosen
 - `BatchResult`: λ of many labellings, with proven bounds
+- `Bits`: labels of all interfaces, shape (m,), in the order of the assembly: True = dry, False = inner
+- `Bools`: array of bool
+- `Deadline`: time at which work must end, with a start from which elapsed time counts
+- `DeadlinePassed`: error raised by `checkpoint` and `Deadline.check` when the deadline has passed
+- `Elements`: arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial)
+- `Floats`: array of float64
 - `InputError`: error for a scene, option or folder that cannot be used, in one line
+- `Ints`: array of int64
 - `LimitAnalysis`: solver of many labellings of one assembly
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `LoadCase`: one load case of an assembly: its loads, and the load factor required under them
+- `Loads`: loads of one kind, dead or live, on n elements, scene units
 - `Model`: how a structure is modelled and solved: crack model, friction, contact, solver
+- `ParameterError`: error for a parameter of a function, or an option of a command, with a wrong value
 - `Result`: λ of one structure under one labelling, whatever the crack model
+- `Route`: one reader of strengths: its name in messages, and the facts that it knows
 - `Scene`: validated content of a scene file
 - `SolveOptions`: name of `Model` before version 0.4
 - `SolverError`: error for a program that a solver does not support
 - `Status`: status of a result: collapse, locked, unstable or uncertified
+- `Strengths`: strengths of m interfaces, each as dry and as inner, in scene units
 - `blocks_of`: find the blocks of a labelling
 - `build_assembly`: build the assembly of a scene
+- `checkpoint`: raise DeadlinePassed if the deadline enforced around this call has passed
+- `error_context`: add the name of a file to errors about its content
+- `export_lazily`: let a package load its exported names on first use
+- `files`: write files completely or not at all, with characters that every reader accepts
 - `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
 - `load_scene`: read a scene file
+- `one_thread`: restrict matrix products to one thread inside the context, also as a decorator
+- `parameters`: check the types of what a caller gives, by the annotations of dataclasses
 - `parse_scene`: make a scene from a dictionary
+- `plugins`: plug-ins: what packages installed beside jld add, found by their entry points (docs/guide/plugins.md)
 - `samples`: parametric scenes by name
 - `solve`: compute λ of one labelling, with a two-sided bracket
 - `solve_many`: compute λ of many labellings by the compiled batch solver
 - `solvers`: solvers of conic and linear programs
+- `sub_assembly`: remove elements, or the interfaces of members, from an assembly; check labels that a caller gives
+- `time_left`: return the time left until the enforced deadline ends
+- `tolerances`: tolerances that bound a result: dimensionless, each with the reason for its size
 - `views`: drawings and notebook output
 """
 
@@ -31,49 +54,86 @@ from jld_core._version import __version__ as __version__
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core import samples, solvers, views
-    from jld_core.assembly import Assembly, blocks_of
+    from jld_core import files, parameters, plugins, samples, solvers, sub_assembly, tolerances, views
+    from jld_core.arrays import Bits, Bools, Floats, Ints
+    from jld_core.assembly import Assembly, Elements, LoadCase, blocks_of
     from jld_core.build import build_assembly
-    from jld_core.errors import InputError, SolverError
+    from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
+    from jld_core.errors import InputError, ParameterError, SolverError, error_context
+    from jld_core.lazy_exports import export_lazily
     from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Result, Status
-    from jld_core.models import SolveOptions, geometry_sensitivities, solve
+    from jld_core.loads import Loads
+    from jld_core.models import SolveOptions, solve
+    from jld_core.models.sensitivity import geometry_sensitivities
     from jld_core.models.solve_many import BatchResult, solve_many
     from jld_core.scene import Scene, load_scene, parse_scene
+    from jld_core.strengths import FACTS, Route, Strengths
+    from jld_core.threads import one_thread
 
 __all__ = [
+    "FACTS",
     "Assembly",
     "BatchResult",
+    "Bits",
+    "Bools",
+    "Deadline",
+    "DeadlinePassed",
+    "Elements",
+    "Floats",
     "InputError",
+    "Ints",
     "LimitAnalysis",
     "LimitAnalysisResult",
+    "LoadCase",
+    "Loads",
     "Model",
+    "ParameterError",
     "Result",
+    "Route",
     "Scene",
     "SolveOptions",
     "SolverError",
     "Status",
+    "Strengths",
     "blocks_of",
     "build_assembly",
+    "checkpoint",
+    "error_context",
+    "export_lazily",
+    "files",
     "geometry_sensitivities",
     "load_scene",
+    "one_thread",
+    "parameters",
     "parse_scene",
+    "plugins",
     "samples",
     "solve",
     "solve_many",
     "solvers",
+    "sub_assembly",
+    "time_left",
+    "tolerances",
     "views",
 ]
 
 export_lazily(
     __name__,
     {
-        "assembly": ["Assembly", "blocks_of"],
+        "assembly": ["Elements", "LoadCase", "Assembly", "blocks_of"],
         "build": ["build_assembly"],
-        "errors": ["InputError", "SolverError"],
+        "errors": ["ParameterError", "error_context", "InputError", "SolverError"],
         "limit": ["LimitAnalysis", "LimitAnalysisResult", "Model", "Result", "Status"],
-        "models": ["SolveOptions", "geometry_sensitivities", "solve"],
+        "models": ["SolveOptions", "solve"],
+        "models.sensitivity": ["geometry_sensitivities"],
         "models.solve_many": ["BatchResult", "solve_many"],
         "scene": ["Scene", "load_scene", "parse_scene"],
+        "arrays": ["Bits", "Bools", "Floats", "Ints"],
+        "strengths": ["FACTS", "Route", "Strengths"],
+        "deadline": ["Deadline", "DeadlinePassed", "checkpoint", "time_left"],
+        "loads": ["Loads"],
+        "threads": ["one_thread"],
+        "lazy_exports": ["export_lazily"],
     },
-    submodules=["samples", "solvers", "views"],
+    submodules=["files", "parameters", "plugins", "sub_assembly", "tolerances", "samples", "solvers", "views"],
 )

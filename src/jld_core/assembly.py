@@ -32,19 +32,41 @@ INNER: Final = False
 
 @dataclass(frozen=True)
 class Elements:
-    """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial)."""
+    """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial).
 
-    ids: tuple[str, ...]  # names
-    blocks: tuple[str | None, ...]  # the scene's block names, None where none is given
-    support: Bools  # (n,) True for supports, which do not move; they have no equations of equilibrium
-    centroid: Floats  # (n, d) centroids
-    volume: Floats  # (n,) volumes; planar: area × thickness
-    weight: Floats  # (n, d) self-weight as a force
-    shape: tuple[Floats, ...]  # boundary of each element: planar (k, 2), counter-clockwise; spatial the (k, 3) vertices
-    # vertex indices of each face of each element, outward; empty in the plane
+    Parameters
+    ----------
+    ids : tuple of str
+        Names.
+    blocks : tuple of str or None
+        The scene's block names, None where none is given.
+    support : (n,) array of bool
+        True for supports, which do not move; they have no equations of equilibrium.
+    centroid : (n, d) array
+        Centroids.
+    volume : (n,) array
+        Volumes; planar: area × thickness.
+    weight : (n, d) array
+        Self-weight as a force.
+    shape : tuple of array
+        Boundary of each element: planar (k, 2), counter-clockwise; spatial the (k, 3) vertices.
+    faces : tuple
+        Vertex indices of each face of each element, outward; empty in the plane.
+    gravity : float
+        Magnitude of the acceleration from which the weights were computed.
+    stated : tuple of frozenset of str
+        Which of "weight", "volume" and "centroid" the scene states for each element; () for none.
+    """
+
+    ids: tuple[str, ...]
+    blocks: tuple[str | None, ...]
+    support: Bools
+    centroid: Floats
+    volume: Floats
+    weight: Floats
+    shape: tuple[Floats, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...] = ()
-    gravity: float = 9.81  # magnitude of the acceleration from which the weights were computed
-    # which of "weight", "volume" and "centroid" the scene states for each element; () for none
+    gravity: float = 9.81
     stated: tuple[frozenset[str], ...] = ()
 
     def __len__(self) -> int:
@@ -134,14 +156,24 @@ class Interfaces:
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Load case of an assembly: its loads, and the load factor required under them."""
+    """One load case of an assembly: its loads, and the load factor required under them.
+
+    Parameters
+    ----------
+    name : str
+        Name.
+    dead_loads, live_loads : Loads
+        Loads as those of `Assembly`; the dead load includes the part that is common to all cases.
+    required : float
+        Required load factor; λ is divided by it, so that 1 is just enough.
+    place : (str, float), optional
+        Of a moving load: its name and direction, and the distance of its first axle along the path.
+    """
 
     name: str
-    # dead_loads, live_loads: loads as those of `Assembly`; the dead load includes the part that is common to all cases
     dead_loads: Loads
     live_loads: Loads
-    required: float = 1.0  # required load factor; λ is divided by it, so that 1 is just enough
-    # of a moving load: its name and direction, and the distance of its first axle along the path; else None
+    required: float = 1.0
     place: tuple[str, float] | None = None
 
 

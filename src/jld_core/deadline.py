@@ -19,7 +19,14 @@ class DeadlinePassed(Exception):
 class Deadline:
     """Time at which work must end, with a start; pickled, it ends elsewhere at the same time of day.
 
-    seconds: from `started` to the end; None: no end. started: value of `time.perf_counter`; None: now.
+    A deadline pickled for another process or machine ends there at the same time of day.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Time from `started` to the end, s; None: no end.
+    started : float, optional
+        Start, a value of `time.perf_counter` in this process, s; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -92,7 +99,13 @@ def checkpoint() -> None:
 
 
 def time_left() -> float:
-    """Return the seconds until the enforced deadline ends: 0 after it, inf without one."""
+    """Return the time left until the enforced deadline ends.
+
+    Returns
+    -------
+    float
+        Seconds, 0 after the end; inf where no deadline is enforced.
+    """
     deadline = _enforced.get()
     return math.inf if deadline is None else deadline.remaining()
 

@@ -66,7 +66,22 @@ class ParameterError(InputError):
 
 @contextmanager
 def error_context(file: str | Path, *outside: str) -> Iterator[None]:
-    """Add the name of a file to errors about its content, not about parameters or paths that begin with `outside`."""
+    """Add the name of a file to errors about its content.
+
+    Raises InputError: the error raised within the context.
+
+    Parameters
+    ----------
+    file : str or Path
+        Name of the file.
+    *outside : str
+        Errors about paths that begin with one of these stay unchanged, as errors about parameters do.
+
+    Yields
+    ------
+    None
+        Nothing.
+    """
     try:
         yield
     except InputError as error:

@@ -35,7 +35,17 @@ class _LazyPackage(ModuleType):
 
 
 def export_lazily(package: str, modules: Mapping[str, Sequence[str]], submodules: Sequence[str] = ()) -> None:
-    """Let a package load its exported names on first use."""
+    """Let a package load its exported names on first use.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package.
+    modules : Mapping of str to Sequence of str
+        Exported names of each module, named without the package.
+    submodules : Sequence of str
+        Modules exported as such.
+    """
     of = {name: module for module, names in modules.items() for name in names}
     loaded = sys.modules[package]
     loaded.__dict__["_module_of"] = of | dict.fromkeys(submodules, "")

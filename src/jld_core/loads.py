@@ -66,12 +66,24 @@ class PointForces:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of one kind, dead or live, on n elements, scene units."""
+    """Loads of one kind, dead or live, on n elements, scene units.
 
-    body: Floats  # (n, d) forces that are uniform over the volume of each element: self-weight and body loads
-    couples: Floats  # (n, 1) moments that act on elements without a place
-    points: PointForces  # forces at points
-    tractions: tuple[Traction, ...] = ()  # pressures, line loads and loads on patches
+    Parameters
+    ----------
+    body : (n, d) array
+        Forces that are uniform over the volume of each element: self-weight and body loads.
+    couples : (n, 1) or (n, 3) array
+        Moments that act on elements without a place.
+    points : PointForces
+        Forces at points.
+    tractions : tuple of Traction
+        Pressures, line loads and loads on patches.
+    """
+
+    body: Floats
+    couples: Floats
+    points: PointForces
+    tractions: tuple[Traction, ...] = ()
 
     @classmethod
     def of_resultants(cls, resultants: Floats) -> Self:

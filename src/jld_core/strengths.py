@@ -43,7 +43,15 @@ GROUP: Final = "jld.criteria"
 
 @dataclass(frozen=True)
 class Route:
-    """Reader of strengths: its name in messages, and the facts that it knows."""
+    """One reader of strengths: its name in messages, and the facts that it knows.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    KNOWS : frozenset of str
+        Facts, keys of `FACTS`; default: those of the standard criterion.
+    """
 
     name: str
     KNOWS: frozenset[str] = STANDARD
@@ -64,17 +72,31 @@ class Side:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Strengths of m interfaces, each as dry and as inner, in scene units; NaN where a material does not state them."""
+    """Strengths of m interfaces, each as dry and as inner, in scene units; `side` and `under` give those of a label.
 
-    friction: Floats  # (m,) friction coefficient μ of dry faces
-    # tension, shear: (m,) tensile and shear strength σt and τ of inner faces, stress
+    The values of a material that the scene does not state are NaN.
+
+    Parameters
+    ----------
+    friction : (m,) array
+        Friction coefficient μ of dry faces.
+    tension, shear : (m,) array
+        Tensile and shear strength σt and τ of inner faces, stress.
+    crush_dry, crush_inner : (m,) array
+        Compressive strength, stress; inf where none is given.
+    cohesion : (m,) array
+        Cohesion of dry faces, stress; 0 where none is given.
+    inner_friction : (m,) array
+        Friction coefficient μ of inner faces; 0 where none is given.
+    """
+
+    friction: Floats
     tension: Floats
     shear: Floats
-    # crush_dry, crush_inner: (m,) compressive strength, stress; inf where none is given
     crush_dry: Floats
     crush_inner: Floats
-    cohesion: Floats  # (m,) cohesion of dry faces, stress; 0 where none is given
-    inner_friction: Floats  # (m,) friction coefficient μ of inner faces; 0 where none is given
+    cohesion: Floats
+    inner_friction: Floats
 
     @classmethod
     def of(cls, dry: Side, inner: Side) -> Strengths:

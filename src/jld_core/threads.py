@@ -27,7 +27,13 @@ def _controller() -> ThreadpoolController:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Restrict matrix products to one thread inside the context, also as a decorator."""
+    """Restrict matrix products to one thread inside the context, also as a decorator.
+
+    Yields
+    ------
+    None
+        Nothing.
+    """
     # Nested contexts and contexts in several threads cost little. The first one to enter sets the limit, and the last
     # one to leave restores the previous number of threads.
     global _inside

@@ -24,8 +24,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
-from jld_core.arrays import Bools, Floats
-from jld_core.deadline import checkpoint
+from jld_core import Bools, Floats, checkpoint
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
 from jld_dilation.modes import BoundedModes, Modes, Region
 from jld_dilation.product_space import PrimalDualPair

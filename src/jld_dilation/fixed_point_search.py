@@ -9,18 +9,14 @@ from typing import Final, Literal
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.deadline import checkpoint
-from jld_core.errors import InputError, ParameterError
+from jld_core import Bits, Bools, Floats, InputError, Ints, ParameterError, checkpoint, tolerances
 from jld_core.limit import LimitAnalysis, Prover, State, Status, load_scale
-from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
-from jld_core.models.central_path import under_own_areas
-from jld_core.models.effective_area import HOLDING_WEIGHT, largest_area_change, slack_to_request
-from jld_core.models.moving_rows import areas_under
+from jld_core.mechanics import prescribed_friction
+from jld_core.models import areas_under, under_own_areas
+from jld_core.models import effective_area as models_effective_area
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
-from jld_core.solvers.linear import LinearRows
+from jld_dilation.linear import LinearRows
 from jld_dilation.modes import LinearModes, Modes, Statics
 from jld_dilation.product_space import PrimalDualPair, rank
 from jld_dilation.rlt_relaxation import LowerBoundProblem
@@ -90,7 +86,9 @@ class FixedPointSearch:
         # Quadratic programs converge less tightly than linear ones; only the last of them must be exact.
         self.step_solver = ClarabelSolver(max(_STEP, residual), proximal=(self.count, options.damping))
         self.gap_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, options.anchor))
-        self.holding_solver = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLDING_WEIGHT))
+        self.holding_solver = ClarabelSolver(
+            max(_GAP, residual), proximal=(self.count, models_effective_area.HOLDING_WEIGHT)
+        )
         self.solver = ClarabelSolver(residual)
         self.shared: Template = template
         self.load_scale = load_scale(template.assembly) / template.scaling.load
@@ -99,7 +97,7 @@ class FixedPointSearch:
 
     # --- frozen problems ----------------------------------------------------------------------------------
 
-    def areas(self, forces: Floats) -> EffectiveAreas | None:
+    def areas(self, forces: Floats) -> prescribed_friction.EffectiveAreas | None:
         """Return the effective areas of the faces under scaled forces (q·m,); None if not used."""
         if not self.options.effective_area:
             return None
@@ -110,13 +108,13 @@ class FixedPointSearch:
         return self.analysis.prover.with_template(template)
 
     def freeze_friction(
-        self, alpha: float, previous: Floats, areas: EffectiveAreas | None
-    ) -> tuple[Template, PrescribedFriction]:
+        self, alpha: float, previous: Floats, areas: prescribed_friction.EffectiveAreas | None
+    ) -> tuple[Template, prescribed_friction.PrescribedFriction]:
         """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
 
         The template shares matrix and structure with that of the analysis. previous: (m,) N_prev, scaled.
         """
-        sets = PrescribedFriction(self.base, alpha, previous, areas)
+        sets = prescribed_friction.PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
@@ -150,7 +148,7 @@ class FixedPointSearch:
         return raw
 
     def minimise_gap(
-        self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, held: float | None = None
+        self, forces: Floats, dual: Floats, areas: prescribed_friction.EffectiveAreas | None, held: float | None = None
     ) -> State:
         """Minimise the complementarity gap Γ over forces, for given velocities.
 
@@ -174,7 +172,7 @@ class FixedPointSearch:
         return self.repaired_state(self.solver.solve(program).point, template, self.areas(forces))
 
     def _gap_program(
-        self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, margin: float
+        self, forces: Floats, dual: Floats, areas: prescribed_friction.EffectiveAreas | None, margin: float
     ) -> tuple[Template, ConicProgram]:
         """Build the program that minimises the gap Γ over forces, for given velocities.
 
@@ -207,7 +205,9 @@ class FixedPointSearch:
         self.solves += 1
         return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
 
-    def repaired_state(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
+    def repaired_state(
+        self, point: Floats, template: Template, areas: prescribed_friction.EffectiveAreas | None
+    ) -> State:
         """Make a state in equilibrium from a solver's point, within the friction cone if possible.
 
         point: (columns,) scaled variables of the program, the q·m forces first, λ last.
@@ -227,7 +227,7 @@ class FixedPointSearch:
             state = analysis.repair.boundary_state(point, labels) or state
         return state
 
-    def evaluate_pair(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
+    def evaluate_pair(self, state: State, areas: prescribed_friction.EffectiveAreas | None) -> PrimalDualPair:
         """Complete a state to a pair: compute velocities without dilation, and evaluate Γ."""
         # The velocities are those of the problem frozen at N of the state.
         labels = self.labels
@@ -263,7 +263,9 @@ class FixedPointSearch:
         area_change = (
             0.0
             if areas is None
-            else largest_area_change(areas, areas_under(self.analysis.assembly, state.forces, labels))
+            else models_effective_area.largest_area_change(
+                areas, areas_under(self.analysis.assembly, state.forces, labels)
+            )
         )
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
@@ -324,7 +326,9 @@ class FixedPointSearch:
             if areas is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
 
-    def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
+    def settle_areas(
+        self, state: State, dual: Floats, areas: prescribed_friction.EffectiveAreas
+    ) -> tuple[State, prescribed_friction.EffectiveAreas]:
         """Minimise the gap Γ for fixed velocities until the state is admissible in its own areas."""
         tries = 0
         while self.solves < self.program_limit - 2:
@@ -333,7 +337,7 @@ class FixedPointSearch:
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
                 return own, areas
-            slack = slack_to_request(own, self.margin, tries)
+            slack = models_effective_area.slack_to_request(own, self.margin, tries)
             state = self.minimise_gap(state.forces.ravel(), dual, areas, slack)
         return state, areas
 
@@ -550,7 +554,7 @@ def frozen_friction_bound(
     for turn in range(1, _FROZEN_ROUNDS + 1):
         statics = Statics(modes, bound, problem.interval_end(bound), none, force_bounds)
         least = np.array([statics.least(row) for row in np.eye(len(force_bounds))[normals]])
-        template = analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
+        template = analysis.template.renumbered(prescribed_friction.PrescribedFriction(base, 0.0, least))
         proof = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels).prove(labels)
         problem.programs += len(normals) + proof.solves
         if not problem.gains_enough(bound, proof.low):

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core import Bools, Floats, Ints
 from jld_dilation.normal_equations import NormalEquations
 from jld_dilation.product_space import Point, ProductSpace
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
+from jld_core import Floats
 from jld_dilation.certificate import BITS, BinaryFractions, Certifier, drop_rounding, round_to_bits
 from jld_dilation.interior_point import ProductProgram, minimise_product_program
 from jld_dilation.modes import BoundedModes, Region

@@ -19,10 +19,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bits, Bools, Floats
 from jld_core.program import Template
-from jld_core.solvers.linear import LinearRows
+from jld_dilation.linear import LinearRows
 
 # Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding
 _NOTHING: Final = 1e-9

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core import Bools, Floats, Ints
 from jld_dilation.product_space import Point, ProductSpace
 
 Solve = Callable[[Point, float, int], Point]

@@ -16,8 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from jld_core import tolerances
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core import Bools, Floats, Ints, tolerances
 from jld_core.limit import Motion, State
 from jld_dilation.modes import Modes
 from jld_dilation.rlt_relaxation import null_space, row_maxima

@@ -11,12 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.deadline import DeadlinePassed
-from jld_core.errors import ParameterError
+from jld_core import Bits, Bools, DeadlinePassed, Floats, ParameterError, tolerances
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.effective_area import require_rectangles
+from jld_core.models import effective_area
 from jld_dilation.certificate import Certifier, pair_proof
 from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound
 from jld_dilation.modes import BoundedModes, Modes, Region, has_opening
@@ -341,7 +338,7 @@ def prove_zero_dilation(
     start = time.perf_counter()
     options = options or ProximalOptions()
     if options.effective_area:
-        require_rectangles(analysis.assembly, labels)
+        effective_area.require_rectangles(analysis.assembly, labels)
     if options.start == "vertex" and analysis.template.structure.cones:
         raise ParameterError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
     associative = associative or analysis.prove(labels, stands=stands)

@@ -18,10 +18,8 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import tolerances
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.deadline import time_left
-from jld_core.solvers.linear import LinearAnswer, interior_point
+from jld_core import Bools, Floats, Ints, time_left, tolerances
+from jld_dilation.linear import LinearAnswer, interior_point
 from jld_dilation.modes import BoundedModes, LinearModes, Modes, Region
 
 _NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination

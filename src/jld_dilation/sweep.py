@@ -14,8 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core import Bits, Bools, Floats, tolerances
 from jld_core.limit import LimitAnalysis, Proof, State, Status
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus

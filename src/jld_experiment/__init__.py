@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jld_core.lazy_exports import export_lazily
+from jld_core import export_lazily
 
 if TYPE_CHECKING:
     from jld_experiment.driving import Push, Ramp, push, ramp

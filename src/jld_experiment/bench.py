@@ -7,8 +7,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar, cast
 
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.errors import InputError
+from jld_core import Bools, Floats, InputError, Ints
 
 # Control of a number of steps: push, share of the dead loads, λ, rate, damping scheme (0 local, 1 viscous, 2 combined)
 # and damping. In a push live·velocity follows the rate and λ is its multiplier. Pairs hold first and last step, linear

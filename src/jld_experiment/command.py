@@ -11,16 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.errors import ParameterError, error_context
-from jld_core.files import require_folder, write_text
+from jld_core import Assembly, Bits, ParameterError, error_context, files
 from jld_core.limit import LimitAnalysisResult, Model, Status
 from jld_core.models import rigid, solve_rigid
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, Source
-from jld_explore.cli.streams import say
+from jld_explore.cli import ending, layout, options, streams
 from jld_explore.report import csv_of
 
 if TYPE_CHECKING:
@@ -30,8 +24,8 @@ _FLOOR = 5.0  # processor time, s, after which the lower bound without dilation 
 
 
 def experiment(
-    source: Source,
-    rank: Rank = None,
+    source: options.Source,
+    rank: options.Rank = None,
     dilation: Annotated[
         str, typer.Option(help="Opening of dry joints as they slide: 0, friction (associative), or a tangent.")
     ] = "0",
@@ -53,7 +47,7 @@ def experiment(
     shear_stiffness: Annotated[float | None, typer.Option(help="Shear stiffness; default: the normal one.")] = None,
     inner_ratio: Annotated[float, typer.Option(help="Stiffness of inner faces over that of dry ones.")] = 1.0,
     residual_friction: Annotated[float, typer.Option(help="Friction coefficient of a crack.")] = 0.0,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Load a layout in a virtual experiment until it comes down, and compare with λ.
 
@@ -64,7 +58,7 @@ def experiment(
     from jld_experiment.report import status_of, summary
 
     if out is not None:
-        require_folder(out)
+        files.require_folder(out)
     joints = Joints(
         normal_stiffness=normal_stiffness,
         shear_stiffness=shear_stiffness,
@@ -74,7 +68,7 @@ def experiment(
         residual_friction=residual_friction,
     )
     settings = Settings(scheme=scheme, segments=segments, moving=moving)
-    _, assembly, labels, model = layout_of(source, rank)
+    _, assembly, labels, model = layout.layout_of(source, rank)
     start = time.perf_counter()
     with error_context(source):
         assembly, labels = rigid(assembly, labels, "an experiment")
@@ -85,9 +79,9 @@ def experiment(
     if out is not None:
         facts |= _without_dilation(assembly, labels) if curve.stands else {}
         _write(curve, limit, facts, out)
-    say(json.dumps(facts, indent=1) if as_json else _words(facts))
+    streams.say(json.dumps(facts, indent=1) if as_json else _words(facts))
     if status_of(curve) == "uncertified":
-        raise typer.Exit(UNCERTIFIED)
+        raise typer.Exit(ending.UNCERTIFIED)
 
 
 def _tangent(text: str) -> float:
@@ -113,15 +107,15 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
     """Write table, summary and picture."""
-    from jld_core.views.figures import save_figure
+    from jld_core.views import figures
     from jld_experiment.report import figure_of, table
 
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "curve.csv", csv_of(table(curve)))
-    write_text(out / "summary.json", json.dumps(facts, indent=1))
+    files.write_text(out / "curve.csv", csv_of(table(curve)))
+    files.write_text(out / "summary.json", json.dumps(facts, indent=1))
     low, high = facts.get("zero_dilation_lowest"), facts.get("zero_dilation_highest")
     band = None if low is None or high is None else (low, high)
-    save_figure(figure_of(curve, limit, band, facts.get("zero_dilation_proven")), out / "experiment.png")
+    figures.save_figure(figure_of(curve, limit, band, facts.get("zero_dilation_proven")), out / "experiment.png")
 
 
 def _words(facts: dict[str, Any]) -> str:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.arrays import Floats, Ints
-from jld_core.errors import InputError
+from jld_core import Floats, InputError, Ints
 from jld_experiment.settings import FALL
 from jld_experiment.specimen import Specimen, Standing, State, copied
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jld_core import Assembly
+from jld_core import Assembly, Bits, Floats, InputError, Ints, parameters, sub_assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import labels_of
 from jld_core.errors import InputError
@@ -113,7 +113,7 @@ class Curve:
         return max(self.rate_error, ACCURACY)
 
 
-@typed
+@parameters.typed
 def run_experiment(
     assembly: Assembly,
     labels: Bits | None = None,
@@ -145,7 +145,7 @@ def run_experiment(
         If a material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
-    own = labels_of(assembly, labels)
+    own = sub_assembly.labels_of(assembly, labels)
     joints, settings = joints or Joints(), settings or Settings()
     specimen = specimen_of(assembly, own, joints, settings)
     settled, standing = specimen.settle()

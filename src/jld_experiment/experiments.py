@@ -10,19 +10,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError
-from jld_core.files import write_text
+from jld_core import Assembly, Deadline, InputError, files
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import Scene
-from jld_explore import Exploration, ExploreSettings, Step, StepContext
+from jld_explore import Exploration, ExploreSettings, Step, StepContext, with_entries
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, Pool
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, Pool
 from jld_explore.report import csv_of
 from jld_explore.space import SearchSpace, from_string, to_string
-from jld_explore.steps.step import with_entries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,7 +70,7 @@ class Experiments:
                 return
             found = self.pool.run(one_experiment, [(self.assembly, name, value) for name, value in part])
             self.rows |= {row["labelling"]: row for row in found}
-            write_text(self.folder / FILE, csv_of(self.table()))
+            files.write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
         """Return all experiments, strongest first."""

@@ -7,10 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from jld_core import Assembly
-from jld_core.arrays import Floats, Ints
+from jld_core import Assembly, Floats, Ints, Route
 from jld_core.geometry import area_vector
-from jld_core.strengths import Route
 from jld_experiment.bench import Bench, Motion, compiled
 from jld_experiment.subcontacts import SubContacts, numbers_of, record_loss, sub_contact
 

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core.limit import LimitAnalysisResult, number
-from jld_core.views.figures import draw_mechanism
+from jld_core.views import figures
 from jld_experiment.experiment import Curve
 
 PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
@@ -145,7 +145,7 @@ def figure_of(
     draw_curve(axes[0], curve, result.load_factor, band, proven)
     titles = ("end of the experiment", "mechanism of limit analysis")
     for ax, shown, title in zip(axes[1:], (end_state(curve, result), result), titles, strict=True):
-        draw_mechanism(ax, shown)
+        figures.draw_mechanism(ax, shown)
         ax.set_title(title, fontsize=10)
     joints = curve.joints
     dilation = "dilation = friction" if joints.dilation == "friction" else f"dilation {joints.dilation:g}"

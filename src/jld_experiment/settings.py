@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from jld_core.errors import InputError, ParameterError
-from jld_core.parameters import require_field_types
+from jld_core import InputError, ParameterError, parameters
 
 # relative difference of the collapse loads at two rates above which an experiment is uncertified
 RATE_ERROR: Final = 5e-3
@@ -51,7 +50,7 @@ class Joints:
     residual_friction: float = 0.0
 
     def __post_init__(self) -> None:
-        require_field_types(self)
+        parameters.require_field_types(self)
         for name in ("normal_stiffness", "shear_stiffness", "inner_ratio"):
             value = getattr(self, name)
             if value is not None and not (value > 0.0 and math.isfinite(value)):
@@ -112,7 +111,7 @@ class Settings:
     step: float = 0.5
 
     def __post_init__(self) -> None:
-        require_field_types(self)
+        parameters.require_field_types(self)
         for name, low, high in (("damping", 0.0, 1.0), ("step", 0.0, 0.9)):
             if not low < getattr(self, name) < high:
                 raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number between {low} and {high}")

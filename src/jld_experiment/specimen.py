@@ -9,11 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Assembly
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.errors import InputError
+from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Route
 from jld_core.geometry import moment_about
-from jld_core.strengths import Route
 from jld_experiment.bench import HALF, Bench, Drive, EnergyBalance, Motion
 from jld_experiment.moving_spatial import Plane, Space, plane_of, space_of
 from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings

@@ -8,9 +8,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core import Assembly
-from jld_core.arrays import Bits, Floats, Ints
-from jld_core.errors import ParameterError
+from jld_core import Assembly, Bits, Floats, Ints, ParameterError
 from jld_core.geometry import area_of
 from jld_experiment.bench import FLOW, FRACTURE, FRICTION, compiled
 

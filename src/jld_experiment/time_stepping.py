@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.arrays import Floats
+from jld_core import Floats
 from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion, compiled
 from jld_experiment.moving_spatial import (
     Plane,

@@ -5,6 +5,7 @@
 - `Evaluation`: result of evaluating one labelling
 - `Exploration`: finished search with its tables
 - `ExploreSettings`: settings of a search, all concerns together
+- `Interrupted`: exception of the command line's signal handlers; finished results are on disk
 - `ModelSettings`: what is modelled, and what a search maximises
 - `OutputSettings`: what a search writes
 - `ParallelSettings`: where labellings are evaluated
@@ -15,9 +16,12 @@
 - `StepContext`: what a step may use beside the search
 - `StopReason`: reason why a search ended
 - `Summary`: outcome of a search by named fields
+- `busy_factor`: return the factor by which a busy machine prolongs work, 1 to `BUSY`
 - `explore`: search the labellings of a scene and write the results into a folder
+- `most_without_cuts`: return the upper bound on λ by faces where every face that may be inner is inner
 - `read_folder`: read a results folder as an `Exploration`
 - `search_space`: build the search space of a scene
+- `with_entries`: return a search with further entries of its summary and columns of its results; nothing is written
 """
 
 from __future__ import annotations
@@ -30,7 +34,8 @@ if TYPE_CHECKING:
     from jld_explore.drivers import Driver
     from jld_explore.evaluation import Evaluation
     from jld_explore.explore import explore
-    from jld_explore.report import Exploration, Summary, read_folder
+    from jld_explore.report import Exploration, read_folder
+    from jld_explore.report.summary import Summary
     from jld_explore.search.settings import (
         BudgetSettings,
         ExploreSettings,
@@ -39,9 +44,11 @@ if TYPE_CHECKING:
         ParallelSettings,
         SearchMethod,
     )
-    from jld_explore.search.state import Progress, StopReason
+    from jld_explore.search.state import Interrupted, Progress, StopReason
     from jld_explore.space import SearchSpace, search_space
-    from jld_explore.steps.step import Step, StepContext
+    from jld_explore.steps.step import Step, StepContext, with_entries
+    from jld_explore.steps.time_limit import busy_factor
+    from jld_explore.steps.uncut import most_without_cuts
 
 __all__ = [
     "BudgetSettings",
@@ -49,6 +56,7 @@ __all__ = [
     "Evaluation",
     "Exploration",
     "ExploreSettings",
+    "Interrupted",
     "ModelSettings",
     "OutputSettings",
     "ParallelSettings",
@@ -59,9 +67,12 @@ __all__ = [
     "StepContext",
     "StopReason",
     "Summary",
+    "busy_factor",
     "explore",
+    "most_without_cuts",
     "read_folder",
     "search_space",
+    "with_entries",
 ]
 
 export_lazily(
@@ -70,7 +81,8 @@ export_lazily(
         "drivers": ["Driver"],
         "evaluation": ["Evaluation"],
         "explore": ["explore"],
-        "report": ["Exploration", "Summary", "read_folder"],
+        "report": ["Exploration", "read_folder"],
+        "report.summary": ["Summary"],
         "search.settings": [
             "BudgetSettings",
             "ExploreSettings",
@@ -80,7 +92,9 @@ export_lazily(
             "SearchMethod",
         ],
         "space": ["SearchSpace", "search_space"],
-        "steps.step": ["Step", "StepContext"],
-        "search.state": ["Progress", "StopReason"],
+        "steps.step": ["with_entries", "Step", "StepContext"],
+        "search.state": ["Interrupted", "Progress", "StopReason"],
+        "steps.time_limit": ["busy_factor"],
+        "steps.uncut": ["most_without_cuts"],
     },
 )

@@ -22,22 +22,24 @@ from jld_core.files import write_text
 from jld_core.limit import Model
 from jld_core.models import cost_estimate, require_memory
 from jld_core.parameters import near, require_kind, typed
-from jld_core.refinement.cells import crack_cells
+from jld_core.refinement import crack_cells
 from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
-from jld_explore.drivers import Driver, driver_kinds
+from jld_explore.drivers import Driver
 from jld_explore.drivers.choice import bound_of_all, first_layout
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import MakeEvaluator, evaluator_of
+from jld_explore.drivers.registry import driver_kinds
+from jld_explore.evaluation import evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.pool import deferred_signals, on_cluster
+from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.report import Exploration, check_folder, write_pictures, write_report
+from jld_explore.report import Exploration, write_pictures, write_report
 from jld_explore.report import folder as folders
-from jld_explore.report.folder import check_certificate_file, save_tables, write_tables
+from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_tables
 from jld_explore.search.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
 from jld_explore.search.field_study import FieldStudy
 from jld_explore.search.refusals import refuse_beside_void, refuse_together, refuse_unfit

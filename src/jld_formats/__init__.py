@@ -14,24 +14,23 @@ from __future__ import annotations
 
 from typing import Final
 
-from jld_core.exchange import Format
-from jld_core.exchange.formats import FORCES, OF_BLOCKS, OUTLINES, PLANAR, WEIGHTS, by, of_text
+from jld_core.exchange import Format, formats
 
 __all__ = ["COMPAS", "COMPAS_DEM", "GLTF", "IFC", "RHINO", "STEP", "THREE_DEC", "VTK"]
 
-_NAMED: Final = (*OUTLINES, "thickness", "name")
+_NAMED: Final = (*formats.OUTLINES, "thickness", "name")
 
-_WEIGHED: Final = (*OUTLINES, *WEIGHTS, "thickness", "elements.support")
+_WEIGHED: Final = (*formats.OUTLINES, *formats.WEIGHTS, "thickness", "elements.support")
 
 COMPAS: Final = Format(
     "compas",
     ".json",
-    by("jld_formats.read_dem", "read_compas"),
+    formats.by("jld_formats.read_dem", "read_compas"),
     ("json",),
-    write=of_text("jld_formats.write_compas", "compas_text"),
+    write=formats.of_text("jld_formats.write_compas", "compas_text"),
     cells=(2, 3),
     members=False,
-    keeps=OF_BLOCKS,
+    keeps=formats.OF_BLOCKS,
     keeps_of_cells=("interfaces",),
     whole=frozenset({(3, True)}),
     labels=frozenset({(2, True), (3, True)}),
@@ -39,16 +38,16 @@ COMPAS: Final = Format(
 COMPAS_DEM: Final = Format(
     "compas_dem",
     ".json",
-    write=of_text("jld_formats.write_dem", "dem_text"),
+    write=formats.of_text("jld_formats.write_dem", "dem_text"),
     cells=(2, 3),
     analysed=True,
     members=False,
-    keeps=(*_WEIGHED, *FORCES, "loads.cases.name"),
+    keeps=(*_WEIGHED, *formats.FORCES, "loads.cases.name"),
 )
 GLTF: Final = Format(
     "gltf",
     ".glb",
-    write=of_text("jld_formats.write_vtk", "gltf_bytes"),
+    write=formats.of_text("jld_formats.write_vtk", "gltf_bytes"),
     cells=(2, 3),
     unit="metres",
     analysed=True,
@@ -57,10 +56,10 @@ GLTF: Final = Format(
 IFC: Final = Format(
     "ifc",
     ".ifc",
-    by("jld_formats.read_ifc", "read_ifc"),
+    formats.by("jld_formats.read_ifc", "read_ifc"),
     ("ifc",),
     "ifcopenshell",
-    by("jld_formats.write_ifc", "write_ifc"),
+    formats.by("jld_formats.write_ifc", "write_ifc"),
     cells=(2, 3),
     unit="any",
     analysed=True,
@@ -69,23 +68,23 @@ IFC: Final = Format(
 RHINO: Final = Format(
     "3dm",
     ".3dm",
-    by("jld_formats.read_rhino", "read_rhino"),
+    formats.by("jld_formats.read_rhino", "read_rhino"),
     ("3dm",),
     "rhino3dm",
-    by("jld_formats.write_rhino", "write_rhino"),
+    formats.by("jld_formats.write_rhino", "write_rhino"),
     cells=(3,),
     unit="any",
     analysed=True,
-    keeps=OF_BLOCKS,
-    whole=PLANAR | {(3, True)},
-    labels=PLANAR,
+    keeps=formats.OF_BLOCKS,
+    whole=formats.PLANAR | {(3, True)},
+    labels=formats.PLANAR,
 )
 STEP: Final = Format(
     "step",
     ".step",
-    by("jld_formats.read_step", "read_step"),
+    formats.by("jld_formats.read_step", "read_step"),
     ("step", "stp", "p21"),
-    write=of_text("jld_formats.write_step", "step_text"),
+    write=formats.of_text("jld_formats.write_step", "step_text"),
     cells=(2, 3),
     unit="any",
     keeps=(*_NAMED, "elements.support"),
@@ -93,8 +92,8 @@ STEP: Final = Format(
 THREE_DEC: Final = Format(
     "3dec",
     ".dat",
-    write=of_text("jld_formats.write_step", "command_text"),
+    write=formats.of_text("jld_formats.write_step", "command_text"),
     members=False,
     keeps=(*_WEIGHED, "name", "materials.gravity"),
 )
-VTK: Final = Format("vtk", ".vtu", write=by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED)
+VTK: Final = Format("vtk", ".vtu", write=formats.by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED)

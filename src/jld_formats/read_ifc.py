@@ -11,17 +11,12 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids
-from jld_core.exchange.cells import without_holes
-from jld_core.exchange.drawn_loads import MOST
-from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import several
-from jld_core.exchange.solids import split
-from jld_core.geometry import Faces
-from jld_core.geometry.unions import Region, extrude, region_of
-from jld_core.scene.units import METRES
+from jld_core import Floats, InputError
+from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, drawn_loads, libraries
+from jld_core.exchange import options as exchange_options
+from jld_core.exchange import solids as exchange_solids
+from jld_core.geometry import Faces, unions
+from jld_core.scene import units as scene_units
 
 PROPERTIES: Final = "Pset_MaterialCommon"
 """Name of the standard property set of a material that holds its density."""
@@ -108,14 +103,14 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
 
     Raises InputError where the file is no IFC, ifcopenshell is missing, or a product has a shape that is no polyhedron.
     """
-    ifc = library("ifcopenshell", path)
-    readable(path)
-    with parsing("IFC", "an IFC file"):
+    ifc = libraries.library("ifcopenshell", path)
+    libraries.readable(path)
+    with libraries.parsing("IFC", "an IFC file"):
         notes.reached("bytes in its text", path.stat().st_size)
         model = ifc.open(str(path))
         products = [p for p in model.by_type("IfcProduct") if getattr(p, "Representation", None) is not None]
-        if len(products) > MOST:
-            raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
+        if len(products) > drawn_loads.MOST:
+            raise InputError("", f"it has {len(products)} products", f"at most {drawn_loads.MOST}")
         scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
         placed = import_module("ifcopenshell.util.placement").get_local_placement
         densities = Densities(model)
@@ -150,10 +145,13 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
                 name = str(product.Name or product.GlobalId)
                 own = name if len(solids) == 1 else f"{name}.{number}"
                 parts.append(Part(own, group, points, faces, keys=keys))
-    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
-    notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
+    notes.found.append(
+        f"{exchange_options.several(len(parts), 'solid')} of "
+        f"{exchange_options.several(len(products) - empty, 'product')}"
+    )
+    notes.found += [f"{exchange_options.several(count, 'product')} {how}" for how, count in counted.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")
-    unit = next((name for name, size in METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
+    unit = next((name for name, size in scene_units.METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
     if unit != "m":
         notes.found.append(f"lengths in {unit}, made m")
     return Solids(parts, name=path.stem, unit="m")
@@ -256,7 +254,7 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
     solids = []
     for item in dict.fromkeys(owner.tolist()):
         faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
-        for part in split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
+        for part in exchange_solids.split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
             kept = [faces[k] for k in part.tolist()]
             used = sorted({index for face in kept for index in face})
             number = {old: new for new, old in enumerate(used)}
@@ -313,7 +311,7 @@ def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
             loops.append(loop if bound.Orientation else loop[::-1])
         bounds.append(loops)
     points = np.array(list(number)).reshape(-1, 3)
-    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
+    return points, tuple(loop for loops in bounds for loop in cells.without_holes(points, loops, title))
 
 
 def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
@@ -327,7 +325,7 @@ def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
     for loop in (loop for loops in bounds for loop in loops):
         if min(loop) < 0 or max(loop) >= len(points):
             raise InputError(title, f"a face names vertex {max(loop) + 1}", f"1 to {len(points)}")
-    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
+    return points, tuple(loop for loops in bounds for loop in cells.without_holes(points, loops, title))
 
 
 def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
@@ -335,7 +333,7 @@ def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
     region = _profile(item.SweptArea, title)
     along = np.array([float(x) for x in item.ExtrudedDirection.DirectionRatios])
     along *= float(item.Depth) / float(np.linalg.norm(along))
-    surface = extrude(region, 1.0)
+    surface = unions.extrude(region, 1.0)
     # the prism lies in x–z with unit depth along y: its section becomes x–y, its depth the direction
     points = np.column_stack([surface.points[:, 0], surface.points[:, 2], np.zeros(len(surface.points))])
     points = points + surface.points[:, 1:2] * along
@@ -348,7 +346,7 @@ def _frame(placement: Any) -> Floats:
     return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
 
 
-def _profile(profile: Any, title: str) -> Region:
+def _profile(profile: Any, title: str) -> unions.Region:
     """Return the area of a profile with straight edges.
 
     Raises InputError for another profile, or an outline that crosses itself or its holes; title: words for the product.
@@ -357,7 +355,7 @@ def _profile(profile: Any, title: str) -> Region:
     area = shapely.Polygon(rings[0], rings[1:])
     if not area.is_valid or area.area == 0.0:
         raise InputError(title, "the outline of its profile crosses itself or a hole", "holes inside, apart")
-    return region_of(area)
+    return unions.region_of(area)
 
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:

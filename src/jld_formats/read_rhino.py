@@ -12,15 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids
-from jld_core.exchange.cells import without_holes
-from jld_core.exchange.drawn_loads import MOST, Drawing, Mark, SolidMark
-from jld_core.exchange.facts import STORED
-from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import FACET, listed
-from jld_core.exchange.paths import Path
+from jld_core import Floats, InputError
+from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, drawn_loads, libraries
+from jld_core.exchange import facts as exchange_facts
+from jld_core.exchange import options as exchange_options
+from jld_core.exchange import paths as exchange_paths
 from jld_core.geometry import Faces
 
 # Largest distance from a plane or a line, relative to the size of the object, of what counts as plane or straight
@@ -50,7 +46,7 @@ def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
         if short < 3:
             raise InputError(title, f"a face has {short} corners", "at least 3")
         turned = [loop[::-1] if face.OrientationIsReversed else loop for loop in loops]
-        faces += without_holes(points, turned, title)
+        faces += cells.without_holes(points, turned, title)
     if not solid.IsSolid:
         raise InputError(title, "it is open", "a closed polysurface")
     return points, tuple(faces)
@@ -95,15 +91,15 @@ _FORCE: Final = ("force", "load")  # keys of user text that state the force of a
 _FLAT: Final = 1e-6  # largest height of curves over their common plane, relative to their size
 
 
-def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
+def read_rhino(path: File, options: ImportOptions, notes: Notes) -> drawn_loads.Drawing | Solids:
     """Read a Rhino file as solids, or as a drawing where it holds curves alone.
 
     Both are in the unit of the file. Raises InputError where the file is no 3DM, rhino3dm is missing, an object has a
     curved face, or curves lie in no common plane x–y or x–z.
     """
-    rhino = library("rhino3dm", path)
-    readable(path)
-    with parsing("3DM", "a Rhino file"):
+    rhino = libraries.library("rhino3dm", path)
+    libraries.readable(path)
+    with libraries.parsing("3DM", "a Rhino file"):
         model = rhino.File3dm.Read(str(path))
         if model is None:
             raise InputError("", "it is no 3DM that can be read", "a Rhino file")
@@ -119,7 +115,7 @@ class _Reader:
         self._by_id = {str(item.Attributes.Id): item for item in model.Objects}
         self._parts: list[Part] = []
         self._curves: list[tuple[Floats, bool, str, str]] = []
-        self._marks: list[SolidMark] = []
+        self._marks: list[drawn_loads.SolidMark] = []
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
 
@@ -136,11 +132,14 @@ class _Reader:
             known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
         return known[key]
 
-    def content(self, title: str) -> Drawing | Solids:
+    def content(self, title: str) -> drawn_loads.Drawing | Solids:
         """Read all objects."""
         known: dict[str, int] = {}
         items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
-        if len(items) > MOST or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
+        if (
+            len(items) > drawn_loads.MOST
+            or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES
+        ):
             raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
         for done, item in enumerate(items):
             self._notes.reached("objects", done, len(items))
@@ -153,7 +152,9 @@ class _Reader:
         unit = UNITS.get(str(self._model.Settings.ModelUnitSystem).rpartition(".")[2])
         name = str(facts.pop("name", "") or title)
         layers = {part.group for part in self._parts} | {layer for _, _, layer, _ in self._curves}
-        self._notes.found.append(f"layers {listed(sorted(layers | {mark.layer for mark in self._marks}), 12)}")
+        self._notes.found.append(
+            f"layers {exchange_options.listed(sorted(layers | {mark.layer for mark in self._marks}), 12)}"
+        )
         if not self._parts:
             return self._drawing(unit, facts, name)
         keys = facts.pop("elements", {})
@@ -162,7 +163,7 @@ class _Reader:
             for p in self._parts
         ]
         arrows = [
-            SolidMark(points[-1], layer, text or None, points[0])
+            drawn_loads.SolidMark(points[-1], layer, text or None, points[0])
             for points, closed, layer, text in self._curves
             if not closed and self._options.role(layer) in ("load", "dead")
         ]
@@ -183,7 +184,7 @@ class _Reader:
         found = json.loads(stored[FACTS])
         if not isinstance(found, dict):
             raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
-        return {key: value for key, value in found.items() if key in STORED}
+        return {key: value for key, value in found.items() if key in exchange_facts.STORED}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
         """Return the name of an object's layer, and True if the layer is shown.
@@ -224,10 +225,10 @@ class _Reader:
         elif kind == "Point" or kind == "TextDot":
             at = geometry.Location if kind == "Point" else geometry.Point
             text = geometry.Text if kind == "TextDot" else _force(texts) or name
-            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, text or None))
+            self._marks.append(drawn_loads.SolidMark(np.array([at.X, at.Y, at.Z]), layer, text or None))
         elif isinstance(geometry, self._rhino.AnnotationBase) and hasattr(geometry, "PlainText"):
             at = geometry.Plane.Origin
-            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, str(geometry.PlainText)))
+            self._marks.append(drawn_loads.SolidMark(np.array([at.X, at.Y, at.Z]), layer, str(geometry.PlainText)))
         elif isinstance(geometry, self._rhino.Curve):
             loaded = self._options.role(layer) in ("load", "dead")
             self._curves.append(
@@ -257,13 +258,13 @@ class _Reader:
             at = np.linspace(low, high, 2 * number + 1)
             points = np.array([(p.X, p.Y, p.Z) for p in (curve.PointAt(float(t)) for t in at)])
             size = float(np.ptp(points, axis=0).max())
-            facet = FACET * size if self._options.facet is None else self._options.facet
+            facet = exchange_options.FACET * size if self._options.facet is None else self._options.facet
             middle = 0.5 * (points[:-1:2] + points[2::2])
             if number >= 2048 or np.linalg.norm(points[1::2] - middle, axis=1).max() <= facet:
                 return np.asarray(points[::2])
             number *= 2
 
-    def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> Drawing:
+    def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> drawn_loads.Drawing:
         """Project curves, points and texts onto their plane x–y or x–z, as a drawing.
 
         Raises InputError if there is nothing, a coordinate is not finite, or they lie in no such plane.
@@ -285,12 +286,12 @@ class _Reader:
                 flat = flat[:-1]
             if len(flat) > (2 if closed else 1):
                 loaded = self._options.role(layer) in ("load", "dead")
-                paths.append(Path(flat, closed, layer, title if closed and not loaded else None))
+                paths.append(exchange_paths.Path(flat, closed, layer, title if closed and not loaded else None))
                 if loaded and title:
                     middle = 0.5 * (flat[0, :2] + flat[-1, :2])
-                    self._marks.append(SolidMark(np.insert(middle, 3 - up, 0.0), layer, title))
-        marks = [Mark((float(m.at[0]), float(m.at[up])), m.layer, m.text) for m in self._marks]
-        return Drawing(paths, marks, unit, facts, name)
+                    self._marks.append(drawn_loads.SolidMark(np.insert(middle, 3 - up, 0.0), layer, title))
+        marks = [drawn_loads.Mark((float(m.at[0]), float(m.at[up])), m.layer, m.text) for m in self._marks]
+        return drawn_loads.Drawing(paths, marks, unit, facts, name)
 
 
 def _force(texts: dict[str, str]) -> str:

@@ -9,14 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids
-from jld_core.exchange.cells import without_holes
-from jld_core.exchange.libraries import parsing, readable
-from jld_core.exchange.options import several
+from jld_core import Floats, InputError
+from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, libraries
+from jld_core.exchange import options as exchange_options
 from jld_core.geometry import Faces
-from jld_core.scene.units import METRES
+from jld_core.scene import units
 
 _TOKEN: Final = re.compile(
     r"\s+|/\*.*?\*/|(?P<text>'(?:[^']|'')*')|(?P<word>[^\s'(),;=]+)|(?P<mark>[(),;=])", re.DOTALL
@@ -160,14 +157,17 @@ def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
 
     Raises InputError for a file that is broken, states several units, or holds a solid with a curved face or edge.
     """
-    text = readable(path).read_bytes().decode("utf-8", "replace")
+    text = libraries.readable(path).read_bytes().decode("utf-8", "replace")
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
-    with parsing("STEP", "a STEP file"):
+    with libraries.parsing("STEP", "a STEP file"):
         file = _File(text, notes)
         unit, scale = _unit(file)
         parts = _Reader(file, scale, options, notes).parts()
-    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(file.by_kind.get('PRODUCT', ())), 'product')}")
+    notes.found.append(
+        f"{exchange_options.several(len(parts), 'solid')} of "
+        f"{exchange_options.several(len(file.by_kind.get('PRODUCT', ())), 'product')}"
+    )
     if not parts:
         raise InputError(
             "", "it holds no solid of faces", "solids with plane faces (MANIFOLD_SOLID_BREP, FACETED_BREP)"
@@ -186,7 +186,7 @@ def _unit(file: _File) -> tuple[str, float]:
         names = ", ".join(f"{size:g} m" for size in sizes) or "none"
         raise InputError("", f"its units of length are {names}", "one unit in the whole file")
     (size,) = sizes
-    near = [name for name, metres in METRES.items() if abs(metres - size) <= 1e-9 * size]
+    near = [name for name, metres in units.METRES.items() if abs(metres - size) <= 1e-9 * size]
     return (near[0], 1.0) if near else ("m", size)
 
 
@@ -373,7 +373,7 @@ class _Reader:
                     loops.append(loop if content[2] != "F" else loop[::-1])
             bounds.append(loops)
         points = np.array([self._place(vertex) for vertex in number]).reshape(-1, 3)
-        return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
+        return points, tuple(loop for loops in bounds if loops for loop in cells.without_holes(points, loops, title))
 
     def _place(self, vertex: int) -> Floats:
         """Return the place (3,) of a vertex, or of a point of a polygon."""

@@ -8,12 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.exchange import Layout
-from jld_core.exchange.facts import element_keys, facts_of, interfaces_of, scene_of
-from jld_core.exchange.read_mesh import solids_of
-from jld_core.geometry import area_vector
-from jld_core.geometry.unions import Surface
+from jld_core import Floats
+from jld_core.exchange import Layout, solids_of
+from jld_core.exchange import facts as exchange_facts
+from jld_core.geometry import area_vector, unions
 
 # Namespace of the name-based guids of written objects
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
@@ -27,14 +25,14 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
     if cells and layout.assembly.dimension == 3:
-        facts = scene_of(layout, interfaces=True)
+        facts = exchange_facts.scene_of(layout, interfaces=True)
         facts.pop("elements")  # at the nodes
     else:
-        facts = facts_of(layout, cells=cells)
+        facts = exchange_facts.facts_of(layout, cells=cells)
     if cells and layout.assembly.dimension == 2:
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
-            for entry in interfaces_of(layout)
+            for entry in exchange_facts.interfaces_of(layout)
         ]
     nodes, edges = {}, {str(k): {} for k in range(len(solids))}  # type: ignore[var-annotated]
     for k, (name, support, surface) in enumerate(solids):
@@ -79,7 +77,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     return json.dumps(_envelope("compas_assembly.datastructures/Assembly", data, layout.assembly.name), indent=1) + "\n"
 
 
-def mesh_data(surface: Surface) -> dict[str, Any]:
+def mesh_data(surface: unions.Surface) -> dict[str, Any]:
     """Return the data that a mesh of COMPAS states of a closed surface, without attributes."""
     return {
         "attributes": {},
@@ -95,7 +93,7 @@ def mesh_data(surface: Surface) -> dict[str, Any]:
     }
 
 
-def _block(name: str, node: int, surface: Surface) -> dict[str, Any]:
+def _block(name: str, node: int, surface: unions.Surface) -> dict[str, Any]:
     """Return the data of a block: its name, its node in the graph, and its mesh."""
     return {**mesh_data(surface), "attributes": {"name": name, "node": node}}
 
@@ -155,7 +153,9 @@ def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
-    found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
+    found: dict[str, dict[str, Any]] = (
+        exchange_facts.element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
+    )
     if cells and layout.assembly.dimension == 3:
         return found
     if cells:

@@ -8,16 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange import Layout
-from jld_core.exchange.facts import facts_of
-from jld_core.exchange.read_mesh import solids_of
+from jld_core import Floats, InputError, Route
+from jld_core.exchange import Layout, solids_of
+from jld_core.exchange import facts as exchange_facts
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement
-from jld_core.scene.standard import key_of
-from jld_core.strengths import Route
-from jld_core.views.quantities import mechanism_scale
+from jld_core.scene import standard
+from jld_core.views import quantities
 from jld_formats.write_compas import mesh_data, named_faces, point_in_space
 
 _ROUTE: Final = Route("files of COMPAS")
@@ -185,7 +182,7 @@ class Dem:
 
     def _problem(self) -> dict[str, Any]:
         """Return the problem: boundary conditions of each load case, and the contact model."""
-        facts = facts_of(self._layout, cells=self._cells)["loads"]
+        facts = exchange_facts.facts_of(self._layout, cells=self._cells)["loads"]
         cases = facts.get("cases") or [{"name": "Live", "live": facts.get("live", []), "dead": []}]
         groups = [self._group(str(case["name"]), case.get("live", [])) for case in cases]
         if facts.get("dead"):
@@ -254,7 +251,7 @@ class Dem:
             return {"name": "MohrCoulomb", "phi": 0.0, "mu": 0.0, "c": None, "t_c": None}
         side = strengths.side(dry=True)
         friction, shear = side.friction[dry], side.shear[dry]
-        for what, values in (("friction", friction), (key_of("dry", "shear"), shear)):
+        for what, values in (("friction", friction), (standard.key_of("dry", "shear"), shear)):
             if np.ptp(values) > 1e-9 * float(np.abs(values).max()):
                 raise InputError(f"materials ({what})", "joints differ in it", "one contact model for all joints")
         mu, c = float(friction[0]), float(shear[0])
@@ -321,7 +318,7 @@ class Dem:
         result = self._layout.result
         if result is None or result.mechanism is None:
             return 0.0
-        return float(mechanism_scale(self._layout.assembly, result.mechanism))
+        return float(quantities.mechanism_scale(self._layout.assembly, result.mechanism))
 
     def _moved(self, number: int) -> dict[str, Any]:
         """Return the rigid motion of a solid by the scaled mechanism, as a COMPAS transformation."""

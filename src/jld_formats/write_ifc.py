@@ -11,13 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.exchange import Layout
-from jld_core.exchange.facts import BlockFacts, block_facts
-from jld_core.exchange.libraries import library
-from jld_core.exchange.read_mesh import solids_of
-from jld_core.files import printable
-from jld_core.geometry.unions import Surface
-from jld_core.scene.units import METRES, NEWTONS
+from jld_core import files
+from jld_core.exchange import Layout, libraries, solids_of
+from jld_core.exchange import facts as exchange_facts
+from jld_core.geometry import unions
+from jld_core.scene import units as scene_units
 from jld_formats.read_ifc import DENSITY
 from jld_formats.read_ifc import PROPERTIES as MATERIAL_PROPERTIES
 
@@ -37,9 +35,9 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
     Raises InputError if ifcopenshell is missing.
     """
     # Each proxy has the properties mass, mould, order, λ and faces.
-    ifc = library("ifcopenshell", path)
+    ifc = libraries.library("ifcopenshell", path)
     file = _Ifc(ifc, layout)
-    facts = block_facts(layout)
+    facts = exchange_facts.block_facts(layout)
     owner = [int(k) for k in layout.block_of] if cells else [
         k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces
     ]  # fmt: skip
@@ -65,14 +63,14 @@ class _Ifc:
         self._name = layout.assembly.name
         self.model = ifc.file(schema="IFC4")
         header = self.model.header
-        header.file_name.name = printable(self._name)
+        header.file_name.name = files.printable(self._name)
         header.file_name.time_stamp = "1970-01-01T00:00:00"  # the same layout gives the same file
         make = self.model.create_entity
         unit = layout.assembly.units[0]
-        self._scale = 1.0 if unit in _PREFIX else METRES.get(unit, 1.0)
+        self._scale = 1.0 if unit in _PREFIX else scene_units.METRES.get(unit, 1.0)
         # masses are weights over gravity in m/s²: kg where forces are in N
-        self._kilograms = NEWTONS.get(layout.assembly.units[1], 1.0)
-        self._cubic_metres = METRES.get(unit, 1.0) ** 3
+        self._kilograms = scene_units.NEWTONS.get(layout.assembly.units[1], 1.0)
+        self._cubic_metres = scene_units.METRES.get(unit, 1.0) ** 3
         mass = make("IfcSIUnit", UnitType="MASSUNIT", Prefix="KILO", Name="GRAM")
         metre = make("IfcSIUnit", UnitType="LENGTHUNIT", Name="METRE")
         powers = [make("IfcDerivedUnitElement", mass, 1), make("IfcDerivedUnitElement", metre, -3)]
@@ -102,14 +100,14 @@ class _Ifc:
         self._project = make(
             "IfcProject",
             GlobalId=self._id("project"),
-            Name=printable(self._name),
+            Name=files.printable(self._name),
             RepresentationContexts=[context],
             UnitsInContext=make("IfcUnitAssignment", Units=units),
         )
         self._building = make(
             "IfcBuilding",
             GlobalId=self._id("building"),
-            Name=printable(self._name),
+            Name=files.printable(self._name),
             ObjectPlacement=self._placement(None),
             CompositionType="ELEMENT",
         )
@@ -128,7 +126,7 @@ class _Ifc:
         """Return a placement at the origin."""
         return self.model.create_entity("IfcLocalPlacement", PlacementRelTo=relative, RelativePlacement=self._world)
 
-    def element(self, name: str, support: bool, surface: Surface, facts: BlockFacts) -> Any:
+    def element(self, name: str, support: bool, surface: unions.Surface, facts: exchange_facts.BlockFacts) -> Any:
         """Add the element of a block with its property set, and return it."""
         make = self.model.create_entity
         shape = make(
@@ -141,7 +139,7 @@ class _Ifc:
         element = make(
             "IfcBuildingElementProxy",
             GlobalId=self._id(f"element {name}"),
-            Name=printable(name),
+            Name=files.printable(name),
             ObjectType="SUPPORT" if support else f"SHAPE_{facts.shape:02d}",
             ObjectPlacement=self._placement(self._building.ObjectPlacement),
             Representation=make("IfcProductDefinitionShape", Representations=[shape]),
@@ -162,7 +160,7 @@ class _Ifc:
         )
         return element
 
-    def _brep(self, surface: Surface) -> Any:
+    def _brep(self, surface: unions.Surface) -> Any:
         """Return a faceted B-rep of a closed surface."""
         make = self.model.create_entity
         places = (self._scale * np.asarray(surface.points)).tolist()
@@ -202,14 +200,14 @@ class _Ifc:
             )
 
 
-def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
+def _values(facts: exchange_facts.BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
     """Return name, IFC type and value of each property of a block that is known."""
     found: list[tuple[str, str, Any]] = [
-        ("Block", "IfcLabel", printable(facts.block)),
-        ("Elements", "IfcText", printable(" ".join(facts.elements))),
+        ("Block", "IfcLabel", files.printable(facts.block)),
+        ("Elements", "IfcText", files.printable(" ".join(facts.elements))),
         ("Support", "IfcBoolean", facts.support),
         ("Mass", "IfcMassMeasure", kilograms * facts.mass),
-        ("DryFacesTo", "IfcText", printable(" ".join(facts.dry))),
+        ("DryFacesTo", "IfcText", files.printable(" ".join(facts.dry))),
         ("InnerFaces", "IfcInteger", facts.inner),
     ]
     if facts.shape:

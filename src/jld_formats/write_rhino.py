@@ -11,14 +11,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.exchange import Layout
-from jld_core.exchange.facts import block_facts, facts_of, scene_of
-from jld_core.exchange.libraries import library
-from jld_core.exchange.read_mesh import solids_of
-from jld_core.geometry.unions import Surface
+from jld_core import Floats
+from jld_core.exchange import Layout, libraries, solids_of
+from jld_core.exchange import facts as exchange_facts
+from jld_core.geometry import unions
 from jld_core.limit import displacement
-from jld_core.views.quantities import face_vectors, mechanism_scale, pressure_points, thrust_segments
+from jld_core.views import quantities
 from jld_formats.read_rhino import FACTS, UNITS
 from jld_formats.write_compas import weights_of
 
@@ -39,7 +37,7 @@ def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
 
     Raises InputError if rhino3dm is missing.
     """
-    rhino = library("rhino3dm", path)
+    rhino = libraries.library("rhino3dm", path)
     file = _File(rhino, layout)
     if layout.assembly.dimension == 3:
         file.solids(cells)
@@ -61,7 +59,7 @@ class _File:
         unit = named.get(length)
         self.model.Settings.ModelUnitSystem = getattr(rhino.UnitSystem, unit) if unit else rhino.UnitSystem.Unset
         self._layers: dict[str, int] = {}
-        self._facts = block_facts(layout)
+        self._facts = exchange_facts.block_facts(layout)
 
     def _attributes(self, layer: str, name: str = "", facts: dict[str, Any] | None = None) -> Any:
         """Return the attributes of an object: layer, name and user text."""
@@ -99,9 +97,9 @@ class _File:
         layout = self._layout
         elements = layout.assembly.elements
         if cells:
-            self._store(scene_of(layout, interfaces=True))
+            self._store(exchange_facts.scene_of(layout, interfaces=True))
         else:
-            self._store({**facts_of(layout, cells=False), "elements": weights_of(layout, cells)})
+            self._store({**exchange_facts.facts_of(layout, cells=False), "elements": weights_of(layout, cells)})
         owner = [int(k) for k in layout.block_of] if cells else [
             k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces
         ]  # fmt: skip
@@ -114,7 +112,7 @@ class _File:
         for polygon, dry in zip(layout.assembly.interfaces.polygon, layout.labels, strict=True):
             self._curve(polygon, True, self._attributes("JOINTS" if dry else "CRACKS"))
 
-    def _mesh(self, surface: Surface) -> Any:
+    def _mesh(self, surface: unions.Surface) -> Any:
         """Return a closed surface as a mesh with coordinates in double precision."""
         mesh = self._rhino.Mesh()
         mesh.Vertices.UseDoublePrecisionVertices = True
@@ -130,7 +128,7 @@ class _File:
         """Add outlines, faces and names of a planar layout, as a drawing has them."""
         layout = self._layout
         elements, faces = layout.assembly.elements, layout.assembly.interfaces
-        self._store(scene_of(layout))
+        self._store(exchange_facts.scene_of(layout))
         for k, block in enumerate(layout.blocks):
             facts = self._facts[k].entries()
             if block.support:
@@ -162,7 +160,7 @@ class _File:
         assembly = layout.assembly
         factor = self._layout.assembly.size / assembly.size
         if result.mechanism is not None:
-            scale = mechanism_scale(assembly, result.mechanism)
+            scale = quantities.mechanism_scale(assembly, result.mechanism)
             for element in assembly.elements.free.tolist():
                 name = assembly.elements.ids[element]
                 points = assembly.elements.shape[element]
@@ -175,11 +173,11 @@ class _File:
                         self._curve(moved[list(loop)], True, attributes)
         if result.forces is None:
             return
-        vectors = face_vectors(assembly, result.forces)
+        vectors = quantities.face_vectors(assembly, result.forces)
         if assembly.dimension == 2:
-            lines = thrust_segments(assembly, result.forces)
+            lines = quantities.thrust_segments(assembly, result.forces)
         else:
-            points, _ = pressure_points(assembly, result.forces)
+            points, _ = quantities.pressure_points(assembly, result.forces)
             largest = float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
             half = 0.5 * _LENGTH * assembly.size * vectors / largest if largest else vectors
             lines = [np.array([p - h, p + h]) for p, h in zip(points, half, strict=True) if np.any(h)]

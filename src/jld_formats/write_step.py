@@ -6,16 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.build.materials import gravity_vector
-from jld_core.errors import InputError
-from jld_core.exchange import Layout
-from jld_core.exchange.read_mesh import solids_of
-from jld_core.files import printable
-from jld_core.geometry import area_vector, solids
-from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
-from jld_core.scene.units import METRES
-from jld_core.strengths import Route
+from jld_core import Floats, InputError, Route, files
+from jld_core.build import materials
+from jld_core.exchange import Layout, solids_of
+from jld_core.geometry import area_vector, solids, unions
+from jld_core.scene import units
 
 # Prefixes of the metre; other units are conversion based
 _PREFIX: Final = {"m": "$", "mm": ".MILLI.", "cm": ".CENTI.", "dm": ".DECI.", "km": ".KILO."}
@@ -52,7 +47,7 @@ def step_text(layout: Layout, *, cells: bool) -> str:
 
 def _text(words: str) -> str:
     """Quote a string for ISO 10303-21: apostrophes doubled, non-ASCII characters escaped."""
-    plain = printable(words).replace("\\", "\\\\").replace("'", "''").replace("\n", " ")
+    plain = files.printable(words).replace("\\", "\\\\").replace("'", "''").replace("\n", " ")
     return "'" + "".join(c if " " <= c <= "~" else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain) + "'"
 
 
@@ -90,9 +85,9 @@ class _Part21:
         self._definition_context = self.add(f"PRODUCT_DEFINITION_CONTEXT('part definition',{application},'design')")
         angle = self.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))")
         solid = self.add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())")
-        if unit in METRES and unit not in _PREFIX:
+        if unit in units.METRES and unit not in _PREFIX:
             metre = self.add("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.))")
-            measure = self.add(f"LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({_real(METRES[unit])}),{metre})")
+            measure = self.add(f"LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({_real(units.METRES[unit])}),{metre})")
             size_of = self.add("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)")
             length = self.add(f"(CONVERSION_BASED_UNIT({_text(unit)},{measure})LENGTH_UNIT()NAMED_UNIT({size_of}))")
         else:
@@ -130,7 +125,7 @@ class _Part21:
         """Add a frame by origin, axis and first direction, (3,) each; return its reference."""
         return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
 
-    def solid(self, name: str, surface: Surface) -> str:
+    def solid(self, name: str, surface: unions.Surface) -> str:
         """Add a solid with plane faces, and return its reference."""
         # Each edge is shared by the two faces that meet in it.
         places = [self._point(point) for point in surface.points]
@@ -173,7 +168,7 @@ def command_text(layout: Layout, *, cells: bool = False) -> str:
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths(_ROUTE)
     length, force = assembly.units
-    vector = gravity_vector(layout.scene.materials, assembly.dimension).tolist()
+    vector = materials.gravity_vector(layout.scene.materials, assembly.dimension).tolist()
     vector = [vector[0], 0.0, vector[1]] if assembly.dimension == 2 else vector
     lines = [
         f"; {assembly.name}",
@@ -221,16 +216,16 @@ def command_text(layout: Layout, *, cells: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _surface(layout: Layout, k: int) -> Surface:
+def _surface(layout: Layout, k: int) -> unions.Surface:
     """Return the closed surface of an element."""
     elements = layout.assembly.elements
     if layout.assembly.dimension == 2:
-        return extrude(union_outlines([elements.shape[k]])[0], layout.thickness)
+        return unions.extrude(unions.union_outlines([elements.shape[k]])[0], layout.thickness)
     vertices, faces, _, _ = solids([elements.ids[k]], [elements.shape[k]], [elements.faces[k]])
-    return union_solids(vertices, faces)
+    return unions.union_solids(vertices, faces)
 
 
-def _convex(surface: Surface) -> bool:
+def _convex(surface: unions.Surface) -> bool:
     """Return True if all points of a surface lie behind each of its faces."""
     points = surface.points
     size = float(np.ptp(points, axis=0).max())

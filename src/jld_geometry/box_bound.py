@@ -16,19 +16,15 @@ import numpy as np
 import scipy.sparse as sp
 import shapely
 
-from jld_core._version import __version__
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+import jld_core
+from jld_core import Assembly, Bits, Floats, InputError, ParameterError, Route, one_thread
 from jld_core.build import build_assembly
-from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.mechanics import scaling_of
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
-from jld_core.scene.move import Move
-from jld_core.solvers.highs import highs_of
-from jld_core.strengths import Route
-from jld_core.threads import one_thread
+from jld_core.scene import move as scene_move
+from jld_core.solvers import highs_of
 from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, write
 from jld_geometry.boxes import check_boxes
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
@@ -351,7 +347,7 @@ class _Search:
             raise ParameterError("prove", "it bounds λ of blocks that crack along faces alone", '"cracks": "faces"')
         if assembly.has_low_values:
             raise ParameterError("prove", "it bounds λ at nominal values of materials", "no `robust` layout")
-        move = scene.move or Move()
+        move = scene.move or scene_move.Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)
         basis = variables.basis
@@ -554,7 +550,7 @@ def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
         directions=directions,
         parameters=tuple(done.parameters.tolist()),
         load_factor=done.load_factor,
-        made_by=f"jld {__version__}",
+        made_by=f"jld {jld_core.__version__}",
     )
     return claim, nodes
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.errors import InputError
-from jld_explore.verification.certificate import MOST_DIGITS, finite, json_object, no_number, numbers_of, write_lines
+from jld_core import InputError
+from jld_explore.verification import certificate
 
 VERSION: Final = 1  # version of the file format
 
@@ -62,7 +62,7 @@ def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
     """Write a certificate atomically."""
     head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(node) for node in nodes)]
-    write_lines(path, lines)
+    certificate.write_lines(path, lines)
 
 
 def _line(node: Node) -> dict[str, Any]:
@@ -80,7 +80,8 @@ def read(path: Path) -> tuple[BoxClaim, list[Node]]:
         raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
     try:
         lines = [
-            json.loads(line, object_pairs_hook=json_object, parse_constant=no_number) for line in text.splitlines()
+            json.loads(line, object_pairs_hook=certificate.json_object, parse_constant=certificate.no_number)
+            for line in text.splitlines()
         ]
         head, last = lines[0], lines[-1]
         version, digest = head.pop(KEY), last.pop("sha256")
@@ -119,13 +120,13 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 def _node(line: dict[str, Any]) -> Node:
     """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
-        (axis,) = numbers_of([line["split"]])
+        (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
     if line.keys() != {"case", "digits", "moves"}:
         raise ValueError
-    case, digits = numbers_of([line["case"], line["digits"]])
-    moves = {int(element): numbers_of(velocity) for element, velocity in line["moves"].items()}
-    if not 0 <= digits < MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
+    case, digits = certificate.numbers_of([line["case"], line["digits"]])
+    moves = {int(element): certificate.numbers_of(velocity) for element, velocity in line["moves"].items()}
+    if not 0 <= digits < certificate.MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
         raise ValueError
     if any(len(velocity) != 3 for velocity in moves.values()):
         raise ValueError
@@ -134,7 +135,7 @@ def _node(line: dict[str, Any]) -> Node:
 
 def _number(value: object) -> float:
     """Return a finite number; raise ValueError for anything else."""
-    found = finite(value)
+    found = certificate.finite(value)
     if found is None:
         raise ValueError
     return found

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final
 
+from jld_core import InputError, Route
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
-from jld_core.scene import Scene
-from jld_core.scene.uncertain import with_means
-from jld_core.strengths import Route
+from jld_core.scene import Scene, uncertain
 from jld_geometry.box_certificate import BoxClaim, Pair
 
 # coefficients by the exponents of the parameters; those left out are zero
@@ -109,7 +107,7 @@ class BoxStructure:
         self.joints = self._joints(scene)
         thickness = Fraction(scene.plane_thickness)
         density, sizes = self._weights(scene, thickness)
-        loads = with_means(scene.loads.model_dump(mode="json"))
+        loads = uncertain.with_means(scene.loads.model_dump(mode="json"))
         stated = loads["cases"] or [{"dead": [], "live": loads["live"], "required": 1.0}]
         self.cases = []
         for case in stated:

@@ -10,12 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Floats, InputError, Route
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
-from jld_core.strengths import Route
 from jld_geometry.box_certificate import KEY, BoxClaim, Leaf, Node, Split, read
 from jld_geometry.box_structure import BoxStructure, Loads, Polynomial, add, is_at_least_zero, product
 

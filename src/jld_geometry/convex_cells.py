@@ -11,9 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import ConvexHull, cKDTree
 
-from jld_core import tolerances
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bools, Floats, Ints, tolerances
 from jld_core.geometry import Faces, solids
 from jld_core.linalg import components
 

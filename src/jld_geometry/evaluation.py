@@ -8,14 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bits, Floats, InputError, Route
 from jld_core.build import build_assembly, build_robust
-from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve_rigid
 from jld_core.program import Template
-from jld_core.strengths import Route
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.limits import Limits, SpatialLimits
 from jld_geometry.moved_scene import MovedScene, SpatialMesh, SpatialMovedScene

@@ -14,10 +14,12 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from jld_core import Assembly, Bits, Floats, InputError, Ints, one_thread
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.bounds import Fields, FieldSetting
+from jld_core.fields import ConeProgram, WeakEquilibrium, bounds as fields_bounds, loads as fields_loads, mesh as fields_mesh, problem as fields_problem
+from jld_core.fields.bounds import FieldSetting, Fields
 from jld_core.fields.cones import ConeProgram
 from jld_core.fields.loads import Segment, loaded_mesh, loaded_segments, loads_on
 from jld_core.fields.mesh import Mesh, subdivide
@@ -25,7 +27,6 @@ from jld_core.fields.problem import require_planar_fields, units_of
 from jld_core.fields.weak_equilibrium import WeakEquilibrium
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
-from jld_core.threads import one_thread
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.evaluation import Evaluated
 from jld_geometry.optimise import MovedJoints, moved_result
@@ -40,10 +41,10 @@ _ROUNDING: Final = 1e-12  # weights below this count as zero; weights of a node 
 class FieldMesh:
     """Mesh of one load case whose nodes are affine functions of the vertices of joints."""
 
-    setting: FieldSetting  # the case at the present positions
+    setting: fields_bounds.FieldSetting  # the case at the present positions
     # mesh that every finer one was refined from, at the present positions, scene units. Loads are given over it.
-    base: Mesh
-    mesh: Mesh  # refined mesh at the present positions, scene units
+    base: fields_mesh.Mesh
+    mesh: fields_mesh.Mesh  # refined mesh at the present positions, scene units
     follow: sp.csr_array  # (b, v) weights by which the b nodes of the base follow the v vertices
     inside: sp.csr_array  # (p, b) weights of the p nodes of the refined mesh in triangles of the base
     loaded: Ints  # (k,) nodes of the base that are ends of loads and no vertices; they follow the loads
@@ -51,8 +52,8 @@ class FieldMesh:
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
         """Return the coarsest mesh of one load case."""
-        setting = FieldSetting.of(assembly)
-        base, _ = loaded_mesh(assembly)
+        setting = fields_bounds.FieldSetting.of(assembly)
+        base, _ = fields_loads.loaded_mesh(assembly)
         distance, nearest = cKDTree(vertices.places).query(base.points)
         nearest = np.asarray(nearest, dtype=np.int64)
         own = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
@@ -64,7 +65,7 @@ class FieldMesh:
         follow = _weights(base, own, nearest[own], loaded, len(vertices.places))
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
-    def refined(self, mesh: Mesh) -> FieldMesh:
+    def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
         """Return the same case on a mesh that was refined from the present one."""
         return replace(self, mesh=mesh, inside=_interpolation(self.base, mesh))
 
@@ -78,28 +79,30 @@ class FieldMesh:
         old = self.setting
         points = self.base.points + self.follow @ moved
         try:
-            segments, rest = loaded_segments(assembly)
+            segments, rest = fields_loads.loaded_segments(assembly)
             before, ends = _ends(old.loads.tractions), _ends(segments)
             if len(ends) != len(before):
                 return None
             for node in self.loaded.tolist():
                 points[node] = ends[int(np.argmin(np.linalg.norm(before - self.base.points[node], axis=1)))]
             base = replace(self.base, points=points)
-            loads = loads_on(assembly, base, segments, rest)
+            loads = fields_loads.loads_on(assembly, base, segments, rest)
         except InputError:  # a place that this search leaves out, as an element that turns over
             return None
         if not _covers(assembly, base):
             return None
         mesh = replace(self.mesh, points=self.inside @ points)
-        setting = FieldSetting(assembly, old.material, units_of(assembly, old.material), old.coarse, loads)
+        setting = fields_bounds.FieldSetting(
+            assembly, old.material, fields_problem.units_of(assembly, old.material), old.coarse, loads
+        )
         return replace(self, setting=setting, base=base, mesh=mesh)
 
 
-def _ends(segments: Sequence[Segment]) -> Floats:
+def _ends(segments: Sequence[fields_loads.Segment]) -> Floats:
     return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
 
 
-def _covers(assembly: Assembly, mesh: Mesh) -> bool:
+def _covers(assembly: Assembly, mesh: fields_mesh.Mesh) -> bool:
     """Return whether the triangles of each cell have the area of their element."""
     area = np.bincount(mesh.cell, mesh.volume, minlength=len(assembly.elements))
     free = assembly.elements.free
@@ -107,7 +110,7 @@ def _covers(assembly: Assembly, mesh: Mesh) -> bool:
     return bool((abs(area[free] - real) <= SAME * real).all())
 
 
-def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
+def _weights(mesh: fields_mesh.Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
     """Return weights (c, v) by which nodes of a coarse mesh follow vertices; own: (k,) nodes at `vertex` (k,)."""
     # ends of loads stay; others on outlines follow the neighbours whose edge they halve, inner ones the mean of theirs
     size = len(mesh.points)
@@ -141,7 +144,7 @@ def _weights(mesh: Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> s
     return sp.csr_array(placed + spread @ sp.csr_array(found))
 
 
-def _interpolation(coarse: Mesh, mesh: Mesh) -> sp.csr_array:
+def _interpolation(coarse: fields_mesh.Mesh, mesh: fields_mesh.Mesh) -> sp.csr_array:
     """Return the weights (p, c) of nodes of a mesh in the triangles of its coarser mesh."""
     nodes, first = np.unique(mesh.simplices.ravel(), return_index=True)
     root = mesh.root[first // 3]
@@ -193,7 +196,9 @@ class FieldSearch:
         if assembly is None or not isinstance(vertices, VertexMesh):
             return None
         meshes = [FieldMesh.of(case, vertices) for case in assembly.by_case]
-        return self._solved(values, assembly, tuple(one.refined(subdivide(one.mesh, parts)) for one in meshes))
+        return self._solved(
+            values, assembly, tuple(one.refined(fields_mesh.subdivide(one.mesh, parts)) for one in meshes)
+        )
 
     def _solved(self, values: Floats, assembly: Assembly, meshes: tuple[FieldMesh, ...]) -> FieldPoint | None:
         """Return the point at variables z (k,) on given meshes; None without stresses."""
@@ -226,7 +231,7 @@ class FieldSearch:
         """Return certified bounds on the governing factor, by the meshes of a point."""
         low, high = [], []
         for mesh, required in zip(point.meshes, self._search.required.tolist(), strict=True):
-            bounds = Fields.on(mesh.setting, mesh.mesh, self._labels).bounds
+            bounds = fields_bounds.Fields.on(mesh.setting, mesh.mesh, self._labels).bounds
             low.append(bounds[0] / required)
             high.append(bounds[1] / required)
         return min(low), min(high)
@@ -341,7 +346,7 @@ def move_by_fields(
         raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
     if assembly.has_low_values:
         raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
-    require_planar_fields(assembly)
+    fields_problem.require_planar_fields(assembly)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     fields = FieldSearch(search)
     best: tuple[FieldPoint, str] | None = None

@@ -12,15 +12,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly, blocks_of
-from jld_core.build import build_assembly
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError, ParameterError
+from jld_core import Assembly, Bits, Floats, InputError, ParameterError, blocks_of, one_thread
+from jld_core.build import build_assembly, build_geometry
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene, parse_scene
-from jld_core.threads import one_thread
 from jld_geometry.convex_cells import ConvexCell, Plane, inside, subtract, vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 

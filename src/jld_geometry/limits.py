@@ -9,15 +9,11 @@ from typing import Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
-from jld_core.errors import InputError
+from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Route, blocks_of, tolerances
 from jld_core.geometry import spun
 from jld_core.scene import PointLoad, Scene
-from jld_core.scene.loads import FaceLoad, LoadEntry
-from jld_core.scene.move import Move
-from jld_core.strengths import Route
+from jld_core.scene import loads as scene_loads
+from jld_core.scene import move as scene_move
 from jld_geometry.convex_cells import EqualShapes, VertexMesh, equal_corners
 from jld_geometry.moved_scene import SpatialMesh
 from jld_geometry.spatial_rates import AreaRates, area_rates, face_motion, held_forces, shape_loads, volume_rates
@@ -46,7 +42,7 @@ class Limits:
     """Limits on planar joints: r functions with least or exact values, which the start keeps."""
 
     def __init__(
-        self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh, moving: Bools, move: Move
+        self, scene: Scene, assembly: Assembly, labels: Bits, mesh: VertexMesh, moving: Bools, move: scene_move.Move
     ) -> None:
         self._mesh, self._move, self._size = mesh, move, assembly.size
         if move.draft is not None and len(move.draft.direction) != 2:
@@ -253,17 +249,17 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
     return found
 
 
-def loads_that_move(scene: Scene) -> list[LoadEntry]:
+def loads_that_move(scene: Scene) -> list[scene_loads.LoadEntry]:
     """Return all load entries of a scene; InputError for one that loses its meaning while joints move."""
     loads = scene.loads
-    entries: list[LoadEntry] = [*loads.dead, *(loads.live or [])]
+    entries: list[scene_loads.LoadEntry] = [*loads.dead, *(loads.live or [])]
     for case in loads.cases or []:
         entries += [*case.dead, *case.live]
     if scene.fill is not None:
         raise InputError("fill", "its loads do not move with the joints", "point loads in place of it")
     if loads.moving:
         raise InputError("loads.moving", "its places do not move with the joints", '"cases" with point loads')
-    if any(isinstance(entry, FaceLoad) for entry in entries):
+    if any(isinstance(entry, scene_loads.FaceLoad) for entry in entries):
         raise InputError("loads", "pressure on faces does not move with its joints", "point loads and body loads")
     return entries
 
@@ -279,7 +275,7 @@ _ROUTE: Final = Route("joints that move in space", frozenset({"friction"}))
 _PLANAR_KEYS: Final = ("angle", "draft", "straight", "inner")  # keys of "move" that have a meaning in the plane alone
 
 
-def require_spatial(assembly: Assembly, labels: Bits, move: Move) -> None:
+def require_spatial(assembly: Assembly, labels: Bits, move: scene_move.Move) -> None:
     """Raise InputError for labels, strengths, options or loads that joints in space exclude."""
     # Excluded are inner faces, shear and compressive strength, pressure on faces, and planar options of the key "move".
     if not labels.all():
@@ -353,7 +349,9 @@ def _columns(vertices: Ints) -> Ints:
 class SpatialLimits:
     """Limits on joints in space: planes of joints, edges, volumes and masses of blocks."""
 
-    def __init__(self, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools, move: Move) -> None:
+    def __init__(
+        self, assembly: Assembly, labels: Bits, mesh: SpatialMesh, moving: Bools, move: scene_move.Move
+    ) -> None:
         self._assembly, self._mesh, self._move = assembly, mesh, move
         # every corner beyond the third of a joint that moves lies in the plane of three others
         self._plane = [
@@ -441,7 +439,7 @@ def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Flo
     return volume, rates  # the middle drops out, since the surface is closed
 
 
-def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: Move) -> Variables:
+def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: scene_move.Move) -> Variables:
     """Choose the variables of a structure in space: corners of joints that slide along edges."""
     # A corner that belongs to one joint of two free elements slides along the mean of the edges on both sides. Corners
     # that "along" names move in its direction.

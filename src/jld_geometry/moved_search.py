@@ -14,26 +14,21 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bits, Deadline, Floats, InputError, ParameterError, files, one_thread
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
+from jld_core.fields import governing_bounds, problem
 from jld_core.fields.bounds import governing_bounds
 from jld_core.fields.problem import require_planar_fields
 from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
-from jld_core.scene.move import Move
-from jld_core.threads import one_thread
-from jld_explore import Exploration, ExploreSettings
+from jld_core.scene import move as scene_move
+from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, explore
 from jld_explore.evaluation import Pool
-from jld_explore.explore import explore
 from jld_explore.report import csv_of
-from jld_explore.search.state import Interrupted
-from jld_explore.space import from_string, search_space, to_string
-from jld_explore.space.search_space import feasible
-from jld_explore.steps.time_limit import busy_factor
+from jld_explore.space import feasible, from_string, search_space, to_string
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.moved_scene import MovedScene
@@ -268,7 +263,7 @@ def _refined(found: list[MovedLayout], pool: Pool, count: int, seconds: float, g
 
 def _movable(scene: Scene) -> Scene:
     """Return a scene whose key "move" is complete: vertices follow, and masses are those of the search."""
-    move = scene.move or Move(inner="follow")
+    move = scene.move or scene_move.Move(inner="follow")
     if move.block_mass == [None, None]:
         move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
     return scene.model_copy(update={"move": move})
@@ -301,7 +296,7 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
     assembly.members.refuse("a move of joints")
     if assembly.dimension != 2:
         raise InputError("elements", "they are spatial", "a planar scene; in space `jld move` moves one layout")
-    require_planar_fields(assembly)
+    problem.require_planar_fields(assembly)
     # paths, ties and limits are checked with every candidate dry, where most vertices move
     space = search_space(scene, assembly)
     GeometrySearch(scene, assembly, space.fixed | space.candidates)
@@ -400,14 +395,13 @@ def words_of_move(facts: dict[str, Any]) -> str:
 def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> dict[str, Any]:
     """Write table, scene, picture and page of moved layouts; return the entry "moved"."""
     table, facts, best = moved_table(done), moved_facts(done), done.best
-    write_text(folder / FILES[0], csv_of(table))
-    write_text(folder / FILES[1], best.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    files.write_text(folder / FILES[0], csv_of(table))
+    files.write_text(folder / FILES[1], best.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
     summary = {**done.first.summary.to_json(), "moved": facts}
-    write_text(folder / "summary.json", json.dumps(summary, indent=1))
+    files.write_text(folder / "summary.json", json.dumps(summary, indent=1))
     if not pictures:
         return facts
-    from jld_core.views.figures import save_figure
-    from jld_core.views.moved_joints import figure_of_move
+    from jld_core.views import figure_of_move, figures
 
     before, after = done.first.assembly, build_assembly(best.scene)
     # vertices of later rounds start where the former round left them
@@ -415,14 +409,14 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     bounds = f"{_said(facts['fields_lo'])} ≤ λ ≤ {_said(facts['fields_hi'])} by fields"
     titles = ("layout of the scene", f"best moved layout: {bounds}")
     figure = figure_of_move(before, after, best.labels, best.places, moved, titles, before.labels)
-    save_figure(figure, folder / FILES[2])
+    figures.save_figure(figure, folder / FILES[2])
     links = ", ".join(
         f'<a href="{"" if k == 1 else f"round-{k}/"}report.html">round {k}</a>' for k in range(1, len(done.rounds) + 1)
     )
     shown = table.drop(columns=["labelling"]).to_html(index=False, float_format=_said, na_rep="–", border=0)
     title = html.escape(f"{done.first.scene.name}: layouts with moved joints")
     page = _PAGE.format(title=title, words=html.escape(words_of_move(facts)), rounds=links, table=shown)
-    write_text(folder / FILES[3], page)
+    files.write_text(folder / FILES[3], page)
     return facts
 
 

@@ -12,22 +12,15 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bits, Deadline, Floats, InputError, ParameterError, error_context, files
 from jld_core.build import build_robust
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.files import write_text
 from jld_core.limit import LimitAnalysisResult, Status, number
 from jld_core.models import solve_by_fields, solve_rigid
 from jld_core.scene import Scene
-from jld_core.scene.cracks import CellCracks, FieldCracks
-from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Cracks, Rank, Source, refuse_itself, with_cracks
-from jld_explore.cli.samples import Out, write_scene
-from jld_explore.cli.streams import say, warn
+from jld_core.scene import cracks as scene_cracks
+from jld_explore import Interrupted
+from jld_explore.cli import layout, options, samples, streams
 from jld_explore.report import csv_of
-from jld_explore.search.state import Interrupted
 from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
@@ -51,14 +44,13 @@ def write_move(
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
     rows = pd.DataFrame(table)
-    write_scene(scene, out)
-    write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
+    samples.write_scene(scene, out)
+    files.write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
     if after is None:
         return
-    from jld_core.views.figures import save_figure
-    from jld_core.views.moved_joints import figure_of_move
+    from jld_core.views import figure_of_move, figures
 
-    save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
+    figures.save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
 
 
 def value_text(value: float | None) -> str:
@@ -117,7 +109,7 @@ def move_shape(
 
     def progress(shape: Shape, value: float) -> None:
         if not as_json:
-            say(f"{_named(shape)}  λ ≥ {value:.6g}")
+            streams.say(f"{_named(shape)}  λ ≥ {value:.6g}")
 
     shape, run = shape_of(text), direction_of(direction)
     done = shape_joints(scene, assembly, labels, shape, run, seconds=seconds, progress=progress)
@@ -131,19 +123,19 @@ def move_shape(
     _write(done, out)
     before, after = (facts["fields"][name] for name in ("before", "after"))
     if facts["fields"]["skipped"] is not None:
-        warn(
+        streams.warn(
             f"jld: warning: λ is that of cracks at the roots of teeth; no check by fields: {facts['fields']['skipped']}"
         )
     elif before is None or after is None or after <= before:
-        warn("jld: warning: blocks that crack anywhere gain nothing by the shape: see `fields`")
+        streams.warn("jld: warning: blocks that crack anywhere gain nothing by the shape: see `fields`")
     if as_json:
-        say(json.dumps(facts, indent=1))
+        streams.say(json.dumps(facts, indent=1))
         return
     values = f"λ {_said(done.before)} to {_said(done.after)}"
-    say(f"best: {_named(done.shape)}, {values}, {len(done.trials)} shapes, {done.end}")
+    streams.say(f"best: {_named(done.shape)}, {values}, {len(done.trials)} shapes, {done.end}")
     if facts["fields"]["skipped"] is None:
-        say(f"by fields: λ ≥ {value_text(before)} before, λ ≥ {value_text(after)} after")
-    say(f"written to {out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}")
+        streams.say(f"by fields: λ ≥ {value_text(before)} before, λ ≥ {value_text(after)} after")
+    streams.say(f"written to {out}, {out.with_suffix('.csv').name}, {out.with_suffix('.png').name}")
 
 
 def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
@@ -178,13 +170,13 @@ def _write(done: ShapedJoints, out: Path) -> None:
     """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
-    from jld_core.views.figures import figure_of_layouts, save_figure
+    from jld_core.views import figures
 
     rows = pd.DataFrame([{**vars(shape), "load_factor": value} for shape, value in done.trials])
-    write_scene(done.scene, out)
-    write_text(out.with_suffix(".csv"), csv_of(rows))
+    samples.write_scene(done.scene, out)
+    files.write_text(out.with_suffix(".csv"), csv_of(rows))
     titles = [f"straight: λ = {_said(done.before)}", f"{type(done.shape).__name__.lower()}: λ = {_said(done.after)}"]
-    save_figure(figure_of_layouts([done.before, done.after], titles), out.with_suffix(".png"))
+    figures.save_figure(figures.figure_of_layouts([done.before, done.after], titles), out.with_suffix(".png"))
 
 
 def _named(shape: Shape) -> str:
@@ -210,7 +202,7 @@ def prove_positions(
 
     def progress(best: float, bound: float, boxes: int) -> None:
         if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
-            say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
+            streams.say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
 
     done = prove_box(scene, assembly, labels, _box(box), gap=gap, seconds=seconds, progress=progress)
     passed, spent, reason = check_proof(done)
@@ -226,16 +218,16 @@ def prove_positions(
     titles = (f"before: {value_text(facts['start'])}", f"best in the box: {value_text(facts['load_factor'])}")
     write_move(done.scene, [row], assembly, done.after.assembly, labels, done.places, done.moved, titles, out)
     for sentence in facts["warnings"]:
-        warn(f"jld: warning: {sentence}")
+        streams.warn(f"jld: warning: {sentence}")
     if as_json:
-        say(json.dumps(facts, indent=1))
+        streams.say(json.dumps(facts, indent=1))
         return
     what = "proven" if facts["proven"] else "not proven"
-    say(f"λ {value_text(done.load_factor)} found, {value_text(done.bound)} at most, gap {done.gap:.2g}: {what}")
+    streams.say(f"λ {value_text(done.load_factor)} found, {value_text(done.bound)} at most, gap {done.gap:.2g}: {what}")
     checked = f", checked in {spent:.1f} s" if passed else ""
-    say(f"{done.boxes} boxes, {done.seconds:.1f} s{checked}, written to {out}")
+    streams.say(f"{done.boxes} boxes, {done.seconds:.1f} s{checked}, written to {out}")
     if certificate is not None and passed:
-        say(f"certificate written to {certificate}: jld verify {certificate}")
+        streams.say(f"certificate written to {certificate}: jld verify {certificate}")
 
 
 def _box(text: str) -> float | tuple[Floats, Floats]:
@@ -295,9 +287,9 @@ def require_movable(scene: Scene, assembly: Assembly) -> None:
 
 def move(
     context: typer.Context,
-    source: Source,
-    out: Out,
-    rank: Rank = None,
+    source: options.Source,
+    out: samples.Out,
+    rank: options.Rank = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="Time limit, s.")] = math.inf,
     starts: Annotated[
         int | None,
@@ -334,8 +326,8 @@ def move(
         ),
     ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Raise λ at the low values of materials.")] = False,
-    cracks: Cracks = None,
-    as_json: AsJson = False,
+    cracks: options.Cracks = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Move the joints of a layout to raise its load factor, with each step proven.
 
@@ -354,12 +346,12 @@ def move(
     if robust and (joint is not None or prove is not None):
         given = "joint" if joint is not None else "prove"
         raise ParameterError(given, "it supports nominal values of materials only", "one without `robust`")
-    scene, assembly, labels, model = layout_of(source, rank)
-    scene = with_cracks(scene, cracks)
-    by_fields = isinstance(scene.cracks, FieldCracks)
+    scene, assembly, labels, model = layout.layout_of(source, rank)
+    scene = options.with_cracks(scene, cracks)
+    by_fields = isinstance(scene.cracks, scene_cracks.FieldCracks)
     with error_context(source):
-        require_whole_faces(model, "a move of joints")
-        if isinstance(scene.cracks, CellCracks) and prove is None:
+        layout.require_whole_faces(model, "a move of joints")
+        if isinstance(scene.cracks, scene_cracks.CellCracks) and prove is None:
             raise InputError("cracks", "joints do not move where blocks crack by cells", '"faces" or "fields"')
     assembly = replace(assembly, cracks=scene.cracks)
     if by_fields and robust:
@@ -370,7 +362,7 @@ def move(
 
     def progress(point: Point) -> None:
         if not as_json:
-            say(f"start {point.start} step {point.step:<3} {point.value:<14.8g} {point.seconds:.1f} s")
+            streams.say(f"start {point.start} step {point.step:<3} {point.value:<14.8g} {point.seconds:.1f} s")
 
     with error_context(source, str(out)):
         if prove is not None:
@@ -386,7 +378,7 @@ def move(
         time_to_move = (1.0 - _CHECKING) * until.remaining()
         done = mover(scene, assembly, labels, seconds=time_to_move, starts=starts, progress=progress)
     # a signal in the checks leaves the scene
-    write_scene(done.scene, out)
+    samples.write_scene(done.scene, out)
     stopped = done.end == "interrupted"
     try:
         _finish(done, assembly, labels, until, out, as_json, by_fields=by_fields)
@@ -423,8 +415,8 @@ def _finish(
     titles = (f"before: {relation} {value_text(facts['start'])}", f"after: {relation} {value_text(facts['value'])}")
     write_move(done.scene, table, assembly, after, labels, done.places, done.moved, titles, out)
     for sentence in facts["warnings"]:
-        warn(f"jld: warning: {sentence}")
-    say(json.dumps(facts, indent=1) if as_json else _words(facts, out))
+        streams.warn(f"jld: warning: {sentence}")
+    streams.say(json.dumps(facts, indent=1) if as_json else _words(facts, out))
 
 
 def _check_out(source: Path, out: Path) -> None:
@@ -434,7 +426,7 @@ def _check_out(source: Path, out: Path) -> None:
     if out.is_dir() or not out.absolute().parent.is_dir():
         problem = "it is a folder" if out.is_dir() else "its folder does not exist"
         raise InputError(str(out), problem, "a file in a folder that is there")
-    refuse_itself(source, out)
+    options.refuse_itself(source, out)
 
 
 def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | None) -> None:
@@ -445,7 +437,7 @@ def _check_certificate(source: Path, out: Path, certificate: Path, prove: str | 
     if certificate.is_dir() or not certificate.absolute().parent.is_dir():
         problem = "it is a folder" if certificate.is_dir() else "its folder does not exist"
         raise InputError(str(certificate), problem, "a file in a folder that is there")
-    refuse_itself(source, certificate)
+    options.refuse_itself(source, certificate)
     written = [path.absolute() for path in (out, out.with_suffix(".csv"), out.with_suffix(".png"))]
     if certificate.absolute() in written:
         raise ParameterError("certificate", f"{certificate.name!r} is written already", "another file")

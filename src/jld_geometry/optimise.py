@@ -10,19 +10,13 @@ from typing import Final, Unpack
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Bits, Bools, Floats, InputError, one_thread, tolerances
+from jld_core import parameters as core_parameters
 from jld_core.build import build_assembly, build_robust
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
-from jld_core.limit.mechanism import face_jumps
-from jld_core.models import solve_rigid
-from jld_core.models.sensitivity import GeometrySensitivities, SolvedProgram
-from jld_core.parameters import require_kind, typed
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, face_jumps
+from jld_core.models import GeometrySensitivities, SolvedProgram, solve_rigid
 from jld_core.program import Template
 from jld_core.scene import Scene, parse_scene
-from jld_core.threads import one_thread
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated
 from jld_geometry.search import GeometrySearch, MoveOptions, MoveRun, Point
@@ -266,11 +260,11 @@ def _size(direction: Floats, values: Floats) -> float:
     return float(np.linalg.norm(direction)) / max(float(abs(values).max(initial=0.0)), tolerances.ROUNDING)
 
 
-@typed
+@core_parameters.typed
 @one_thread()
 def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = True) -> GeometrySensitivities | None:
     """Compute the derivatives of the governing λ by the positions of all vertices, or None."""
-    require_kind("result", result, LimitAnalysisResult)
+    core_parameters.require_kind("result", result, LimitAnalysisResult)
     if result.cases:
         names = [case.name for case in result.assembly.cases]
         if result.governing is None or result.status is not Status.COLLAPSE:

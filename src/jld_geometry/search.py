@@ -12,12 +12,8 @@ from typing import Final, TypedDict
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
-from jld_core.scene import Scene
-from jld_core.scene.move import Move
-from jld_core.strengths import Route
+from jld_core import Assembly, Bits, Floats, InputError, Route
+from jld_core.scene import Scene, move
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated, Evaluator
 from jld_geometry.limits import Limits, SpatialLimits, require_spatial, spatial_variables
@@ -63,7 +59,7 @@ class GeometrySearch:
     """Search for the best positions of the joints of one structure, by variables z (k,)."""
 
     def __init__(self, scene: Scene, assembly: Assembly, labels: Bits, trust: TrustRegion | None = None) -> None:
-        self.move, self.trust = scene.move or Move(), trust or TrustRegion()
+        self.move, self.trust = scene.move or move.Move(), trust or TrustRegion()
         robust = assembly.has_low_values
         if robust and self.goal == "friction":
             problem = '"least_friction" has no low values, since friction is what it seeks'

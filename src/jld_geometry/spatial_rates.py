@@ -10,14 +10,10 @@ from typing import Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Assembly, Elements
-from jld_core.geometry import area_vector, spun
-from jld_core.geometry.outlines import centroid, torsion_length
+from jld_core import Assembly, Elements, Floats, Ints, Loads, Route
+from jld_core.geometry import area_vector, outlines, spun
 from jld_core.limit import LimitAnalysisResult
-from jld_core.loads import Loads
-from jld_core.solvers.highs import highs_of
-from jld_core.strengths import Route
+from jld_core.solvers import highs_of
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.moved_scene import spatial_mesh
 
@@ -230,10 +226,12 @@ class HeldForces:
         normal = vector / float(np.linalg.norm(vector))
         frame = plane_frame(normal, self.normal)
         flat = ((polygon - polygon[0]) @ frame.T)[None]
-        middle = polygon[0] + centroid(flat)[0] @ frame + float(np.mean((polygon - polygon[0]) @ normal)) * normal
+        middle = (
+            polygon[0] + outlines.centroid(flat)[0] @ frame + float(np.mean((polygon - polygon[0]) @ normal)) * normal
+        )
         shear = self.shear - (self.shear @ (normal - self.normal)) * self.normal
         ordered = flat if np.linalg.det(np.vstack([frame, normal])) > 0.0 else flat[:, ::-1]
-        length = float(torsion_length(ordered)[0]) if self.twist else 0.0
+        length = float(outlines.torsion_length(ordered)[0]) if self.twist else 0.0
         moment = np.cross(self.corner @ polygon, normal) + np.cross(middle, shear) + self.twist * length * normal
         return np.concatenate([float(self.corner.sum()) * normal + shear, moment])
 

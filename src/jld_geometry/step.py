@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Bits, Floats
+from jld_core import Bits, Floats
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 from jld_geometry.convex_cells import VertexMesh

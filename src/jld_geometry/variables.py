@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
-from jld_core.scene.move import Move, Path
+from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints
+from jld_core.scene import move as scene_move
 from jld_geometry.convex_cells import VertexMesh
 
 SAME: Final = 1e-6  # distance of a stated point from its vertex, and of mirrored vertices, relative to the structure
@@ -119,7 +117,9 @@ def null_space(rows: Floats, count: int) -> Floats:
     return basis
 
 
-def variables_of(assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move, *, named: bool = False) -> Variables:
+def variables_of(
+    assembly: Assembly, labels: Bits, mesh: VertexMesh, move: scene_move.Move, *, named: bool = False
+) -> Variables:
     """Find the variables that the key "move" asks for; InputError if they do not fit."""
     finder = _Finder(assembly, labels, mesh, move)
     chosen: list[tuple[int, Floats, Floats]] = finder.named()
@@ -163,7 +163,7 @@ def _words(point: Floats) -> str:
 class _Finder:
     """Search for the vertices that may move, with their directions or circles."""
 
-    def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, move: Move) -> None:
+    def __init__(self, assembly: Assembly, labels: Bits, mesh: VertexMesh, move: scene_move.Move) -> None:
         self._mesh, self._move, self._size = mesh, move, assembly.size
         count = len(mesh.places)
         self._held = np.zeros(count, dtype=bool)
@@ -203,7 +203,7 @@ class _Finder:
             found.append((vertex, direction / np.hypot(*direction), np.full(2, np.nan)))
         return found
 
-    def joints(self, circles: list[Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
+    def joints(self, circles: list[scene_move.Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
         """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex."""
         # Centres are NaN for lines. A vertex inside the structure has both axes as ways.
         found: list[tuple[int, Floats, Floats]] = []
@@ -223,7 +223,7 @@ class _Finder:
                 found.append((vertex, line, np.full(2, np.nan)))
         return found
 
-    def _circle(self, vertex: int, around: list[int], circles: list[Path]) -> tuple[Floats, bool] | None:
+    def _circle(self, vertex: int, around: list[int], circles: list[scene_move.Path]) -> tuple[Floats, bool] | None:
         """Return the centre (2,) of a circle through a vertex and its neighbours, and whether supports slide."""
         for path in circles:
             centre = np.array(path.circle, dtype=float)
@@ -243,7 +243,7 @@ class _Finder:
         return np.asarray(edge / np.hypot(*edge))
 
 
-def _with_thickness(found: Variables, assembly: Assembly, circles: list[Path]) -> Variables:
+def _with_thickness(found: Variables, assembly: Assembly, circles: list[scene_move.Path]) -> Variables:
     """Return the variables with the thickness of an arch as the last."""
     if not circles:
         problem = "the thickness is that of an arch on circles"
@@ -283,7 +283,7 @@ def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     return np.array(rows)
 
 
-def ties_of(found: Variables, assembly: Assembly, move: Move) -> Floats:
+def ties_of(found: Variables, assembly: Assembly, move: scene_move.Move) -> Floats:
     """Return the ties (t, k) between variables that the key "ties" states, as ties @ z = 0."""
     # There are no rows for "none" and "equal-shapes".
     if move.ties == "none" or move.ties == "equal-shapes":  # equal shapes are equations of the limits

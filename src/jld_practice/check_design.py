@@ -8,32 +8,27 @@ from typing import Annotated, Literal
 
 import typer
 
-from jld_core.arrays import Bits
-from jld_core.errors import ParameterError, error_context
-from jld_core.files import require_folder, write_text
+from jld_core import Bits, ParameterError, error_context, files
 from jld_core.limit import FIELD_SECONDS
-from jld_core.scene import Scene
-from jld_core.scene.design import partial_factors
-from jld_explore.cli.check import load, warn_of
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.options import AsJson, CaseSeconds, Cracks, Rank, with_cracks
-from jld_explore.cli.streams import say
+from jld_core.scene import Scene, design
+from jld_explore.cli import check as cli_check
+from jld_explore.cli import ending, options, streams
 
 
 def check_design(
     source: Annotated[
         Path, typer.Argument(help="A scene, or a folder of jld explore or jld design.", show_default=False)
     ],
-    rank: Rank = None,
+    rank: options.Rank = None,
     set_: Annotated[
         str | None,
         typer.Option("--set", help="Set of partial factors: EN 1990, EN 1990 EQU, EN 1996-1-1, or one of the scene."),
     ] = None,
-    cracks: Cracks = None,
-    seconds: CaseSeconds = None,
+    cracks: options.Cracks = None,
+    seconds: options.CaseSeconds = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for page (PDF, HTML) and JSON.")] = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the page.")] = "en",
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Check a layout with partial factors: utilisation, reactions, joints near their limit.
 
@@ -45,25 +40,28 @@ def check_design(
     from jld_practice.design_check.tables import in_words, to_json
 
     if out is not None:
-        require_folder(out)
+        files.require_folder(out)
     scene, labels = _layout(source, rank)
     with error_context(source):
-        scene = with_cracks(scene, cracks)
+        scene = options.with_cracks(scene, cracks)
         check = design_check(
-            scene, labels, partial_factors(scene.design, set_), seconds=FIELD_SECONDS if seconds is None else seconds
+            scene,
+            labels,
+            design.partial_factors(scene.design, set_),
+            seconds=FIELD_SECONDS if seconds is None else seconds,
         )
     if not as_json and not source.is_dir():
-        warn_of(source, check.assembly)
+        cli_check.warn_of(source, check.assembly)
     told = json.dumps(to_json(check), indent=1)
     if out is not None:
         from jld_practice.design_check.page import write_pages
 
         out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "design_check.json", told)
+        files.write_text(out / "design_check.json", told)
         write_pages(check, out, language)
-    say(told if as_json else in_words(check))
+    streams.say(told if as_json else in_words(check))
     if check.verified is None:
-        raise typer.Exit(UNCERTIFIED)
+        raise typer.Exit(ending.UNCERTIFIED)
 
 
 def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
@@ -73,10 +71,10 @@ def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
     if not file.is_dir():
         if rank is not None:
             raise ParameterError("rank", f"{file} is a scene, which has no ranks", "a folder written by jld explore")
-        return load(file)[0], None
-    from jld_explore.cli.layout import layout_of, require_whole_faces  # a folder needs pandas, a scene does not
+        return cli_check.load(file)[0], None
+    from jld_explore.cli import layout  # a folder needs pandas, a scene does not
 
-    scene, _, labels, model = layout_of(source, rank)
+    scene, _, labels, model = layout.layout_of(source, rank)
     with error_context(source):
-        require_whole_faces(model, "the design check")
+        layout.require_whole_faces(model, "the design check")
     return scene, labels

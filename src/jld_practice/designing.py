@@ -9,24 +9,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from jld_core.errors import ParameterError, error_context
-from jld_core.exchange.forces import is_force
-from jld_explore.cli.ending import raise_on_signals
-from jld_explore.cli.options import (
-    AsJson,
-    DryLayers,
-    FileUnit,
-    HoleLayers,
-    InnerLayers,
-    OnlyLayers,
-    SkippedLayers,
-    SupportLayers,
-    Thickness,
-    Tolerance,
-    Up,
-    layer_options,
-)
-from jld_explore.cli.streams import say
+from jld_core import ParameterError, error_context
+from jld_core.exchange import forces as exchange_forces
+from jld_explore.cli import ending, streams
+from jld_explore.cli import options as cli_options
 
 OutlineFile = Annotated[
     Path, typer.Argument(help="Outline: scene, drawing (DXF, SVG, CSV) or solid (OBJ, PLY, STL).", show_default=False)
@@ -64,16 +50,16 @@ def design(
     density: Annotated[float | None, typer.Option(help="Density of the stone, kg/m³.")] = None,
     tension: Annotated[float | None, typer.Option(help="Tensile strength of the stone, Pa.")] = None,
     shear: Annotated[float | None, typer.Option(help="Shear strength of the stone, Pa.")] = None,
-    layer: OnlyLayers = None,
-    skip: SkippedLayers = None,
-    hole: HoleLayers = None,
-    support: SupportLayers = None,
-    dry: DryLayers = None,
-    inner: InnerLayers = None,
-    thickness: Thickness = None,
-    tolerance: Tolerance = None,
-    unit: FileUnit = None,
-    up: Up = None,
+    layer: cli_options.OnlyLayers = None,
+    skip: cli_options.SkippedLayers = None,
+    hole: cli_options.HoleLayers = None,
+    support: cli_options.SupportLayers = None,
+    dry: cli_options.DryLayers = None,
+    inner: cli_options.InnerLayers = None,
+    thickness: cli_options.Thickness = None,
+    tolerance: cli_options.Tolerance = None,
+    unit: cli_options.FileUnit = None,
+    up: cli_options.Up = None,
     laid: Annotated[
         Literal["translation", "standing", "left-to-right", "right-to-left", "springings"] | None,
         typer.Option(help="Only layouts that can be laid (from where), or whose every stage stands."),
@@ -81,7 +67,7 @@ def design(
     seconds: Annotated[float, typer.Option(help="Time limit of all together, s.")] = 300.0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of searches and irregular cells.")] = 0,
-    as_json: AsJson = False,
+    as_json: cli_options.AsJson = False,
 ) -> None:
     """Design the blocks of an outline: cells tried, joints searched and moved, the best checked.
 
@@ -92,10 +78,10 @@ def design(
     from jld_practice.design.page import facts_of, words_of
     from jld_practice.design.run import design_outline
 
-    forces = [text for text in load or () if is_force(text)]
+    forces = [text for text in load or () if exchange_forces.is_force(text)]
     if len(forces) > 1:
         raise ParameterError("load", f"{len(forces)} forces are given", "one force, which may act at several places")
-    layers = layer_options(
+    layers = cli_options.layer_options(
         layer=layer,
         skip=skip,
         hole=hole,
@@ -127,7 +113,7 @@ def design(
         jobs=jobs or os.cpu_count() or 1,
         seed=seed,
     )
-    raise_on_signals()
+    ending.raise_on_signals()
     with error_context(outline, str(out), str(outline)):
-        done = design_outline(outline, out, options, None if as_json else say, started=context.obj)
-    say(json.dumps(facts_of(done), indent=1) if as_json else words_of(done))
+        done = design_outline(outline, out, options, None if as_json else streams.say, started=context.obj)
+    streams.say(json.dumps(facts_of(done), indent=1) if as_json else words_of(done))

@@ -16,22 +16,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from jld_core._version import __version__
-from jld_core.arrays import Floats
-from jld_core.build.assemble import cases_of_scene
-from jld_core.build.plausibility import weight_facts
+import jld_core
+from jld_core import Floats, files
+from jld_core.build import cases_of_scene, weight_facts
 from jld_core.exchange import Layout
-from jld_core.files import whole_file
-from jld_core.geometry import area_vector
+from jld_core.geometry import area_vector, outlines
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry.outlines import different_lines
-from jld_core.scene import Scene
-from jld_core.scene.uncertain import with_means
-from jld_core.scene.units import GRAVITY, METRES, NEWTONS
-from jld_core.views.figures import draw_assembly
-from jld_core.views.look import INK, SOFT, TINTS
-from jld_core.views.writing import as_written, write_numbers
-from jld_explore.report.languages import digits, localise, phrase_in, words_in
+from jld_core.scene import Scene, uncertain, units
+from jld_core.views import figures as views_figures
+from jld_core.views import look, writing
+from jld_explore.report import languages
 from jld_practice.laying import Laying
 
 if TYPE_CHECKING:
@@ -84,7 +78,7 @@ def stones_of(layout: Layout) -> list[Stone]:
             )
             outline = None
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
-        own = (len(directions), different_lines(directions), sawn, outline)
+        own = (len(directions), outlines.different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
         found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
     return found
@@ -166,7 +160,7 @@ def stones_table(layout: Layout, unit: str) -> pd.DataFrame:
 
 def factor_to(unit: str, own: str) -> float:
     """Return the factor from a scene's unit of length to another; 1 if the scene's is unknown."""
-    return METRES[own] / METRES[unit] if own in METRES else 1.0
+    return units.METRES[own] / units.METRES[unit] if own in units.METRES else 1.0
 
 
 _PARALLEL: Final = 1e-9  # sine of the angle between forces up to which they are printed as one
@@ -180,19 +174,19 @@ def load_rows(
     scene, rows = layout.scene, []
     cases = cases_of_scene(scene, layout.assembly.elements)
     for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
-        entries = [with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
+        entries = [uncertain.with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
         for group in _groups(layout, entries):
             told, times = _load(layout, group, factor, words, stones)
-            rows.append([textwrap.shorten(phrase_in(language, name), 24, placeholder="…"), told, times])
+            rows.append([textwrap.shorten(languages.phrase_in(language, name), 24, placeholder="…"), told, times])
     return rows
 
 
 def force_words(layout: Layout, value: float) -> str:
     """Write a force in kN, or in the scene's unit where that is unknown."""
     own = layout.scene.units.force
-    if own not in NEWTONS:
-        return f"{digits(value)} {own}"
-    return f"{digits(value * NEWTONS[own] / NEWTONS['kN'])} kN"
+    if own not in units.NEWTONS:
+        return f"{languages.digits(value)} {own}"
+    return f"{languages.digits(value * units.NEWTONS[own] / units.NEWTONS['kN'])} kN"
 
 
 def finite(value: float, write: Callable[[float], str]) -> str:
@@ -293,7 +287,7 @@ def draw_mould(ax: Axes, stone: Stone, factor: float, tint: str) -> None:
     if stone.outline is None:
         raise ValueError("a stone in space has no outline")
     ring = factor * stone.outline
-    ax.fill(*ring.T, facecolor=tint, edgecolor=INK, linewidth=0.8)
+    ax.fill(*ring.T, facecolor=tint, edgecolor=look.INK, linewidth=0.8)
     ax.set_aspect("equal")
     ax.margins(_MOULD_MARGIN)
     ax.set_axis_off()
@@ -391,7 +385,7 @@ class _Book:
 
     def new(self, title: str) -> Figure:
         figure = Figure(figsize=_PAPER)
-        figure.text(_MARGIN, 0.955, title, fontsize=15, color=INK, va="top")
+        figure.text(_MARGIN, 0.955, title, fontsize=15, color=look.INK, va="top")
         self.pages.append(figure)
         return figure
 
@@ -400,7 +394,7 @@ class _Book:
         width = int(150 * 7.0 / size * (1.0 - 2.0 * _MARGIN))
         for line in lines:
             for part in textwrap.wrap(line, width) or [""]:
-                figure.text(_MARGIN, top, part, fontsize=size, color=INK, va="top")
+                figure.text(_MARGIN, top, part, fontsize=size, color=look.INK, va="top")
                 top -= 1.45 * size / 72.0 / _PAPER[1]
         return top
 
@@ -410,7 +404,7 @@ class _Book:
         left = _MARGIN + (1.0 - 2.0 * _MARGIN) * np.concatenate([[0.0], np.cumsum(widths)[:-1]])
         for number, row in enumerate([head, *rows]):
             for x, cell in zip(left, row, strict=True):
-                figure.text(float(x), top, cell, fontsize=8.0, color=SOFT if number == 0 else INK, va="top")
+                figure.text(float(x), top, cell, fontsize=8.0, color=look.SOFT if number == 0 else look.INK, va="top")
             top -= step
         return top
 
@@ -419,9 +413,9 @@ def write_printed(content: Printed, path: Path, *, language: str = "en", unit: s
     """Write the report as PDF, completely or not at all; return its number of pages."""
     figures = pages_of(content, language=language, unit=unit)
     facts = {"CreationDate": None, "Title": content.layout.scene.name}
-    with mpl.rc_context({"pdf.fonttype": 42}), whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
+    with mpl.rc_context({"pdf.fonttype": 42}), files.whole_file(path) as fresh, PdfPages(fresh, metadata=facts) as book:
         for figure in figures:
-            with as_written(figure):
+            with writing.as_written(figure):
                 book.savefig(figure)
     return len(figures)
 
@@ -429,7 +423,7 @@ def write_printed(content: Printed, path: Path, *, language: str = "en", unit: s
 def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> list[Figure]:
     """Return the pages of a printed report: overview, stones, moulds, laying, assumptions."""
     stones = stones_of(content.layout)
-    book = _Book(content, language, unit, stones, making_of(stones), words_in(language))
+    book = _Book(content, language, unit, stones, making_of(stones), languages.words_in(language))
     _overview(book)
     _stones(book)
     if content.layout.assembly.dimension == 2:
@@ -437,9 +431,9 @@ def pages_of(content: Printed, *, language: str = "en", unit: str = "mm") -> lis
     _laying(book)
     names = {stone.name for stone in stones}
     for number, figure in enumerate(book.pages, 1):
-        localise(figure, language, names)
-        foot = f"{book.scene.name} · jld {__version__} · {book.words['page']} {number}/{len(book.pages)}"
-        figure.text(_MARGIN, 0.03, foot, fontsize=7.5, color=SOFT)
+        languages.localise(figure, language, names)
+        foot = f"{book.scene.name} · jld {jld_core.__version__} · {book.words['page']} {number}/{len(book.pages)}"
+        figure.text(_MARGIN, 0.03, foot, fontsize=7.5, color=look.SOFT)
     return book.pages
 
 
@@ -449,11 +443,11 @@ def _overview(book: _Book) -> None:
     layout = content.layout
     figure = book.new(f"{words['title']}: {textwrap.shorten(book.scene.name, 50, placeholder=' …')}")
     ax = figure.add_axes((_MARGIN, 0.52, 1.0 - 2.0 * _MARGIN, 0.38))
-    draw_assembly(ax, layout.assembly, layout.labels)
+    views_figures.draw_assembly(ax, layout.assembly, layout.labels)
     ax.set_title("")
     blocks = [block for block in layout.blocks if block.cells]
     size = 7.0 if len(blocks) <= 60 else 4.5
-    write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
+    writing.write_numbers(ax, layout.assembly, [one.elements for one in blocks], [one.centroid for one in blocks], size)
     top = book.text(figure, 0.43, [words["loads"]], 12.0)
     rows = load_rows(layout, content.load_factor, words, book.stones, book.language)
     head = [words["case"], words["load"], words["times"]]
@@ -498,9 +492,13 @@ def _stones(book: _Book) -> None:
     head[4] += f" [{book.unit}]"
     rows = []
     for stone in book.stones[:_ROWS]:
-        size = " × ".join(digits(book.length * side) for side in stone.size)
+        size = " × ".join(languages.digits(book.length * side) for side in stone.size)
         waste = f"{100.0 * max(0.0, 1.0 - stone.volume / stone.stock):.0f} %"
-        mass = f"{digits(stone.mass)} kg" if book.scene.units.force in NEWTONS else digits(stone.mass)
+        mass = (
+            f"{languages.digits(stone.mass)} kg"
+            if book.scene.units.force in units.NEWTONS
+            else languages.digits(stone.mass)
+        )
         name = textwrap.shorten(stone.name, 14, placeholder="…")
         rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
     top = book.table(figure, 0.91, head, rows, [0.07, 0.15, 0.09, 0.13, 0.23, 0.1, 0.13, 0.1])
@@ -519,10 +517,10 @@ def _making_words(book: _Book) -> str:
         moulds=sums.moulds,
         cuts=sums.cuts,
         set_ups=sums.set_ups,
-        sawn=f"{digits(metres**2 * sums.sawn)} m²",
-        mass=f"{digits(sums.mass)} kg",
-        heaviest=f"{digits(sums.heaviest)} kg",
-        stock=f"{digits(metres**3 * sums.stock)} m³",
+        sawn=f"{languages.digits(metres**2 * sums.sawn)} m²",
+        mass=f"{languages.digits(sums.mass)} kg",
+        heaviest=f"{languages.digits(sums.heaviest)} kg",
+        stock=f"{languages.digits(metres**3 * sums.stock)} m³",
         waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
     )
     return f"{said} {words['least' if book.content.layout.assembly.dimension == 2 else 'axes']}"
@@ -540,11 +538,11 @@ def _moulds(book: _Book) -> None:
         x = _MARGIN + (place % across) * (1.0 - 2.0 * _MARGIN) / across
         y = 0.9 - (place // across + 1) * height
         ax = figure.add_axes((x, y + 0.1 * height, 0.9 * (1.0 - 2.0 * _MARGIN) / across, 0.72 * height))
-        draw_mould(ax, alike[0], book.length, TINTS[place % len(TINTS)])
+        draw_mould(ax, alike[0], book.length, look.TINTS[place % len(look.TINTS)])
         numbers = ", ".join(str(stone.number) for stone in alike)
         count = book.words["pieces"].format(count=len(alike))
         title = f"{book.words['mould']} {shape}: {count} ({textwrap.shorten(numbers, 12, placeholder='…')})"
-        ax.set_title(title, fontsize=7.5, color=INK, loc="left")
+        ax.set_title(title, fontsize=7.5, color=look.INK, loc="left")
     if len(shapes) > _MOULDS:
         book.text(figure, 0.06, [book.words["more"].format(count=len(shapes) - _MOULDS)])
 
@@ -614,10 +612,10 @@ def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
 def _assumptions(book: _Book) -> list[str]:
     """Return sentences on the values and the model on which the load factor is based."""
     words, scene = book.words, book.scene
-    materials = with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
+    materials = uncertain.with_means(scene.model_dump(mode="json", exclude_defaults=True)["materials"])
     dry, inner = materials.get("dry") or {}, materials.get("inner") or {}
     own, found = scene.units, []
-    force, metre = NEWTONS.get(own.force, 0.0), METRES.get(own.length, 1.0)
+    force, metre = units.NEWTONS.get(own.force, 0.0), units.METRES.get(own.length, 1.0)
     if dry:
         angle = dry.get("friction_angle")
         value = f"{_plain(angle, words)}°" if angle is not None else _plain(dry.get("friction_coefficient"), words)
@@ -631,13 +629,13 @@ def _assumptions(book: _Book) -> list[str]:
     if materials.get("density") is not None:
         # a scene may have any units of mass: its gravity makes a weight of it
         gravity = book.content.layout.assembly.elements.gravity
-        factor, unit = (gravity / GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
+        factor, unit = (gravity / units.GRAVITY * force / metre**3, " kg/m³") if force else (1.0, "")
         found.append(words["density"].format(value=_plain(materials["density"], words, factor) + unit))
     facts = weight_facts(scene, book.content.layout.assembly)
     found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
     # what the file of materials says already stands above
     others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
-    return [*found, words["rigid"], *(phrase_in(book.language, one) for one in others)]
+    return [*found, words["rigid"], *(languages.phrase_in(book.language, one) for one in others)]
 
 
 def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:

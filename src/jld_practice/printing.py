@@ -13,20 +13,19 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
+from jld_core import Deadline, DeadlinePassed, InputError, ParameterError, error_context
+from jld_core import files as core_files
 from jld_core.build import build_assembly
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import Layout
 from jld_core.fields import bounds_by_fields
+from jld_core.fields import problem as fields_problem
 from jld_core.fields.problem import require_planar_fields
 from jld_core.files import require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
-from jld_core.scene import load_scene
-from jld_core.scene.units import METRES
-from jld_explore.cli.layout import best_of_design
-from jld_explore.cli.options import Rank, refuse_itself
-from jld_explore.cli.streams import say
+from jld_core.scene import load_scene, units
+from jld_explore.cli import layout as cli_layout
+from jld_explore.cli import options, streams
 from jld_explore.report import csv_of, read_folder
 from jld_practice.laying import Laying, assembly_order
 from jld_practice.laying.command import start_of_design
@@ -200,9 +199,9 @@ def report(
         Path | None,
         typer.Option("-o", "--out", help="PDF file; default report.pdf in the folder, or beside the scene."),
     ] = None,
-    rank: Rank = None,
+    rank: options.Rank = None,
     language: Annotated[Literal["en", "de", "it"], typer.Option(help="Language of the pages.")] = "en",
-    unit: Annotated[str, typer.Option(help=f"Unit of lengths: {', '.join(METRES)}.")] = "mm",
+    unit: Annotated[str, typer.Option(help=f"Unit of lengths: {', '.join(units.METRES)}.")] = "mm",
     stock: Annotated[
         str | None, typer.Option(help="Place stones in stock cuboids with these sides, in --unit: A,B,C.")
     ] = None,
@@ -214,8 +213,8 @@ def report(
     """
     if not pdf and not pack:
         raise ParameterError("pdf", "nothing is to be written", "`pdf`, `zip` or both")
-    if unit not in METRES:
-        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
+    if unit not in units.METRES:
+        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(units.METRES))
     sides = _sides(stock, pdf, kerf)
     if not source.exists():
         raise InputError(str(source), "it does not exist", "a scene, or a folder of jld explore or jld design")
@@ -224,23 +223,23 @@ def report(
         raise ParameterError(
             "out", f"{target} cannot be written", "a file that ends in .pdf, in a folder that is there"
         )
-    refuse_itself(source, target)
-    require_writable(target)
+    options.refuse_itself(source, target)
+    core_files.require_writable(target)
     if pdf:
         content = content_of(source, rank)
         placed = _placed(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
-        say(f"{target}: {count} page{'s' * (count != 1)}")
+        streams.say(f"{target}: {count} page{'s' * (count != 1)}")
         table = target.with_suffix(".stones.csv")
-        write_text(table, csv_of(stones_table(content.layout, unit)))
-        say(f"{table}: the cutting list")
+        core_files.write_text(table, csv_of(stones_table(content.layout, unit)))
+        streams.say(f"{table}: the cutting list")
         if placed is not None:
             place = target.with_suffix(".stock.csv")
-            write_text(place, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
-            say(f"{place}: {words_of_stock(placed)}")
+            core_files.write_text(place, csv_of(stock_table(placed, content.layout.scene.units.length, unit)))
+            streams.say(f"{place}: {words_of_stock(placed)}")
     if pack:
         archive = target.with_suffix(".zip")
-        say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
+        streams.say(f"{archive}: {_pack(source, archive, target if pdf else None)} files")
 
 
 _FIELDS: Final = 30.0  # longest time for bounds by fields of a layout that has none, s
@@ -274,7 +273,7 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    design = best_of_design(source)
+    design = cli_layout.best_of_design(source)
     if design != source:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
@@ -342,7 +341,7 @@ def _printed(
 
 def _by_fields(layout: Layout) -> tuple[float, float]:
     """Return bounds by fields on the governing factor; InputError where fields do not apply."""
-    require_planar_fields(layout.assembly)
+    fields_problem.require_planar_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
     found = [bounds_by_fields(one, layout.labels, most=most) for one in cases]
@@ -369,7 +368,7 @@ def _pack(source: Path, archive: Path, pdf: Path | None) -> int:
     if pdf is not None:
         written = (pdf, pdf.with_suffix(".stones.csv"), pdf.with_suffix(".stock.csv"))
         named |= {path.name: path for path in written if path.exists()}
-    with whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
+    with core_files.whole_file(archive) as fresh, zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, path in named.items():
             if path == fresh:
                 continue

@@ -8,11 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from jld_core.errors import ParameterError, error_context
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Rank, Source
-from jld_explore.cli.streams import say
+from jld_core import ParameterError, error_context
+from jld_explore.cli import ending, layout, streams
+from jld_explore.cli import options as cli_options
 from jld_practice.reliability.analysis import SAMPLES, Reliability, ReliabilityOptions, analyse, structure_of
 from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison, compare
 from jld_practice.reliability.structure import SampleBounds
@@ -21,8 +19,8 @@ _SHOWN = 12  # number of variables of the printed table, those of largest import
 
 
 def reliability(
-    source: Source,
-    rank: Rank = None,
+    source: cli_options.Source,
+    rank: cli_options.Rank = None,
     against: Annotated[
         int | None, typer.Option(min=1, help="Row of a folder's results.csv: how often the layout carries more.")
     ] = None,
@@ -30,7 +28,7 @@ def reliability(
     samples: Annotated[int, typer.Option(min=1, help="Samples of the simulation.")] = SAMPLES,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per core.")] = None,
-    as_json: AsJson = False,
+    as_json: cli_options.AsJson = False,
 ) -> None:
     """Compute the reliability index of a layout, by the first-order method and by simulation.
 
@@ -38,14 +36,14 @@ def reliability(
     factor is below --required. The exit code is 4 if samples stay undecided.
     """
     options = ReliabilityOptions(required, samples, seed, jobs or os.cpu_count() or 1)
-    scene, assembly, labels, model = layout_of(source, rank, uncertain=True)
+    scene, assembly, labels, model = layout.layout_of(source, rank, uncertain=True)
     if against is not None and not source.is_dir():
         problem = f"{source} is a scene, which has one layout"
         raise ParameterError("against", problem, "a folder written by jld explore")
     with error_context(source):
-        require_whole_faces(model, "reliability")
+        layout.require_whole_faces(model, "reliability")
         structure = structure_of(scene, assembly, labels)
-        other = None if against is None else layout_of(source, against, uncertain=True).labels
+        other = None if against is None else layout.layout_of(source, against, uncertain=True).labels
         found = analyse(structure, labels, options)
         compared = None
         if other is not None:
@@ -61,9 +59,9 @@ def reliability(
             "weaker": compared.weaker,
             "undecided": compared.undecided,
         }
-    say(json.dumps(told, indent=1) if as_json else "\n".join(_lines(scene.name, found, compared, against)))
+    streams.say(json.dumps(told, indent=1) if as_json else "\n".join(_lines(scene.name, found, compared, against)))
     if found.simulation.undecided:
-        raise typer.Exit(UNCERTIFIED)
+        raise typer.Exit(ending.UNCERTIFIED)
 
 
 def _lines(name: str, found: Reliability, compared: Comparison | None, against: int | None) -> list[str]:

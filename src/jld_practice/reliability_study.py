@@ -7,16 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly
-from jld_core.deadline import Deadline
-from jld_core.errors import ParameterError
-from jld_core.files import write_text
+from jld_core import Assembly, Deadline, ParameterError, files
 from jld_core.limit import Status
 from jld_core.scene import Scene
-from jld_explore import Exploration, ExploreSettings, Step, StepContext
+from jld_explore import Exploration, ExploreSettings, Step, StepContext, with_entries
 from jld_explore.report import csv_of
 from jld_explore.space import from_string
-from jld_explore.steps.step import with_entries
 
 FILE: Final = "reliability.csv"  # table of reliability indices in a results folder
 
@@ -70,7 +66,7 @@ class ReliabilityStep(Step):
         import pandas as pd  # slow to import and needed for tables only
 
         entries = self.entries(done, context)
-        write_text(done.folder / FILE, csv_of(pd.DataFrame(entries["layouts"])))
+        files.write_text(done.folder / FILE, csv_of(pd.DataFrame(entries["layouts"])))
         by_labelling = {row["labelling"]: row for row in entries["layouts"]}
         rows = [by_labelling.get(str(labelling), {}) for labelling in done.results["labelling"]]
         columns = {

@@ -13,14 +13,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.errors import InputError
+from jld_core import InputError, files
 from jld_core.exchange import FORMATS, Layout, export
-from jld_core.exchange.formats import formats
-from jld_core.files import write_text
+from jld_core.exchange import formats as exchange_formats
 from jld_core.scene import load_scene
-from jld_explore.report import read_folder
-from jld_explore.report.page_contract import PageData
-from jld_explore.report.page_of_study import study_data, study_page
+from jld_explore.report import page_contract, page_of_study, read_folder
 from jld_studio.jobs import Job, Jobs, orders_for
 from jld_studio.opening import options_of, read_file, received, stated_scene
 from jld_studio.page_start import drawing_data, scene_data
@@ -55,7 +52,7 @@ class Api:
         desk: StudioSession,
         jobs: Jobs,
         root: Path,
-        first: Callable[[], PageData],
+        first: Callable[[], page_contract.PageData],
         drawing: dict[str, Any] | None = None,
     ) -> None:
         self.jobs, self.root, self._first, self._drawing = jobs, root, first, drawing
@@ -213,7 +210,7 @@ class Api:
         job = self.jobs.find(str(asked.get("name")))
         if job.kind == "design":
             return self._opened(self.scenes.add(load_scene(job.scene_file)))
-        return {**study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
+        return {**page_of_study.study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
 
     def _shown(self, job: Job) -> dict[str, Any]:
         """Return "scene" and "changes" of the layouts of a search."""
@@ -231,7 +228,7 @@ class Api:
         job = self.jobs.find(str(asked.get("name")))
         if job.kind == "design":
             return {"name": f"{job.name}.html", "text": _whole_page(job.results)}
-        return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
+        return {"name": f"{job.name}.html", "text": page_of_study.study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Write the candidates of the page to `candidates.json`, and their scenes.
@@ -246,7 +243,7 @@ class Api:
             if isinstance(one, dict):
                 self.scenes.write(one.get("scene"))
         self.root.mkdir(parents=True, exist_ok=True)
-        write_text(self.root / CANDIDATES, json.dumps(kept))
+        files.write_text(self.root / CANDIDATES, json.dumps(kept))
         return {"kept": len(kept)}
 
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
@@ -266,7 +263,7 @@ class Api:
         desk = self._desk(asked)
         setup, labels = desk.setup(_changes(asked)), desk.labels(asked.get("labelling"))
         stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked(asked.get("name"))
-        result = setup.solver.solve(labels) if formats()[str(kind)].analysed else None
+        result = setup.solver.solve(labels) if exchange_formats.formats()[str(kind)].analysed else None
         name = f"{stem}{FORMATS[str(kind)]}"
         with tempfile.TemporaryDirectory() as folder:
             path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)
@@ -289,7 +286,7 @@ class Api:
         if path.exists() and asked.get("overwrite") is not True:
             return {"path": str(path), "exists": True}
         self.root.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(scene, indent=1))
+        files.write_text(path, json.dumps(scene, indent=1))
         return {"path": str(path), "exists": False}
 
 

@@ -12,8 +12,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from jld_core.errors import InputError, SolverError
-from jld_explore.report.page_data import asset, asset_names
+from jld_core import InputError, SolverError
+from jld_explore.report import page_data
 from jld_studio.api import Api
 from jld_studio.evaluation import evaluate
 from jld_studio.guard import Guard
@@ -54,15 +54,15 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
         return answer
 
     async def page(_: Request) -> Response:
-        return HTMLResponse(asset("studio.html", "studio"))
+        return HTMLResponse(page_data.asset("studio.html", "studio"))
 
-    ours, shared = asset_names("studio"), asset_names()
+    ours, shared = page_data.asset_names("studio"), page_data.asset_names()
 
     async def file(request: Request) -> Response:
         name = request.path_params["name"]
         if name not in ours and name not in shared:
             return Response("no such file\n", status_code=404, media_type="text/plain")
-        text = asset(name, "studio" if name in ours else "report")
+        text = page_data.asset(name, "studio" if name in ours else "report")
         return Response(text, media_type=KINDS[name.rpartition(".")[2]])
 
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {

@@ -7,12 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly
+from jld_core import Assembly
 from jld_core.limit import LimitAnalysisResult
-from jld_core.scene import Scene
-from jld_core.scene.fill import FillLoad
-from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
-from jld_core.scene.units import NEWTONS
+from jld_core.scene import FillLoad, Scene, loads, units
 
 METRIC: Final = ("MN", "kN", "N")
 """Units of force among which a number chooses the largest in which it is at least 1."""
@@ -63,16 +60,16 @@ def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequenc
     return found
 
 
-def _text(entry: LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
+def _text(entry: loads.LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
     """State λ times one live load. weight: of all free elements together. factor: λ, or none."""
     if factor is None or not np.isfinite(factor):
         return ""
     force, length = scene.units.force, scene.units.length
-    if isinstance(entry, BodyLoad):
+    if isinstance(entry, loads.BodyLoad):
         return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
     if isinstance(entry, FillLoad):
         return _size(factor * entry.weight, force)
-    if isinstance(entry, FaceLoad):
+    if isinstance(entry, loads.FaceLoad):
         ends = entry.ends[:1] if entry.ends[0] == entry.ends[1] else entry.ends
         stress = _range([factor * end for end in ends], force, f"/{length}²")
         if scene.dimension == 3:
@@ -94,7 +91,7 @@ def _range(values: Sequence[float], unit: str, behind: str) -> str:
 def _size(value: float, unit: str, behind: str = "") -> str:
     """State a force with four digits, metric ones in a unit that fits their size."""
     if unit in METRIC:
-        newtons = value * NEWTONS[unit]
-        unit = next((name for name in METRIC if abs(newtons) >= NEWTONS[name]), unit)
-        value = newtons / NEWTONS[unit]
+        newtons = value * units.NEWTONS[unit]
+        unit = next((name for name in METRIC if abs(newtons) >= units.NEWTONS[name]), unit)
+        value = newtons / units.NEWTONS[unit]
     return f"{value:.4g} {unit}{behind}".replace("-", "−")

@@ -8,21 +8,8 @@ from typing import Annotated
 import typer
 
 from jld_core.exchange import ImportOptions
-from jld_explore.cli.options import (
-    DryLayers,
-    FileUnit,
-    HoleLayers,
-    InnerLayers,
-    LoadLayers,
-    OnlyLayers,
-    SkippedLayers,
-    SupportLayers,
-    Thickness,
-    Tolerance,
-    Up,
-    layer_options,
-)
-from jld_explore.cli.streams import say
+from jld_explore.cli import options as cli_options
+from jld_explore.cli import streams
 
 
 def studio(
@@ -32,17 +19,17 @@ def studio(
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
-    layer: OnlyLayers = None,
-    skip: SkippedLayers = None,
-    hole: HoleLayers = None,
-    support: SupportLayers = None,
-    load: LoadLayers = None,
-    dry: DryLayers = None,
-    inner: InnerLayers = None,
-    thickness: Thickness = None,
-    tolerance: Tolerance = None,
-    unit: FileUnit = None,
-    up: Up = None,
+    layer: cli_options.OnlyLayers = None,
+    skip: cli_options.SkippedLayers = None,
+    hole: cli_options.HoleLayers = None,
+    support: cli_options.SupportLayers = None,
+    load: cli_options.LoadLayers = None,
+    dry: cli_options.DryLayers = None,
+    inner: cli_options.InnerLayers = None,
+    thickness: cli_options.Thickness = None,
+    tolerance: cli_options.Tolerance = None,
+    unit: cli_options.FileUnit = None,
+    up: cli_options.Up = None,
 ) -> None:
     """Serve a page on this machine on which the proven load of a layout follows each change.
 
@@ -51,6 +38,8 @@ def studio(
     """
     from jld_studio import open_studio
 
-    layers = layer_options(layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner)
+    layers = cli_options.layer_options(
+        layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner
+    )
     options = ImportOptions(thickness=thickness, tolerance=tolerance, unit=unit, up=up, **layers)
-    open_studio(source, port, say, browser, options)
+    open_studio(source, port, streams.say, browser, options)

@@ -9,12 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
-from jld_core.fields.bounds import FieldBounds, FieldRefinement
+from jld_core import Assembly, Bits, InputError
+from jld_core.fields import bounds as fields_bounds
 from jld_core.limit import governing, number
-from jld_core.models.by_fields import case_bounds_of
+from jld_core.models import by_fields
 
 SECONDS: Final = 2.0
 """Time within which the bracket of a layout is refined, s of work; no mesh is begun that is expected to end later."""
@@ -39,11 +37,11 @@ class FieldBracket:
 
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
         self._assembly = assembly
-        self._cases = [FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
+        self._cases = [fields_bounds.FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
         largest = max(case.simplices for case in self._cases)
         if largest > LARGEST:
             raise InputError("cracks", f"{largest} triangles are too many to follow by hand", "the command `jld solve`")
-        self._bounds: list[FieldBounds | None] = [None] * len(self._cases)
+        self._bounds: list[fields_bounds.FieldBounds | None] = [None] * len(self._cases)
 
     def step(self) -> dict[str, Any]:
         """Solve one more mesh, if there is time, and return the bounds so far.
@@ -57,7 +55,9 @@ class FieldBracket:
         if case is not None:
             self._bounds[case] = self._cases[case].step()
         known = [bounds for bounds in self._bounds if bounds is not None]
-        found = governing([case_bounds_of(bounds) for bounds in known], self._assembly.required.tolist()[: len(known)])
+        found = governing(
+            [by_fields.case_bounds_of(bounds) for bounds in known], self._assembly.required.tolist()[: len(known)]
+        )
         ready = len(known) == len(self._bounds)
         return {
             "bracket": [number(found.low) if ready else None, number(found.high)],

@@ -19,8 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, Literal, get_args
 
-from jld_core.errors import InputError
-from jld_core.files import write_text
+from jld_core import InputError, files
 
 Kind = Literal["improve", "prove", "explore", "design", "study"]
 """Purpose of a search; "study" is a study begun outside the studio, "design" is `jld design` of a file."""
@@ -135,7 +134,7 @@ class Jobs:
         """
 
         def fill(folder: Path) -> None:
-            write_text(folder / "scene.json", json.dumps(scene, indent=1))
+            files.write_text(folder / "scene.json", json.dumps(scene, indent=1))
 
         return self._begin(kind, orders, fill, shown or {})
 
@@ -240,7 +239,7 @@ class Jobs:
         resume = job.results.exists() and any(job.results.iterdir())
         told = {"kind": job.kind, "orders": job.orders, "shown": job.shown, "done": False}
         if job.kind != "study":
-            write_text(job.folder / ORDERS, json.dumps(told))
+            files.write_text(job.folder / ORDERS, json.dumps(told))
         if job.kind == "design":
             _, name, outline, _, _, *options = job.orders["command"]
             command = ["jld_explore", name, str(job.folder / "outline" / outline), "-o", str(job.results), *options]
@@ -287,7 +286,7 @@ class Jobs:
             job.state = "done" if code == 0 else "stopped" if stopped else "failed"
         if job.kind != "study":
             try:
-                write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+                files.write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
             except OSError as error:
                 with self._turn:
                     problem = f"{job.folder / ORDERS}: {error.strerror or error}; expected room to write it"

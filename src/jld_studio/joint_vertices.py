@@ -8,12 +8,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
+from jld_core import Assembly, Bits, Floats, InputError
 from jld_core.limit import number
 from jld_core.scene import Scene
-from jld_core.scene.move import Move
+from jld_core.scene import move as scene_move
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_geometry.optimise import move_joints
@@ -40,7 +38,9 @@ class JointVertices:
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         self._assembly, self._move = assembly, scene.move
         self.mesh: VertexMesh = vertex_mesh(assembly)
-        move = (scene.move or Move()).model_copy(update={"ties": "none", "inner": "stay", "maximise": "load_factor"})
+        move = (scene.move or scene_move.Move()).model_copy(
+            update={"ties": "none", "inner": "stay", "maximise": "load_factor"}
+        )
         every = np.ones(len(assembly.interfaces), dtype=bool)
         self._variables: Variables = variables_of(assembly, every, self.mesh, move)
         self._movable = set(self._variables.vertex.tolist())
@@ -125,7 +125,7 @@ class JointVertices:
         """
         # Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states
         # another objective.
-        move = (scene.move or Move(inner="follow")).model_copy(update={"maximise": "load_factor"})
+        move = (scene.move or scene_move.Move(inner="follow")).model_copy(update={"maximise": "load_factor"})
         shown = scene.model_copy(update={"move": move})
         done = move_joints(shown, assembly, labels, seconds=SECONDS, trust=TrustRegion(points=STEPS))
         # the mesh of what is shown may number its vertices in another way

@@ -14,18 +14,13 @@ import uuid
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from jld_core.assembly import Assembly
+from jld_core import Assembly, InputError, ParameterError
 from jld_core.build import build_assembly
-from jld_core.errors import InputError, ParameterError
 from jld_core.limit import LimitAnalysisResult, Result
 from jld_core.models import solve_by_elements
 from jld_core.scene import Scene
-from jld_core.views import notebook
-from jld_core.views.small_pictures import png_of
-from jld_explore.report import Exploration, words
-from jld_explore.report.page_contract import PageData
-from jld_explore.report.page_data import asset, page
-from jld_explore.report.page_of_study import result_data, study_data
+from jld_core.views import notebook, png_of
+from jld_explore.report import Exploration, page_contract, page_data, page_of_study, words
 from jld_studio.notebook_kernel import LayoutSolver, bonded, structure_of
 
 if TYPE_CHECKING:
@@ -55,13 +50,15 @@ class NotebookPage:
     solver: solver of the layouts of the page. height: height of the frame, pixels.
     """
 
-    def __init__(self, title: str, plain: str, pages: Iterator[PageData], solver: LayoutSolver, height: int) -> None:
+    def __init__(
+        self, title: str, plain: str, pages: Iterator[page_contract.PageData], solver: LayoutSolver, height: int
+    ) -> None:
         self._title, self._solver, self._height = title, solver, height
         self._name = uuid.uuid4().hex
         self._plain = plain
         # A frame that makes the output larger than LARGEST gives way to that of the next smaller page, or to none.
         first = next(pages)
-        data: PageData | None = first
+        data: page_contract.PageData | None = first
         frame: str | None = _frame(first, height)
         while frame is not None and len(plain) + len(frame) > LARGEST:
             data = next(pages, None)
@@ -106,7 +103,7 @@ class NotebookPage:
         import traitlets
 
         members = {
-            "_esm": asset("bridge.js"),
+            "_esm": page_data.asset("bridge.js"),
             "page": traitlets.Unicode("").tag(sync=True),
             "__repr__": lambda _: _BRIDGE,  # what is seen of it where nothing shows widgets
         }
@@ -121,7 +118,7 @@ class NotebookPage:
         """
         kind = asked.get("kind")
         if kind == "page":
-            return {"kind": "page", "html": page(self._data), "height": self._height}
+            return {"kind": "page", "html": page_data.page(self._data), "height": self._height}
         if kind != "solve":
             return {"kind": "hello"}
         try:
@@ -156,7 +153,7 @@ def make_page(thing: object, height: int | None = None) -> NotebookPage:
 def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -> NotebookPage:
     """Return the page of one layout; `scene` is None where only its assembly is known."""
     structure = structure_of(scene, found.assembly)
-    data = result_data(scene, found)
+    data = page_of_study.result_data(scene, found)
     fixed = scene is None and bonded(found.assembly)
     data["notebook"] = {"materials": structure.materials, "why": _BOND if fixed else _why(), "fixed": fixed}
     facts = {fact["name"]: fact["value"] for fact in data["facts"]}
@@ -171,9 +168,9 @@ def _study_page(done: Exploration, height: int) -> NotebookPage:
     structure = structure_of(done.scene, done.assembly)
     fixed = done.scene.cracks != "faces"
 
-    def pages() -> Iterator[PageData]:
+    def pages() -> Iterator[page_contract.PageData]:
         for most, solved in _ROWS:
-            data = study_data(done, most=most, solved=solved)
+            data = page_of_study.study_data(done, most=most, solved=solved)
             data["notebook"] = {"materials": structure.materials, "why": _FIELDS if fixed else _why(), "fixed": fixed}
             yield data
 
@@ -191,10 +188,12 @@ def _plain(title: str, facts: Mapping[str, str], drawing: Figure | None, *tables
     return notebook.page(title, facts, None if drawing is None else png_of(drawing), *tables)
 
 
-def _frame(data: PageData, height: int) -> str:
+def _frame(data: page_contract.PageData, height: int) -> str:
     """Return a frame with the page, which unpacks itself."""
-    packed = base64.b64encode(gzip.compress(page(data).encode("utf-8"), compresslevel=9, mtime=0)).decode("ascii")
-    text = asset("frame.html").replace("{{packed}}", packed)
+    packed = base64.b64encode(gzip.compress(page_data.page(data).encode("utf-8"), compresslevel=9, mtime=0)).decode(
+        "ascii"
+    )
+    text = page_data.asset("frame.html").replace("{{packed}}", packed)
     style = f"width: 100%; height: {height}px; border: 1px solid #888"
     return f'<iframe title="interactive page" style="{style}" srcdoc="{html.escape(text)}"></iframe>'
 

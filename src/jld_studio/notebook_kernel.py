@@ -10,26 +10,29 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
+from jld_core import Assembly, FACTS, InputError, Route, sub_assembly
 from jld_core.assembly import Assembly, with_members
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_geometry
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
+from jld_core.models import CaseAnalysis
 from jld_core.models.case_analysis import CaseAnalysis
-from jld_core.scene import Scene, parse_scene
+from jld_core.scene import Scene, parse_scene, standard
 from jld_core.scene.standard import PARAMETERS
-from jld_core.strengths import CRITERIA, STANDARD, Route
+from jld_core.strengths import CRITERIA, Route, STANDARD
+from jld_explore.report import page_contract, page_data
 from jld_explore.report.page_contract import Solution
 from jld_explore.report.page_data import solution_of, within
-from jld_explore.space import from_string
+from jld_explore.space import cut, from_string
 from jld_explore.space.void import cut
 
-_ROUTE: Final = Route("sliders of materials", STANDARD | CRITERIA)  # faces with a criterion have none
+_ROUTE: Final = Route("sliders of materials", frozenset(FACTS))  # faces with a criterion have none
 
 _KEPT: Final = 8  # number of materials whose analyses are stored
 
 # Field of `Strengths` of each material value that a slider may state
-_STRENGTHS: Final = {(one.label, one.key): one.field for one in PARAMETERS}
+_STRENGTHS: Final = {(one.label, one.key): one.field for one in standard.PARAMETERS}
 
 
 class Structure(Protocol):
@@ -112,7 +115,7 @@ class LayoutSolver:
         self._structure, self._model = structure, model
         self._kept: OrderedDict[str, CaseAnalysis] = OrderedDict()
 
-    def solve(self, letters: object, materials: object) -> Solution:
+    def solve(self, letters: object, materials: object) -> page_contract.Solution:
         """Solve a layout under materials, and return what a page draws of it.
 
         letters: d, i and v, one for each face. materials: in the form of a scene file. Raises InputError if either is
@@ -132,5 +135,7 @@ class LayoutSolver:
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d, i or v")
         if "v" in letters:
             rest, labels = cut(analysis.assembly, letters)
-            return within(solution_of(CaseAnalysis(rest, self._model).solve(labels)), analysis.assembly, letters)
-        return solution_of(analysis.solve(with_members(analysis.assembly, from_string(letters))))
+            return page_data.within(
+                page_data.solution_of(CaseAnalysis(rest, self._model).solve(labels)), analysis.assembly, letters
+            )
+        return page_data.solution_of(analysis.solve(sub_assembly.with_members(analysis.assembly, from_string(letters))))

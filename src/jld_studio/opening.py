@@ -12,16 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.build import build_assembly
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError
+from jld_core import InputError
+from jld_core.build import build_assembly, build_geometry
 from jld_core.exchange import Imported, ImportOptions, Report, import_file
-from jld_core.exchange.options import LAYER_ROLES, in_words, measure, several
-from jld_core.scene import Scene, load_scene, parse_scene
-from jld_core.scene.cracks import CellCracks
-from jld_core.scene.reading import NeedsImport
+from jld_core.exchange import options as exchange_options
+from jld_core.scene import NeedsImport, Scene, cracks, load_scene, parse_scene
 
-LAYERS: Final = (*LAYER_ROLES, "layer")
+LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")
 """Options of an import that name layers."""
 NUMBERS: Final = ("thickness", "tolerance", "facet")
 """Options of an import that are lengths."""
@@ -68,7 +65,7 @@ def received(name: object, content: object) -> Iterator[Path]:
 
 def require_followed(scene: Scene, where: str) -> Scene:
     """Return a scene; raise InputError if the studio does not support it."""
-    if isinstance(scene.cracks, CellCracks):
+    if isinstance(scene.cracks, cracks.CellCracks):
         raise InputError(
             f"{where}: cracks", "the studio supports cracks by faces and by fields only", '"faces" or "fields"'
         )
@@ -80,9 +77,10 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
     scene = stated_scene(path)
     if scene is not None:
         entries = [one.model_dump(mode="json", exclude_defaults=True) for one in build_geometry(scene).entries]
-        measured = measure(entries)
-        counted = f"{several(measured.free, 'element')} and {several(len(entries) - measured.free, 'support')}"
-        return OpenedFile(scene, (("found", f"{counted}, {in_words(measured, scene.units.length)}"),))
+        measured = exchange_options.measure(entries)
+        supports = exchange_options.several(len(entries) - measured.free, "support")
+        counted = f"{exchange_options.several(measured.free, 'element')} and {supports}"
+        return OpenedFile(scene, (("found", f"{counted}, {exchange_options.in_words(measured, scene.units.length)}"),))
     found = import_file(path, options)
     said = tuple((kind, on_page(text)) for kind, text in sentences(found.report))
     return OpenedFile(scene_of(found, path), said, found.unit)

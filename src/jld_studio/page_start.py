@@ -8,46 +8,49 @@ from typing import Any
 from jld_core.build import build_assembly
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene
-from jld_explore.report import read_folder
-from jld_explore.report.page_contract import PageData
-from jld_explore.report.page_data import page_data, solution_of
-from jld_explore.report.page_of_study import study_data
+from jld_explore.report import page_contract, page_of_study, read_folder
+from jld_explore.report import page_data as report_page_data
 from jld_studio.session import CHANGEABLE, StudioSession
 
 
-def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
+def first_data(desk: StudioSession, root: Path, study: Path | None) -> page_contract.PageData:
     """Return the data with which the page starts: the table of a study, or the scene with its own labels solved."""
     if study is not None:
         extra = _extra(desk, root)
         done = read_folder(study)
-        found = study_data(done, patience=0.5, kind="studio", studio=extra)
+        found = page_of_study.study_data(done, patience=0.5, kind="studio", studio=extra)
         best = done.summary.best_labelling
         if found["solutions"] or best is None:
             return found
         # a table by fields holds no forces of rigid elements, which the page begins with
-        return {**found, "solutions": {"0": solution_of(desk.setup({}).solver.solve(desk.labels(best)))}}
+        return {
+            **found,
+            "solutions": {"0": report_page_data.solution_of(desk.setup({}).solver.solve(desk.labels(best)))},
+        }
     return scene_data(desk, root)
 
 
-def scene_data(desk: StudioSession, root: Path) -> PageData:
+def scene_data(desk: StudioSession, root: Path) -> page_contract.PageData:
     """Return the page data of a scene with its own labels, solved; arguments are those of `first_data`."""
     setup = desk.setup({})
     assembly = setup.assembly
-    return page_data(
+    return report_page_data.page_data(
         kind="studio",
         scene=desk.scene,
         assembly=assembly,
         candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
         facts={},
-        solutions={0: solution_of(setup.solver.solve(assembly.labels))},
+        solutions={0: report_page_data.solution_of(setup.solver.solve(assembly.labels))},
         studio=_extra(desk, root),
     )
 
 
-def drawing_data(scene: Scene) -> PageData:
+def drawing_data(scene: Scene) -> page_contract.PageData:
     """Return the data in which the page draws layouts of a scene, without a solution."""
     assembly = build_assembly(scene)
-    return page_data(kind="studio", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={})
+    return report_page_data.page_data(
+        kind="studio", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={}
+    )
 
 
 def _extra(desk: StudioSession, root: Path) -> dict[str, Any]:

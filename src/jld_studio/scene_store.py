@@ -10,8 +10,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.errors import InputError
-from jld_core.files import write_text
+from jld_core import InputError, files
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_studio.session import StudioSession
 
@@ -70,7 +69,7 @@ class SceneStore:
         with self._turn:
             document = self.find(name).document
         self._folder.mkdir(parents=True, exist_ok=True)
-        write_text(self._file(name), json.dumps(document))
+        files.write_text(self._file(name), json.dumps(document))
 
     def _file(self, name: object) -> Path:
         """Return the file of a stored scene; raise InputError for an invalid name."""

@@ -12,9 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions
-from jld_core.exchange.formats import readers
+from jld_core import InputError, ParameterError
+from jld_core.exchange import ImportOptions, formats
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import read_folder
 from jld_studio.opening import read_file, require_followed, stated
@@ -152,7 +151,7 @@ def opened(
 
 def is_drawing(source: Path) -> bool:
     """Return True for a drawing or a file of solids, by the ending of its name."""
-    return not source.is_dir() and source.suffix.lower().lstrip(".") in set(readers()) - {"json"}
+    return not source.is_dir() and source.suffix.lower().lstrip(".") in set(formats.readers()) - {"json"}
 
 
 def _drawing(source: Path, options: ImportOptions) -> dict[str, Any] | None:

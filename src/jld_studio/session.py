@@ -12,18 +12,21 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import Assembly, Bits, InputError, one_thread, sub_assembly
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly, faces_of, with_members
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_geometry
 from jld_core.build.assemble import build_geometry
 from jld_core.errors import InputError
+from jld_core.models import CaseAnalysis
 from jld_core.models.case_analysis import CaseAnalysis
-from jld_core.scene import Scene, parse_scene
+from jld_core.scene import Scene, cracks as scene_cracks, parse_scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread
+from jld_explore.report import columns, page_data
 from jld_explore.report.columns import DIGITS, rounded
 from jld_explore.report.page_data import cases_of, loads_of, solution_of
-from jld_explore.space import LETTERS, SearchSpace, from_string, search_space
+from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
 from jld_explore.space.reasons import reasons_against
 from jld_geometry.moved_scene import MovedScene
 from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
@@ -152,7 +155,7 @@ class StudioSession:
         count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return with_members(assembly, from_string(letters))
+        return sub_assembly.with_members(assembly, from_string(letters))
 
     @one_thread()
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -171,9 +174,9 @@ class StudioSession:
         space, count = setup.space, setup.assembly.faces
         against = None if space is None else reasons_against(space, labels)
         return {
-            "solution": solution_of(found),
-            "cases": cases_of(setup.assembly),
-            "loads": loads_of(setup.assembly),
+            "solution": page_data.solution_of(found),
+            "cases": page_data.cases_of(setup.assembly),
+            "loads": page_data.loads_of(setup.assembly),
             "collapse": collapse_loads(setup.scene, setup.assembly, found),
             "bodies": _bodies(setup.assembly),
             "against": against,
@@ -194,7 +197,9 @@ class StudioSession:
     def fields(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return bounds by fields on λ of a labelling, refined by one mesh at each call."""
         setup, cracks = self.setup(changes), self.scene.cracks
-        gap = cracks.gap if isinstance(cracks, FieldCracks) else FieldCracks(kind="fields").gap
+        gap = (
+            cracks.gap if isinstance(cracks, scene_cracks.FieldCracks) else scene_cracks.FieldCracks(kind="fields").gap
+        )
         found = self._brackets.step(setup.assembly, self.labels(letters), gap)
         if "cases" in found:
             found["collapse"] = texts_of_bounds(setup.scene, setup.assembly, found["cases"])
@@ -212,7 +217,7 @@ class StudioSession:
             moved = joints.scene(scene, labels, joints.placed(changes["vertices"]))
             return moved.model_dump(mode="json", exclude_defaults=True)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        ids, faces = setup.assembly.elements.ids, faces_of(setup.assembly).interfaces
+        ids, faces = setup.assembly.elements.ids, sub_assembly.faces_of(setup.assembly).interfaces
         pairs: dict[tuple[str, str], set[bool]] = {}
         for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)
@@ -256,4 +261,4 @@ def _bodies(assembly: Assembly) -> dict[str, Any]:
     """Return "centroids" and "weights" of all elements, as `structure_of` has them."""
     elements = assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
-    return {"centroids": rounded(elements.centroid), "weights": rounded(weight, DIGITS)}
+    return {"centroids": columns.rounded(elements.centroid), "weights": columns.rounded(weight, columns.DIGITS)}

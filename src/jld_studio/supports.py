@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from jld_core.errors import InputError
+from jld_core import InputError
 
 _CELL: Final = re.compile(r"c(\d+)r(\d+)")  # pattern of the name of a cell of a grid: column and row
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"  # letters from which a cell that is no longer a support takes its own

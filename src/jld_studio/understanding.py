@@ -13,14 +13,9 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.errors import InputError
-from jld_core.exchange import Imported, ImportOptions, Notes, Solids
-from jld_core.exchange.drawing import planar_scene
-from jld_core.exchange.drawn_loads import Drawing, Mark, SolidMark
-from jld_core.exchange.libraries import in_own_process, reader_of, reading, without_collection
-from jld_core.exchange.paths import Path as Outline
-from jld_core.exchange.solids import spatial_scene
-from jld_core.plugins import entry_points
+from jld_core import InputError, plugins
+from jld_core.exchange import Imported, ImportOptions, Notes, Solids, drawn_loads, libraries, planar_scene, solids
+from jld_core.exchange import paths as exchange_paths
 from jld_studio.opening import LAYERS, on_page, scene_of, sentences, stated
 
 DESIGNED: Final = {"mass": "block-mass", "force": "load", "seconds": "seconds"}
@@ -49,18 +44,20 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
     option that is advised, and "undesigned", why no design can start; "commands", those of the command line. Raises
     InputError for a file or options that cannot be read, or not in time.
     """
-    reader_of(path)  # there is such a file
+    libraries.reader_of(path)  # there is such a file
     seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
-    with reading(path):
-        found: dict[str, Any] = in_own_process(_understood, path.absolute(), options, settings, seconds=seconds)
+    with libraries.reading(path):
+        found: dict[str, Any] = libraries.in_own_process(
+            _understood, path.absolute(), options, settings, seconds=seconds
+        )
     return found
 
 
 def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return what an import understands of a file, as `understood`."""
-    notes, read = Notes(), reader_of(path).read
+    notes, read = Notes(), libraries.reader_of(path).read
     assert read is not None
-    with reading(path), without_collection():
+    with libraries.reading(path), libraries.without_collection():
         content = drawn = read(path, options, notes)
         if options.skip or options.layer:  # some readers leave out what is not to be read
             drawn = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
@@ -69,16 +66,18 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
     if refused is not None and _LACKING in refused.problem:  # a design adds supports
         found, again, undesigned = _tried(path, content, options, notes, feet=True)
         tried = again if undesigned is None else tried
-    if "design" not in entry_points("jld.commands"):
+    if "design" not in plugins.entry_points("jld.commands"):
         undesigned = InputError("jld design", "it is not installed", "pip install jld, whole")
-    parts = _planar(drawn, options, found) if isinstance(drawn, Drawing) else _spatial(drawn, options, found)
+    parts = (
+        _planar(drawn, options, found) if isinstance(drawn, drawn_loads.Drawing) else _spatial(drawn, options, found)
+    )
     layers = _layers(drawn, options)
     facts = {} if found is None else found.facts()
     return {
         "report": [[kind, *_advised(text, layers)] for kind, text in sentences(tried.report())],
         "refused": None if refused is None else [_line(refused), _remedy(str(refused), layers)],
         "undesigned": None if undesigned is None else _line(undesigned),
-        "planar": isinstance(drawn, Drawing),
+        "planar": isinstance(drawn, drawn_loads.Drawing),
         "layers": list(layers.values()),
         **parts,
         "size": facts.get("size"),
@@ -115,16 +114,16 @@ def design_command(file: str, out: str, options: ImportOptions, settings: Mappin
 
 
 def _tried(
-    path: Path, content: Drawing | Solids, options: ImportOptions, notes: Notes, *, feet: bool
+    path: Path, content: drawn_loads.Drawing | Solids, options: ImportOptions, notes: Notes, *, feet: bool
 ) -> tuple[Imported | None, Notes, InputError | None]:
     """Import the content of a file; return the result, what was said, and why it makes no scene."""
     said, found = copy.deepcopy(notes), None
     try:
-        with reading(path), without_collection():
-            if isinstance(content, Drawing):
+        with libraries.reading(path), libraries.without_collection():
+            if isinstance(content, drawn_loads.Drawing):
                 found = planar_scene(content, options, said, feet=feet)
             else:
-                found = spatial_scene(content, options, said, feet=feet)
+                found = solids.spatial_scene(content, options, said, feet=feet)
         scene_of(found, path)
     except InputError as error:
         if error.parameter:
@@ -161,10 +160,12 @@ def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:
         return None
 
 
-def _layers(drawn: Drawing | Solids, options: ImportOptions) -> dict[str, dict[str, Any]]:
+def _layers(drawn: drawn_loads.Drawing | Solids, options: ImportOptions) -> dict[str, dict[str, Any]]:
     """Return name, role, role by its name alone, and number of shapes of each layer of a file."""
-    planar, plain = isinstance(drawn, Drawing), ImportOptions()
-    shapes = [p.layer for p in drawn.paths] if isinstance(drawn, Drawing) else [p.group for p in drawn.parts]
+    planar, plain = isinstance(drawn, drawn_loads.Drawing), ImportOptions()
+    shapes = (
+        [p.layer for p in drawn.paths] if isinstance(drawn, drawn_loads.Drawing) else [p.group for p in drawn.parts]
+    )
     marks = [mark.layer for mark in drawn.marks]
     found: dict[str, dict[str, Any]] = {}
     for layer in [*shapes, *marks]:
@@ -182,7 +183,7 @@ def _role(layer: str, name: str, options: ImportOptions, *, planar: bool) -> str
     return "support" if options.role(layer) == "support" else "block" if options.chosen(layer, name) else "skip"
 
 
-def _planar(drawn: Drawing, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
+def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
     """Return "shapes" and "elements" of a drawing, in its unit."""
     entries = [] if found is None else found.document["elements"]
     scale, doubted = (1.0, ()) if found is None else (found.scale, found.report.doubted)
@@ -209,13 +210,15 @@ def _planar(drawn: Drawing, options: ImportOptions, found: Imported | None) -> d
     return {"shapes": shapes, "elements": elements, "marks": marks}
 
 
-def _mark(mark: Mark | SolidMark, start: Any, end: Any, options: ImportOptions) -> dict[str, Any]:
+def _mark(
+    mark: drawn_loads.Mark | drawn_loads.SolidMark, start: Any, end: Any, options: ImportOptions
+) -> dict[str, Any]:
     """Return a point, text or arrow."""
     ends = {name: None if at is None else [float(v) for v in at] for name, at in (("at", start), ("end", end))}
     return {**ends, "text": mark.text or "", "layer": mark.layer, "role": options.role(mark.layer) or "block"}
 
 
-def _used(paths: Sequence[Outline], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
+def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
     """Return for each path whether it lies on boundaries of elements."""
     if not elements:
         return [True] * len(paths)

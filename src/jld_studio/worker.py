@@ -13,11 +13,10 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core.errors import InputError
+from jld_core import InputError
 from jld_core.scene import load_scene
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, Interrupted, Progress, explore
 from jld_explore.evaluation import raise_deferred
-from jld_explore.search.state import Interrupted, Progress
 
 EVERY: Final = 0.2
 """Smallest time between two progress reports, s."""

@@ -19,7 +19,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.library import dry_shares, narrow, samples, tries_of
 from jld_core.batch.rows import BatchRows, pattern_of, rows_of
-from jld_core.mechanics import Rows
+from jld_core.mechanics.yield_set import Rows
 from jld_core.program import Template
 
 _FATES: Final = interface.codes("JldFate")

@@ -1,17 +1,41 @@
 """Conversion of a scene to an assembly: elements, interfaces, materials, loads.
 
 - `build_assembly`: convert a scene to an assembly
+- `build_geometry`: compute the elements and interfaces of a scene
 - `build_robust`: convert a scene to an assembly with the low material values
-- `faces_of_pairs`: return the mask of the interfaces between pairs of elements
+- `cases_of_scene`: return the load cases of a scene, stated ones and those of moving loads and pushes
+- `materials`: conversion of materials to strengths per interface and self-weights per element
+- `settlements`: conversion of a scene's settlements to velocities of its supports
+- `weight_facts`: return thickness, density and weight of all free elements as texts with units
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from jld_core.build.assemble import build_assembly, build_robust
-from jld_core.build.elements import faces_of_pairs
+from jld_core.lazy_exports import export_lazily
+
+if TYPE_CHECKING:
+    from jld_core.build import materials, settlements
+    from jld_core.build.assemble import build_geometry, cases_of_scene
+    from jld_core.build.plausibility import weight_facts
 
 __all__ = [
     "build_assembly",
+    "build_geometry",
     "build_robust",
-    "faces_of_pairs",
+    "cases_of_scene",
+    "materials",
+    "settlements",
+    "weight_facts",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "assemble": ["build_geometry", "cases_of_scene"],
+        "plausibility": ["weight_facts"],
+    },
+    submodules=["materials", "settlements"],
+)

@@ -38,10 +38,19 @@ _NAMED = 4  # largest number of values with uncertainty that a sentence names
 
 
 def build_geometry(scene: Scene) -> Geometry:
-    """Compute the elements, without weights, and interfaces of a scene.
+    """Compute the elements and interfaces of a scene, which are independent of materials and loads.
 
-    Both do not depend on materials and loads. Raises InputError also for an element without a path of interfaces to a
-    support.
+    Raises InputError: geometry or references are invalid, or an element has no path of interfaces to a support.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+
+    Returns
+    -------
+    Geometry
+        Elements without weights, interfaces, and the scene's own entries for both.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry)
@@ -235,7 +244,19 @@ def _cases(scene: Scene, boundary: Boundary) -> tuple[LoadCase, ...]:
 def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
     """Return the load cases of a scene, with those of moving loads and pushes.
 
-    Raise InputError for names used twice.
+    Raises InputError for invalid paths or directions, and for names used twice.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    elements : Elements
+        Its elements.
+
+    Returns
+    -------
+    list of PlacedCase
+        Load cases.
     """
     direction, backing = materials.direction_of_weight(scene), _backing(scene, elements)
     stated = [PlacedCase(f"loads.cases[{position}]", case) for position, case in enumerate(scene.loads.cases or [])]

@@ -12,15 +12,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.geometry import (
-    Faces,
-    facets_of,
-    find_planar_contacts,
-    find_spatial_contacts,
-    near_pairs,
-    snap_solids,
-    solids,
-)
+from jld_core.geometry import Faces, facets_of, find_planar_contacts, snap_solids, solids
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
@@ -34,6 +26,8 @@ from jld_core.geometry.snapping import snap_polygons
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     check_overlaps,
+    find_spatial_contacts,
+    near_pairs,
     near_solids,
     nearer_pairs,
     spatial_interfaces,

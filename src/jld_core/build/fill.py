@@ -21,7 +21,8 @@ from jld_core.assembly import Elements
 from jld_core.errors import InputError
 from jld_core.loads import Traction, edge_traction
 from jld_core.members import Members
-from jld_core.scene.fill import Fill, FillLoad
+from jld_core.scene import FillLoad
+from jld_core.scene.fill import Fill
 
 PointEntry = tuple[int, Floats, Floats, float | None, bool]
 """Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""

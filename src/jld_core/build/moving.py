@@ -13,8 +13,8 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Elements
 from jld_core.build.fill import Backing
 from jld_core.errors import InputError
-from jld_core.scene import PointLoad
-from jld_core.scene.fill import FillLoad, Strip
+from jld_core.scene import FillLoad, PointLoad
+from jld_core.scene.fill import Strip
 from jld_core.scene.loads import Case, LoadEntry, MovingLoad
 
 

@@ -9,8 +9,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.errors import InputError
-from jld_core.geometry import area_vector
-from jld_core.geometry.vectors import across
+from jld_core.geometry import across, area_vector
 from jld_core.loads import Traction
 from jld_core.scene.loads import FaceLoad
 

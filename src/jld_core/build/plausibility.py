@@ -96,7 +96,20 @@ def not_judged(scene: Scene) -> tuple[str, ...]:
 
 
 def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
-    """Return thickness, density and weight of all free elements as texts with units, where present."""
+    """Return thickness, density and weight of all free elements as texts with units.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Its structure.
+
+    Returns
+    -------
+    dict of str to str
+        Texts by name; absent facts are left out.
+    """
     length, force = assembly.units
     units, elements = units_of(scene), assembly.elements
     facts = {} if scene.dimension == 3 else {"thickness": f"{scene.plane_thickness:g} {length}"}

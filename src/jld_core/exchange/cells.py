@@ -18,10 +18,9 @@ from jld_core.errors import InputError
 from jld_core.exchange.drawn_loads import MOST, Cell, Mark
 from jld_core.exchange.options import ImportOptions, Measures, Notes, listed, several
 from jld_core.exchange.paths import Path
-from jld_core.geometry import Faces, area_vector
+from jld_core.geometry import Faces, across, area_vector
 from jld_core.geometry.snapping import Snapped
 from jld_core.geometry.unions import triangulate_region
-from jld_core.geometry.vectors import across
 from jld_core.scene.units import METRES
 
 _CHUNK, _CROSSINGS = 64, 5

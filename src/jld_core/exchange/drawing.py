@@ -67,10 +67,24 @@ _SHARE: Final = 0.9  # least share of closed area and of entities that is read w
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
     """Convert the content of a planar drawing to a scene document.
 
-    feet: supports are added below the lowest edges or at springings where the drawing names none.
-
     Raises InputError if nothing can become an element, or a support is missing. It also does so for an invalid unit,
     size or load, and for more than `MOST` corners or cells.
+
+    Parameters
+    ----------
+    drawing : Drawing
+        Content.
+    options : ImportOptions
+        Options.
+    notes : Notes
+        Notes, which grow.
+    feet : bool
+        Add supports below the lowest edges or at springings where the drawing names none.
+
+    Returns
+    -------
+    Imported
+        Document with its report.
     """
     # The paths are scaled to metres where a unit is known, snapped, and cut into elements. Layers decide supports,
     # labels and loads. Decisions are added to `notes`, and the result holds them as its report.

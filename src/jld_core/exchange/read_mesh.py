@@ -201,7 +201,17 @@ def _refuse_counts(kind: str, data: bytes) -> None:
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surface]]:
     """Yield name, support flag and closed surface of each block, or of each element.
 
-    cells: True for elements. A block of several separate parts gives one solid for each, numbered from 1.
+    Parameters
+    ----------
+    layout : Layout
+        Layout.
+    cells : bool
+        True for elements. A block of several separate parts gives one solid for each, numbered from 1.
+
+    Yields
+    ------
+    (str, bool, Surface)
+        Name, True for a support, surface.
     """
     if not cells:
         for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):

@@ -12,7 +12,7 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.build.assemble import build_geometry
+from jld_core.build import build_geometry
 from jld_core.errors import InputError
 from jld_core.exchange.cells import say_size
 from jld_core.exchange.drawing import check_supports
@@ -33,19 +33,11 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.geometry import (
-    Faces,
-    area_vector,
-    facets_of,
-    find_spatial_contacts,
-    merge_points,
-    near_pairs,
-    snap_solids,
-)
+from jld_core.geometry import Faces, area_vector, facets_of, merge_points, snap_solids
 from jld_core.geometry import solids as closed_solids
 from jld_core.geometry.polyhedra import distance_to
 from jld_core.geometry.snapping import SnappedSolids
-from jld_core.geometry.spatial_contacts import SpatialContact
+from jld_core.geometry.spatial_contacts import SpatialContact, find_spatial_contacts, near_pairs
 from jld_core.geometry.stated_fit import Misfit
 from jld_core.linalg import components
 from jld_core.scene import parse_scene

@@ -397,10 +397,19 @@ class ConeProgram:
     The solver is set up once, for programs that differ in few rows. Rows that are switched off get zero coefficients
     and a right-hand side inside their cone, so the sparsity never changes.
 
-    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b. sizes: numbers of equations, of inequalities s ≥
-    0, and of second-order cones of 3 rows; A has them in this order. many: True where hundreds of programs are solved.
-    They are solved by `ConeBatch`, which takes its time to set up, and by Clarabel where that leaves them open or is
-    not installed.
+    Parameters
+    ----------
+    objective : (columns,) array
+        q.
+    matrix : (rows, columns) sparse array
+        A.
+    rhs : (rows,) array
+        b.
+    sizes : (int, int, int)
+        Numbers of equations, of inequalities s ≥ 0, and of second-order cones of 3 rows, in the order of the rows.
+    many : bool
+        Hundreds of programs are solved: by `ConeBatch`, which takes its time to set up, and by Clarabel where that
+        leaves them open or is not installed.
     """
 
     def __init__(

@@ -36,7 +36,12 @@ class WeakEquilibrium:
     edges, and λ last. Panels are the t triangles, then the first ends of all edges in the material, then their second
     ends. m, d, s are those of `StressField`; at edges they refer to the normal and the tangent.
 
-    problem: the scaled problem on one mesh. labels: (m,) True = dry.
+    Parameters
+    ----------
+    problem : Problem
+        Scaled problem on one mesh.
+    labels : (m,) array of bool
+        True = dry.
     """
 
     def __init__(self, problem: Problem, labels: Bits) -> None:

@@ -84,7 +84,18 @@ def area_vector(corners: Floats) -> Floats:
 
 
 def across(normal: Floats) -> Floats:
-    """Return unit axes (2, 3) that form a right-handed frame with a unit normal (3,)."""
+    """Return two axes of a plane that form a right-handed frame with its normal.
+
+    Parameters
+    ----------
+    normal : (3,) array
+        Unit normal of the plane.
+
+    Returns
+    -------
+    (2, 3) array
+        Unit axes e1, e2 with e1 × e2 = normal.
+    """
     # written out: the general cross product of numpy takes ten times as long for single vectors
     x, y, z = normal.tolist()
     smallest = int(np.argmin(abs(normal)))

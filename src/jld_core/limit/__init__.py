@@ -1,13 +1,9 @@
 """Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
 - `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
-- `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
 - `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
-- `Condense`: when blocks are modelled as rigid: auto, on or off
-- `Contacts`: contact model of dry faces: convex or concave
 - `EffectiveAreas`: convergence of effective areas
-- `Friction`: friction model: associative or zero-dilation
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Model`: how a structure is modelled and solved, as on the command line
@@ -19,31 +15,31 @@
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
 - `ZeroDilation`: evidence and range of solutions without dilation
+- `crossed`: return whether lower bounds exceed upper bounds by more than rounding
 - `displacement`: compute velocities of points that move with an element
-- `exceeds`: return whether a proven lower bound contradicts an upper bound
+- `effects`: return a force (k,) per member for pictures: tension of bars, shear of pins
+- `face_jumps`: compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism
 - `governing`: compute the governing factor of a labelling from its load cases
-- `governing_result`: combine the results of load cases into the result of the structure
 - `load_scale`: compute the λ below which differences are negligible
 - `number`: convert a float to a JSON number or null
 - `relative_width`: compute the relative width of a bracket
 - `result_of`: convert a proof to a result in scene units
-- `stands_in_words`: say whether a structure stands without live load
+- `without_idle`: set the resultants that a member cannot carry to zero, and subtract the bond from N
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import BatchAnalysis
-from jld_core.limit.bounds import Motion, Prover, State, exceeds, load_scale, relative_width
+from jld_core.limit.bounds import Motion, Prover, State, load_scale, relative_width
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.options import (
     FIELD_SECONDS,
-    FLOOR_SECONDS,
     CaseBounds,
-    Condense,
-    Contacts,
     EffectiveAreas,
-    Friction,
     Model,
     SolveOptions,
     Status,
@@ -51,17 +47,18 @@ from jld_core.limit.options import (
     governing,
 )
 from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, Result, governing_result, number, result_of, stands_in_words
+from jld_core.limit.result import LimitAnalysisResult, Result, number, result_of
+
+if TYPE_CHECKING:
+    from jld_core.limit.bounds import crossed
+    from jld_core.limit.mechanism import face_jumps
+    from jld_core.limit.result import effects, without_idle
 
 __all__ = [
     "FIELD_SECONDS",
-    "FLOOR_SECONDS",
     "BatchAnalysis",
     "CaseBounds",
-    "Condense",
-    "Contacts",
     "EffectiveAreas",
-    "Friction",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Model",
@@ -73,13 +70,23 @@ __all__ = [
     "State",
     "Status",
     "ZeroDilation",
+    "crossed",
     "displacement",
-    "exceeds",
+    "effects",
+    "face_jumps",
     "governing",
-    "governing_result",
     "load_scale",
     "number",
     "relative_width",
     "result_of",
-    "stands_in_words",
+    "without_idle",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "bounds": ["crossed"],
+        "mechanism": ["face_jumps"],
+        "result": ["effects", "without_idle"],
+    },
+)

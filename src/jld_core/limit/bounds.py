@@ -20,7 +20,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.reduced_rows import EquilibriumProjectors, error_or_inf, projected_onto, rows_by_element, usable
 from jld_core.linalg.projection import dense_if_small
-from jld_core.mechanics.scaling import reference_load
+from jld_core.mechanics import reference_load
 from jld_core.program import Template
 
 
@@ -510,7 +510,19 @@ def exceeds(low: float, bound: float, load_scale: float) -> bool:
 def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     """Return whether lower bounds exceed upper bounds by more than rounding.
 
-    In that case neither bound is reliable. Result: True where the bounds contradict each other; False where one is NaN.
+    In that case neither bound is reliable.
+
+    Parameters
+    ----------
+    low, high : float or array
+        Bounds.
+    least : float
+        Size of a bound that is not small.
+
+    Returns
+    -------
+    bool or array of bool
+        True where the bounds contradict each other; False where one is NaN.
     """
     return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
 

@@ -25,7 +25,8 @@ from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockMechanism, BlockRelaxation, Choice
 from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
 from jld_core.limit.work_balance import WorkBalances
-from jld_core.program import ConicProgram, Structure, Template
+from jld_core.program import ConicProgram, Template
+from jld_core.program.conic import Structure
 from jld_core.solvers import make_solver
 
 

@@ -78,8 +78,19 @@ def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Fl
 def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
     """Compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism.
 
-    See docs/method.md (3.1). mechanism: (n, q) velocities about the centroids, scene units; supports may move. Returns
-    (m, q): jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
+    See docs/method.md (3.1).
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    mechanism : (n, q) array
+        Velocities about the centroids, scene units; supports may move.
+
+    Returns
+    -------
+    (m, q) array
+        Jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
     """
     moving = assembly.elements.support & mechanism.any(axis=1)
     if moving.any():

@@ -26,7 +26,8 @@ from jld_core.limit.facial_reduction import FacialReduction, SelfStress
 from jld_core.limit.opening_motions import OpeningMotions
 from jld_core.limit.reduced_rows import usable
 from jld_core.linalg.projection import ConsistentProjector
-from jld_core.program import Structure, Template
+from jld_core.program import Template
+from jld_core.program.conic import Structure
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary
 
 _SIMPLEX = 800  # Number of columns up to which rays are sought by simplex first; its time grows by their cube.

@@ -28,9 +28,20 @@ if TYPE_CHECKING:
 def without_idle(assembly: Assembly, forces: Floats) -> Floats:
     """Set the resultants that a member cannot carry to zero, and subtract the bond from N.
 
-    forces: (m, q) resultants, scene units; the result has the same shape. A bar carries only axial force; a pin carries
-    shear, and axial force only where it states a capacity. The program leaves the other numbers free. Bond is the
-    constant force of joints with tensile strength.
+    A bar carries only axial force; a pin carries shear, and axial force only where it states a capacity. The program
+    leaves the other numbers free. Bond is the constant force of joints with tensile strength.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    forces : (m, q) array
+        Resultants, scene units.
+
+    Returns
+    -------
+    (m, q) array
+        Resultants.
     """
     members, found = assembly.members, forces
     if members.bond is not None:
@@ -72,9 +83,19 @@ def tensions(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def effects(assembly: Assembly, forces: Floats) -> Floats:
-    """Return a force (k,) per member for pictures: tension of bars, shear of pins.
+    """Return a force per member for pictures: tension of bars, which are ties and tendons, shear of pins.
 
-    Bars are ties and tendons. forces: (m, q) resultants, scene units, as is the result.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    forces : (m, q) array
+        Resultants, scene units.
+
+    Returns
+    -------
+    (k,) array
+        Force of each member, scene units.
     """
     members, found = assembly.members, tensions(assembly, forces)
     pins = np.array([kind == "pin" for kind in members.kinds], dtype=bool)

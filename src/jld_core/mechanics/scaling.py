@@ -105,9 +105,18 @@ def _force_scale(assembly: Assembly) -> float:
 def reference_load(assembly: Assembly) -> float:
     """Compute the reference force of an assembly: weight, else a strength, else live load.
 
-    Forces far below it count as zero in the width of a bracket. Result: total weight, scene units. Without weight: the
-    least strength times area of any face, under either label. Without strengths: the total live load. Source:
-    docs/method.md (3.13).
+    Forces far below it count as zero in the width of a bracket. Source: docs/method.md (3.13).
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+
+    Returns
+    -------
+    float
+        Total weight, scene units. Without weight: the least strength times area of any face, under either label.
+        Without strengths: the total live load.
     """
     if assembly.total_dead:
         return assembly.total_dead

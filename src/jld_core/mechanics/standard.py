@@ -279,8 +279,20 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
     """Convert strengths to forces, stress times area, and divide them by the force scale.
 
-    unit: (m,) area of each face over the force scale. A material that the scene does not name gives a face without
-    strength. `require_materials` refuses the labellings that need such a material.
+    A material that the scene does not name gives a face without strength. `require_materials` refuses the labellings
+    that need such a material.
+
+    Parameters
+    ----------
+    strengths : Strengths
+        Strengths, scene units.
+    unit : (m,) array
+        Area of each face over the force scale.
+
+    Returns
+    -------
+    Strengths
+        Scaled forces.
     """
 
     def scaled(stress: Floats) -> Floats:

@@ -305,9 +305,19 @@ class FrictionSet(YieldSet, Protocol):
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
-    """Return the ratio demand / capacity (m,) of each face.
+    """Return the ratio demand / capacity of each face.
 
-    It is 0 for demands up to `least`, and 1 without positive capacity. demand, capacity: (m,) scaled forces.
+    Parameters
+    ----------
+    demand, capacity : (m,) array
+        Scaled forces.
+    least : float
+        Demand up to which the ratio is 0.
+
+    Returns
+    -------
+    (m,) array
+        Ratios, 1 without positive capacity.
     """
     safe = np.where(capacity > 0.0, capacity, 1.0)
     return np.where(demand <= least, 0.0, np.where(capacity > 0.0, demand / safe, 1.0))

@@ -1,10 +1,15 @@
 """Solve one labelling of an assembly under the modelling options of the user.
 
-- `Model`: how a structure is modelled and solved, as on the command line
+- `CaseAnalysis`: limit analyses of one structure, one for each load case, or one for its single load
+- `GeometrySensitivities`: derivatives of λ by the positions of the v vertices of a structure
 - `SolveOptions`: name of `Model` before version 0.4
+- `SolvedProgram`: solved program of one labelling, from which rates of λ with parameters are computed
+- `areas_under`: compute the torsion factors of the effective areas of faces under given forces
+- `by_fields`: λ of one labelling whose blocks crack anywhere: bounds by fields under every load case, as one result
 - `cost_estimate`: estimate time and memory to evaluate one labelling
-- `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
+- `effective_area`: resist torsion on the effective area of dry rectangles
 - `limit_analysis`: build the analysis that `solve_labelling` needs, for one labelling or many
+- `require_cracks`: raise InputError if an assembly cannot be analysed with its crack model
 - `require_memory`: raise InputError if one labelling needs more memory than there is
 - `require_model`: raise InputError if the options do not support an assembly
 - `rigid`: return the rigid elements under a crack model
@@ -12,10 +17,9 @@
 - `solve`: compute λ of one labelling, with a two-sided bracket
 - `solve_by_elements`: compute λ of one labelling whose blocks crack by faces or by cells
 - `solve_by_fields`: bound λ of one labelling whose blocks may crack anywhere
-- `solve_cracked`: compute λ of one labelling under the crack model of an assembly
 - `solve_labelling`: prove the load factor of one labelling under given options
 - `solve_rigid`: compute λ of one labelling of rigid elements as they are
-- `under`: return an assembly with the crack model that a model names
+- `under_own_areas`: evaluate a state under the effective areas of its own forces
 """
 
 from __future__ import annotations
@@ -25,20 +29,28 @@ from typing import TYPE_CHECKING
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core.limit import Model, SolveOptions
+    from jld_core.limit import SolveOptions
+    from jld_core.models import by_fields, effective_area
     from jld_core.models.by_fields import solve_by_fields
-    from jld_core.models.case_analysis import solve, solve_by_elements, solve_cracked, solve_rigid
+    from jld_core.models.case_analysis import CaseAnalysis, solve, solve_by_elements, solve_rigid
+    from jld_core.models.central_path import under_own_areas
     from jld_core.models.costs import cost_estimate, require_memory
-    from jld_core.models.crack_models import rigid, under
+    from jld_core.models.crack_models import require_cracks, rigid
+    from jld_core.models.moving_rows import areas_under
     from jld_core.models.rigid_blocks import limit_analysis, require_model, solve_labelling
-    from jld_core.models.sensitivity import geometry_sensitivities, sensitivities
+    from jld_core.models.sensitivity import GeometrySensitivities, SolvedProgram, sensitivities
 
 __all__ = [
-    "Model",
+    "CaseAnalysis",
+    "GeometrySensitivities",
     "SolveOptions",
+    "SolvedProgram",
+    "areas_under",
+    "by_fields",
     "cost_estimate",
-    "geometry_sensitivities",
+    "effective_area",
     "limit_analysis",
+    "require_cracks",
     "require_memory",
     "require_model",
     "rigid",
@@ -46,10 +58,9 @@ __all__ = [
     "solve",
     "solve_by_elements",
     "solve_by_fields",
-    "solve_cracked",
     "solve_labelling",
     "solve_rigid",
-    "under",
+    "under_own_areas",
 ]
 
 export_lazily(
@@ -57,9 +68,15 @@ export_lazily(
     {
         "by_fields": ["solve_by_fields"],
         "costs": ["cost_estimate", "require_memory"],
-        "crack_models": ["rigid", "under"],
-        "rigid_blocks": ["Model", "SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
-        "sensitivity": ["geometry_sensitivities", "sensitivities"],
-        "case_analysis": ["solve", "solve_by_elements", "solve_cracked", "solve_rigid"],
+        "crack_models": [
+            "require_cracks",
+            "rigid",
+        ],
+        "rigid_blocks": ["SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
+        "sensitivity": ["GeometrySensitivities", "SolvedProgram", "sensitivities"],
+        "case_analysis": ["CaseAnalysis", "solve", "solve_by_elements", "solve_rigid"],
+        "moving_rows": ["areas_under"],
+        "central_path": ["under_own_areas"],
     },
+    submodules=["by_fields", "effective_area"],
 )

@@ -20,17 +20,8 @@ from jld_core.assembly import Assembly, Labels, checked_labels, labels_of, with_
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError, error_context
-from jld_core.limit import (
-    FIELD_SECONDS,
-    LimitAnalysis,
-    LimitAnalysisResult,
-    Model,
-    Proof,
-    Result,
-    Status,
-    governing_result,
-    result_of,
-)
+from jld_core.limit import FIELD_SECONDS, LimitAnalysis, LimitAnalysisResult, Model, Proof, Result, Status, result_of
+from jld_core.limit.result import governing_result
 from jld_core.mechanics import require_materials
 from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
@@ -43,12 +34,19 @@ class CaseAnalysis:
     """Limit analyses of one structure, one for each load case, or one for its single load.
 
     The analyses are set up once and serve any number of labellings. Threads may share the object; they solve in turn.
+    Raises InputError if the solver of the model does not accept programs of this structure.
 
-    assembly: structure, with or without load cases. model: model and solver options. Default: those of `solve`.
-    reference: (m,) labelling on which solvers are set up, True = dry. Default: that of the assembly. single_labelling:
-    state that only one labelling will be solved. Each analysis is then set up for it alone where that is faster, when
-    its load case is solved, and dropped afterwards, which bounds the memory. Raises InputError if the solver of the
-    model does not accept programs of this structure.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure, with or without load cases.
+    model : Model, optional
+        Model and solver options; default: those of `solve`.
+    reference : (m,) array of bool, optional
+        Labelling on which solvers are set up, True = dry; default: that of the assembly.
+    single_labelling : bool
+        Only one labelling will be solved. Each analysis is then set up for it alone where that is faster, when its load
+        case is solved, and dropped afterwards, which bounds the memory.
 
     Examples
     --------

@@ -301,7 +301,19 @@ class FixedPoint:
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
     """Evaluate a state under the effective areas of its own forces.
 
-    labels: (m,) True = dry. The results are the state under these areas, the areas, and a prover with the areas frozen.
+    Parameters
+    ----------
+    prover : Prover
+        Prover of the labelling.
+    state : State
+        State.
+    labels : (m,) array of bool
+        True = dry.
+
+    Returns
+    -------
+    (State, EffectiveAreas, Prover)
+        State under these areas, the areas, and a prover with the areas frozen.
     """
     areas = areas_under(prover.template.assembly, state.forces, labels)
     frozen = prover.with_template(frozen_areas(prover.template, areas))

@@ -38,6 +38,13 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
 
     Cells must divide the grid. With cracks by fields no option may ask for another model or solver, and
     `require_fields` must pass.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    model : Model, optional
+        Model; None: the default.
     """
     if isinstance(assembly.cracks, CellCracks):
         _require_cells(assembly, assembly.cracks.cell, model)

@@ -30,9 +30,21 @@ _TWISTING = (5, 1, 2)
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
     """Compute the torsion factors of the effective areas of faces under given forces.
 
-    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: ratio (m,) = c_T / c_T,e:
-    torsion length of the whole face over that of its effective rectangle. arm (m, 2) = (x2, −x1) / c_T, with centre of
-    pressure x. Inner faces, faces without normal force and faces that are not rectangles have ratio 1 and arm 0.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    forces : (m, 6) array
+        Scaled forces N, V1, V2, M1, M2, MT.
+    labels : (m,) array of bool
+        True = dry.
+
+    Returns
+    -------
+    EffectiveAreas
+        Ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. Arm (m, 2) =
+        (x2, −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not
+        rectangles have ratio 1 and arm 0.
     """
     # Source: docs/method.md (2.14), (2.15).
     faces = assembly.interfaces

@@ -166,9 +166,21 @@ class SolvedProgram:
     The constructor solves the program and does not check the outcome: the labelling must be known to collapse. The
     module docstring states the formulas.
 
-    analysis: analysis of associative friction. labels: (m,) True = dry. program: the program, scaled. point, dual:
-    (columns,) solution y and multipliers w of the program. held: (rows,) linear rows that count as tight: multiplier
-    larger than slack, as the solver gives both.
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of associative friction.
+    labels : (m,) array of bool
+        True = dry.
+
+    Attributes
+    ----------
+    program : ConicProgram
+        The program, scaled.
+    point, dual : (columns,) array
+        Solution y and multipliers w of the program.
+    held : (rows,) array of bool
+        Linear rows that count as tight: multiplier larger than slack, as the solver gives both.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
@@ -290,11 +302,19 @@ class GeometrySensitivities:
     """Derivatives of λ by the positions of the v vertices of a structure.
 
     Elements and interfaces that share a vertex move together with it. Loads with a stated place stay there.
+
+    Parameters
+    ----------
+    vertices : (v, d) array
+        Positions, scene units.
+    derivative : (v, d) array
+        ∂λ/∂(position), 1/length; NaN where λ has a kink.
+    left, right : (v, d) array
+        Rates for a decrease and for an increase of each coordinate; NaN where unknown.
     """
 
-    vertices: Floats  # (v, d) positions, scene units
-    derivative: Floats  # (v, d) ∂λ/∂(position), 1/length; NaN where λ has a kink
-    # left, right: (v, d) rates for a decrease and for an increase of each coordinate; NaN where unknown
+    vertices: Floats
+    derivative: Floats
     left: Floats
     right: Floats
 

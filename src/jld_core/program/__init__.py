@@ -1,7 +1,7 @@
 """Conic program of one labelling, and the template that a relabelling changes.
 
+- `Beside`: one scaled equation in addition to equilibrium: row·F + dead + λ live = 0
 - `ConicProgram`: numbers of one conic program
-- `Structure`: sparsity and cones that all programs of one template share
 - `Template`: scaled data of an assembly that do not depend on the labelling
 - `beginnings`: return the first row of each cone
 - `pack`: make a conic program from sparse rows
@@ -9,13 +9,26 @@
 
 from __future__ import annotations
 
-from jld_core.program.conic import ConicProgram, Structure, beginnings, pack
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
+from jld_core.program.conic import ConicProgram, beginnings, pack
 from jld_core.program.template import Template
 
+if TYPE_CHECKING:
+    from jld_core.program.template import Beside
+
 __all__ = [
+    "Beside",
     "ConicProgram",
-    "Structure",
     "Template",
     "beginnings",
     "pack",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "template": ["Beside"],
+    },
+)

@@ -16,15 +16,8 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.mechanics import (
-    Rows,
-    Scaling,
-    YieldSet,
-    equilibrium_matrix,
-    load_vectors,
-    scaling_of,
-    yield_set,
-)
+from jld_core.mechanics import Scaling, YieldSet, equilibrium_matrix, load_vectors, scaling_of, yield_set
+from jld_core.mechanics.yield_set import Rows
 from jld_core.program.conic import Bodies, ConicProgram, Structure
 from jld_core.strengths import CRITERIA, STANDARD, Route
 from jld_core.tolerances import Precision
@@ -34,10 +27,17 @@ _ROUTE: Final = Route("programs", STANDARD | CRITERIA)
 
 @dataclass(frozen=True)
 class Beside:
-    """Scaled equation in addition to equilibrium: row·F + dead + λ live = 0."""
+    """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0.
 
-    row: Floats  # (q·m,) coefficients of the resultants
-    # dead, live: constant term and coefficient of λ
+    Parameters
+    ----------
+    row : (q·m,) array
+        Coefficients of the resultants.
+    dead, live : float
+        Constant term and coefficient of λ.
+    """
+
+    row: Floats
     dead: float
     live: float
 

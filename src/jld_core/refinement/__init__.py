@@ -1,11 +1,39 @@
 """Refinement of elements into cells, which makes any structure a grid of candidate faces.
 
 - `Refined`: refined scene, with the original element of each piece and notes
+- `arrangement`: cutting of planar elements by cells in one arrangement of lines
+- `crack_cells`: split the elements of a scene into cells along which blocks may crack
+- `prism_of`: return a solid as a prism without holes; None if it is none
 - `refine`: split every free element of a scene into cells
+- `voussoirs`: cells of voussoirs in rings: joints radiate from the centres of the outline's own arcs
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
 from jld_core.refinement.refine import Refined, refine
 
-__all__ = ["Refined", "refine"]
+if TYPE_CHECKING:
+    from jld_core.refinement import arrangement, voussoirs
+    from jld_core.refinement.cells import crack_cells
+    from jld_core.refinement.walls import prism_of
+
+__all__ = [
+    "Refined",
+    "arrangement",
+    "crack_cells",
+    "prism_of",
+    "refine",
+    "voussoirs",
+]
+
+export_lazily(
+    __name__,
+    {
+        "cells": ["crack_cells"],
+        "walls": ["prism_of"],
+    },
+    submodules=["arrangement", "voussoirs"],
+)

@@ -11,8 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly, build_robust
-from jld_core.build.assemble import cases_of_scene
+from jld_core.build import build_assembly, build_robust, cases_of_scene
 from jld_core.errors import InputError
 from jld_core.refinement.refine import refine
 from jld_core.refinement.transfer import face_of_piece
@@ -36,8 +35,21 @@ class CrackCells:
 def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     """Split the elements of a scene into cells along which blocks may crack.
 
-    Result: the finer assembly, and the joint face of each of its faces. Raises InputError if `refine` does not accept
-    the scene, or if two cells touch although their elements do not.
+    Raises InputError if `refine` does not accept the scene, or if two cells touch although their elements do not.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Its structure.
+    cell : float
+        Size of a cell, scene units.
+
+    Returns
+    -------
+    CrackCells
+        Finer assembly, and the joint face of each of its faces.
     """
     # moving loads are stated case by case, on elements of the joint grid
     placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []

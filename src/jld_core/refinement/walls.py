@@ -12,11 +12,10 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
-from jld_core.geometry import Faces, facets_of, solids
+from jld_core.geometry import Faces, across, facets_of, solids
 from jld_core.geometry.outlines import corners
 from jld_core.geometry.polyhedra import Facets
 from jld_core.geometry.unions import region_of
-from jld_core.geometry.vectors import across
 from jld_core.refinement.arrangement import MOST, join_small, split_by_cells
 from jld_core.refinement.voussoirs import voussoir_cells
 from jld_core.samples.bonds import levels_of, snapped
@@ -175,9 +174,19 @@ class Prism:
 
 
 def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
-    """Return a solid as a prism without holes; None if it is none.
+    """Return a solid as a prism without holes.
 
-    vertices: (k, 3).
+    Parameters
+    ----------
+    vertices : (k, 3) array
+        Vertices.
+    faces : Faces
+        Faces, as loops of vertex indices.
+
+    Returns
+    -------
+    Prism or None
+        None if it is no prism.
     """
     size = float(np.ptp(vertices, axis=0).max())
     best: Prism | None = None

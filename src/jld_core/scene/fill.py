@@ -65,7 +65,15 @@ class Strip(Part):
 
 
 class FillLoad(Part):
-    """Vertical load on a strip of the fill, spread over the structure below."""
+    """Vertical load on the surface of the fill, spread over the structure below.
+
+    Parameters
+    ----------
+    on_fill : Strip
+        Strip of the surface that carries it.
+    weight : float
+        Force along gravity.
+    """
 
     on_fill: Strip
     weight: Positive

@@ -9,6 +9,8 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 - `RawSolution`: unverified solution of a conic program
 - `RawStatus`: status that a solver reports
 - `Solver`: interface of a solver
+- `highs_ends`: return bounds with ±inf replaced by the infinity of HiGHS
+- `highs_of`: make a silent, single-threaded HiGHS instance of a linear program, ready to run
 - `installed_solvers`: return the names of the solvers whose libraries are installed
 - `is_large`: test whether `auto` chooses `schur` for a structure
 - `make_solver`: make a solver by its name
@@ -19,14 +21,19 @@ Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver r
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from jld_core.errors import ParameterError, SolverError
-from jld_core.program import ConicProgram, Structure
+from jld_core.lazy_exports import export_lazily
+from jld_core.program import ConicProgram
+from jld_core.program.conic import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
 from jld_core.solvers.schur.system import SchurSolver
+
+if TYPE_CHECKING:
+    from jld_core.solvers.highs import highs_ends, highs_of
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""
@@ -161,9 +168,18 @@ __all__ = [
     "RawSolution",
     "RawStatus",
     "Solver",
+    "highs_ends",
+    "highs_of",
     "installed_solvers",
     "is_large",
     "make_solver",
     "require_solver",
     "solve_auxiliary",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "highs": ["highs_of", "highs_ends"],
+    },
+)

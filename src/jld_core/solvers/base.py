@@ -9,7 +9,8 @@ from enum import StrEnum
 from typing import Final
 
 from jld_core.arrays import Floats
-from jld_core.program import ConicProgram, Structure
+from jld_core.program import ConicProgram
+from jld_core.program.conic import Structure
 
 Suffices = Callable[[Floats, Floats], bool]
 """Test whether a point and multipliers suffice for the caller of a solver."""

@@ -12,7 +12,8 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.program import ConicProgram, Structure
+from jld_core.program import ConicProgram
+from jld_core.program.conic import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each status that Clarabel reports; others count as failed

@@ -16,7 +16,8 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats
 from jld_core.errors import SolverError
-from jld_core.program import ConicProgram, Structure
+from jld_core.program import ConicProgram
+from jld_core.program.conic import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each name of a status that HiGHS reports; others count as failed
@@ -94,7 +95,26 @@ class HighsSolver(Solver):
 def highs_of(
     rows: Any, objective: Floats, low: Floats, high: Floats, least: Floats, most: Floats, options: Mapping[str, Any]
 ) -> Any:
-    """Make a silent, single-threaded HiGHS instance: objective·x, low ≤ R x ≤ high, least ≤ x ≤ most."""
+    """Make a silent, single-threaded HiGHS instance of a linear program, ready to run.
+
+    Parameters
+    ----------
+    rows : (rows, columns) sparse array
+        Matrix R.
+    objective : (columns,) array
+        Coefficients of the objective.
+    low, high : (rows,) array
+        Bounds on R x.
+    least, most : (columns,) array
+        Bounds on x.
+    options : Mapping of str to Any
+        Options of HiGHS.
+
+    Returns
+    -------
+    Highs
+        Instance; its method `run` solves the program.
+    """
     # The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
     import highspy  # local imports here and below: most labellings are solved without it
 
@@ -152,7 +172,18 @@ def _flush() -> None:
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Return bounds with ±inf replaced by the infinity of HiGHS."""
+    """Return bounds with ±inf replaced by the infinity of HiGHS.
+
+    Parameters
+    ----------
+    values : array
+        Bounds.
+
+    Returns
+    -------
+    array
+        Bounds for HiGHS.
+    """
     import highspy
 
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

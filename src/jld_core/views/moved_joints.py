@@ -47,8 +47,25 @@ def figure_of_move(
 ) -> Figure:
     """Return a figure of a structure before and after a move of its joints.
 
-    places: (v, 2) vertices after the move, and their displacements `moved`. first: (m,) labels before the move; None
-    for the same.
+    Parameters
+    ----------
+    before, after : Assembly
+        Structures.
+    labels : (m,) array of bool
+        True = dry.
+    places : (v, 2) array
+        Vertices after the move, scene units.
+    moved : (v, 2) array
+        Their displacements, drawn as arrows.
+    titles : (str, str)
+        Titles of both drawings.
+    first : (m,) array of bool, optional
+        Labels before the move; None for the same.
+
+    Returns
+    -------
+    Figure
+        Figure.
     """
     figure, axes = figure_for(before, 2)
     pairs = ((before, labels if first is None else first), (after, labels))

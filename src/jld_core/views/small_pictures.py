@@ -27,7 +27,18 @@ def drawing_of(figure: Figure) -> str | bytes:
 
 
 def png_of(figure: Figure) -> bytes:
-    """Return a figure as the content of a PNG file of at most `_PNG` bytes, in few colours."""
+    """Return a figure as the content of a PNG file of at most `_PNG` bytes, in few colours.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure.
+
+    Returns
+    -------
+    bytes
+        Content.
+    """
     from PIL import Image  # comes with matplotlib; slow to import
 
     small = io.BytesIO()

@@ -14,8 +14,7 @@ from jld_core.build import build_assembly
 from jld_core.build.loads import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.mechanics import require_materials
-from jld_core.models import require_memory, rigid
-from jld_core.models.crack_models import require_cracks
+from jld_core.models import require_cracks, require_memory, rigid
 from jld_core.scene import Scene, load_scene
 from jld_explore.cli.options import AsJson, SceneFile, Strict
 from jld_explore.cli.streams import say, warn

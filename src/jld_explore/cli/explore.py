@@ -39,9 +39,9 @@ from jld_explore.cli.options import (
     with_cracks,
 )
 from jld_explore.cli.streams import say
-from jld_explore.drivers import driver_kinds
-from jld_explore.drivers.registry import owners
-from jld_explore.report import check_folder, words
+from jld_explore.drivers.registry import driver_kinds, owners
+from jld_explore.report import words
+from jld_explore.report.folder import check_folder
 from jld_explore.report.words import speed
 from jld_explore.search import state
 from jld_explore.search.settings import (

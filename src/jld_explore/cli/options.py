@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from jld_core.errors import InputError
-from jld_core.limit import Condense, Contacts
+from jld_core.limit.options import Condense, Contacts
 from jld_core.mechanics import InnerBending
 from jld_core.scene import Scene, parse_cracks
 from jld_core.solvers import SOLVERS

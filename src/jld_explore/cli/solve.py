@@ -16,19 +16,13 @@ from jld_core.build import build_robust
 from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import FLOOR_SECONDS, Friction, LimitAnalysisResult, Model, Result, Status
+from jld_core.limit import LimitAnalysisResult, Model, Result, Status
+from jld_core.limit.options import FLOOR_SECONDS, Friction
 from jld_core.mechanics import require_materials
-from jld_core.models import (
-    cost_estimate,
-    geometry_sensitivities,
-    require_model,
-    rigid,
-    sensitivities,
-    solve_cracked,
-    solve_rigid,
-    under,
-)
-from jld_core.models.crack_models import require_cracks
+from jld_core.models import cost_estimate, require_cracks, require_model, rigid, sensitivities, solve_rigid
+from jld_core.models.case_analysis import solve_cracked
+from jld_core.models.crack_models import under
+from jld_core.models.sensitivity import geometry_sensitivities
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP
 from jld_core.views.notebook import aligned, facts_of_result

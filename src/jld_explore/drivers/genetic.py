@@ -125,7 +125,21 @@ class GeneticOptions(DriverOptions):
 
 
 class Genetic(Searcher):
-    """Driver that breeds many children, and evaluates the most promising of a pool."""
+    """Driver that runs a genetic algorithm with a surrogate.
+
+    Each generation evaluates `GENERATION` children.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Labellings that may be searched.
+    seed : int
+        Seed of random numbers.
+    population : int, optional
+        Population size; default: by the number of faces that can change.
+    aim : {"front", "best"}
+        λ and the counts of the front, or λ alone.
+    """
 
     name = "genetic"
     Options = GeneticOptions

@@ -18,9 +18,8 @@ from jld_explore.drivers.operators.segmentations import Operators, operators
 from jld_explore.drivers.surrogate import SLOTS, Surrogate
 from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.ranking import front_counts
-from jld_explore.space import SearchSpace, keys
+from jld_explore.space import SearchSpace, feasible, keys
 from jld_explore.space.labelling import canonical
-from jld_explore.space.search_space import feasible
 
 PATIENCE: Final = 12  # proposals per new labelling wanted after which `Searcher.fresh` gives up
 

@@ -158,7 +158,19 @@ MakeEvaluator = Callable[[Assembly, EvaluatorSettings], LabellingEvaluator]
 
 
 class Evaluator(SharedEvaluator):
-    """Evaluator of labellings of one assembly under one load."""
+    """Evaluator of labellings of one assembly under one load.
+
+    The batch solver may be shared by several threads.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    settings : EvaluatorSettings
+        Model and settings.
+    share_batch_solver_with : Evaluator, optional
+        Evaluator of the same assembly and settings whose batch solver is shared.
+    """
 
     def __init__(
         self, assembly: Assembly, settings: EvaluatorSettings, share_batch_solver_with: Evaluator | None = None

@@ -17,7 +17,7 @@ from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
 from jld_core.limit import LimitAnalysisResult, Status, load_scale, number
 from jld_core.models import cost_estimate
-from jld_core.refinement.cells import crack_cells
+from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
 from jld_core.tolerances import GAP
 from jld_explore.drivers.choice import what_would_prove

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.build.plausibility import weight_facts
+from jld_core.build import weight_facts
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
 from jld_core.limit import LimitAnalysisResult
-from jld_core.models.case_analysis import CaseAnalysis
+from jld_core.models import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.views import facts_of_assembly, facts_of_result, notebook
@@ -37,8 +37,7 @@ from jld_explore.report.page_data import (
     within,
 )
 from jld_explore.report.reading import Exploration, history_of
-from jld_explore.space import search_space
-from jld_explore.space.void import cut
+from jld_explore.space import cut, search_space
 
 if TYPE_CHECKING:
     import pandas as pd

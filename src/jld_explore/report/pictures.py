@@ -28,8 +28,8 @@ from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.columns import known_front, ranked_by, value_in_words
 from jld_explore.report.reading import Exploration
-from jld_explore.space import Count, count_named, registered
-from jld_explore.space.void import cut, dry_of
+from jld_explore.space import Count, count_named, cut, registered
+from jld_explore.space.void import dry_of
 
 FIRST: Final[str] = Front().count  # default count of the front in pictures
 

@@ -28,7 +28,8 @@ from jld_explore.report.columns import with_evidence
 from jld_explore.report.summary import Summary
 from jld_explore.report.tables import read_results, results_path
 from jld_explore.search.state import StopReason
-from jld_explore.space.void import cut, is_labelling
+from jld_explore.space import cut
+from jld_explore.space.void import is_labelling
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.build.plausibility import weight_facts
+from jld_core.build import weight_facts
 from jld_core.limit import Status
 from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words

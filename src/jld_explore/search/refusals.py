@@ -7,8 +7,7 @@ from typing import Final
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.models import require_model
-from jld_core.models.crack_models import require_cracks
+from jld_core.models import require_cracks, require_model
 from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
 from jld_core.strengths import Route

@@ -14,22 +14,23 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import Status, exceeds, load_scale, relative_width
+from jld_core.limit import Status, load_scale, relative_width
+from jld_core.limit.bounds import exceeds
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver
 from jld_explore.drivers.block_root import BlockRoot
 from jld_explore.drivers.choice import first_layout
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, MakeEvaluator, Records, evaluator_of
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, Records, evaluator_of
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
+from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.standing import Standing, VoidStanding
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.search.state import Progress, StopReason, name_of, versions
-from jld_explore.space import SearchSpace, to_string, unpack
-from jld_explore.space.void import cut
+from jld_explore.space import SearchSpace, cut, to_string, unpack
 
 if TYPE_CHECKING:
     import pandas as pd

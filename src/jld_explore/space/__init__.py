@@ -6,8 +6,11 @@
 - `SearchSpace`: labellings that may be searched
 - `Terms`: count as a sum of binary terms
 - `count_named`: return a count by its name
+- `cut`: return the structure without the cells that a labelling leaves out, and its labels
+- `feasible`: return (k,) whether labellings (k, m) are in the search space
 - `from_string`: convert text to a labelling
 - `keys`: hashable keys of labellings
+- `reasons_against`: return one sentence for each condition of the space that a labelling (m,) violates
 - `register`: add a count
 - `registered`: return all counts
 - `search_space`: build the space of a scene
@@ -19,9 +22,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
 from jld_explore.space.counts import Count, Layouts, Terms, count_named, register, registered, unregister, values_of
 from jld_explore.space.labelling import LETTERS, from_string, keys, to_string, unpack
 from jld_explore.space.search_space import SearchSpace, search_space
+
+if TYPE_CHECKING:
+    from jld_explore.space.reasons import reasons_against
+    from jld_explore.space.search_space import feasible
+    from jld_explore.space.void import cut
 
 __all__ = [
     "LETTERS",
@@ -30,8 +41,11 @@ __all__ = [
     "SearchSpace",
     "Terms",
     "count_named",
+    "cut",
+    "feasible",
     "from_string",
     "keys",
+    "reasons_against",
     "register",
     "registered",
     "search_space",
@@ -40,3 +54,12 @@ __all__ = [
     "unregister",
     "values_of",
 ]
+
+export_lazily(
+    __name__,
+    {
+        "void": ["cut"],
+        "search_space": ["feasible"],
+        "reasons": ["reasons_against"],
+    },
+)

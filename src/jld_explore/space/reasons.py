@@ -12,7 +12,20 @@ from jld_explore.space.search_space import SearchSpace
 
 
 def reasons_against(space: SearchSpace, labels: Bits) -> tuple[str, ...]:
-    """Return one sentence for each condition of the space that a labelling (m,) violates."""
+    """Explain why a labelling is not in a search space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    labels : (m,) array of bool
+        True = dry.
+
+    Returns
+    -------
+    tuple of str
+        One sentence per violated condition; empty if `feasible` accepts the labelling.
+    """
     blocks = blocks_of(space.graph, labels[None])
     return (*_of_faces(space, labels, blocks[0]), *_of_blocks(space, blocks), *_of_counts(space, labels))
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.build import faces_of_pairs
+from jld_core.build.elements import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.parameters import require_kind, typed
@@ -296,7 +296,20 @@ class SearchSpace:
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """Return (k,) whether labellings (k, m) are in the search space."""
+    """Return which labellings are in the search space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    labellings : (k, m) array of bool
+        True = dry.
+
+    Returns
+    -------
+    (k,) array of bool
+        True for those in the space.
+    """
     # A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)

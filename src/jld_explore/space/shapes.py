@@ -12,9 +12,8 @@ import numpy as np
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import checkpoint
-from jld_core.geometry import Outlines, reach_of
 from jld_core.geometry.congruence import Kinds
-from jld_core.geometry.outlines import Outline
+from jld_core.geometry.outlines import Outline, Outlines, reach_of
 
 # Step to which coordinates are rounded, relative to the reach of a comparison: blocks that agree there are copies
 _COPY: Final = 1e-3

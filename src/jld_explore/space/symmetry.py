@@ -12,6 +12,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Elements, Interfaces, faces_of
+from jld_core.build import cases_of_scene
 from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
@@ -351,7 +352,7 @@ class _Spot:
         if not isinstance(cracks, CellCracks):
             return ""
         if self._cells is None:
-            from jld_core.refinement.cells import crack_cells  # few scenes have cells, and it is slow to import
+            from jld_core.refinement import crack_cells
 
             self._cells = crack_cells(self._scene, base, cracks.cell)
         cells = self._cells

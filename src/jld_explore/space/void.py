@@ -71,7 +71,22 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 
 
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
-    """Return the structure without the cells that a labelling leaves out, and its labels."""
+    """Return the structure without the cells that a labelling leaves out, and its labels.
+
+    Raises ValueError if the text holds a letter other than d, i and v.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    text : str
+        Labelling; v: left out.
+
+    Returns
+    -------
+    (Assembly, (m,) array of bool)
+        Remaining structure, the given one if the text has no v; and labels of its interfaces, True = dry.
+    """
     labels = with_members(assembly, dry_of(text))
     if LETTER not in text:
         return assembly, labels

@@ -11,8 +11,9 @@ from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.scene import Scene
-from jld_explore.report import Exploration, Summary
+from jld_explore.report import Exploration
 from jld_explore.report.folder import save_tables
+from jld_explore.report.summary import Summary
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace
 
@@ -70,7 +71,22 @@ class Step(ABC):
 def with_entries(
     done: Exploration, entries: Mapping[str, Any], columns: Mapping[str, Any] | None = None
 ) -> Exploration:
-    """Return a search with further entries of its summary and columns of its results; nothing is written."""
+    """Return a search with further entries of its summary and columns of its results; nothing is written.
+
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    entries : Mapping of str to Any
+        Entries of the summary.
+    columns : Mapping of str to Any, optional
+        Columns of the results.
+
+    Returns
+    -------
+    Exploration
+        Search with both.
+    """
     results = done.results.assign(**columns) if columns else done.results
     return replace(done, results=results, summary=Summary.of({**done.summary.facts, **entries}))
 

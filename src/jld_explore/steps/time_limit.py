@@ -51,7 +51,18 @@ def later(deadline: Deadline, settings: ExploreSettings, share: float) -> Deadli
 
 
 def busy_factor(clock: float, processor: float) -> float:
-    """Return the factor by which a busy machine prolongs work, 1 to `BUSY`."""
+    """Return the factor by which a busy machine prolongs work.
+
+    Parameters
+    ----------
+    clock, processor : float
+        Time by the clock and processor time of the same work, s.
+
+    Returns
+    -------
+    float
+        1 to `BUSY`.
+    """
     return min(max(1.0, clock / max(processor, 1e-9)), BUSY)
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from jld_core.assembly import Assembly
 from jld_core.limit import Status
-from jld_core.models.case_analysis import CaseAnalysis
+from jld_core.models import CaseAnalysis
 from jld_core.scene import Scene
 from jld_explore.report import Exploration
 from jld_explore.space import SearchSpace
@@ -19,7 +19,23 @@ MOST: Final = 2000
 
 
 def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> float | None:
-    """Return the upper bound on λ by faces with all joints inner; None where there is none."""
+    """Return the upper bound on λ by faces where every face that may be inner is inner.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Its structure.
+    space : SearchSpace
+        Labellings that may be searched.
+
+    Returns
+    -------
+    float or None
+        Upper bound on the governing factor. None where it is not finite, beside other crack models, uncertain values or
+        cells left out, and above MOST interfaces.
+    """
     plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
     if not plain or len(assembly.labels) > MOST:
         return None

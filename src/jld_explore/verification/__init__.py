@@ -1,12 +1,22 @@
 """Check proofs of the exact driver by code that is independent of the search.
 
+- `certificate`: read and write certificates: JSON lines with the claim, numbered reasons and a digest
 - `verify`: check a certificate
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from jld_core.lazy_exports import export_lazily
 from jld_explore.verification.verify import verify
 
+if TYPE_CHECKING:
+    from jld_explore.verification import certificate
+
 __all__ = [
+    "certificate",
     "verify",
 ]
+
+export_lazily(__name__, {}, submodules=["certificate"])

@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly
-from jld_core.build import faces_of_pairs
+from jld_core.build.elements import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_explore.verification.certificate import at_least

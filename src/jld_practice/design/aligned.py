@@ -11,9 +11,8 @@ import shapely
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import spsolve
 
-from jld_core.arrays import Floats, Ints
-from jld_core.errors import InputError
-from jld_core.refinement.arrangement import MOST
+from jld_core import Floats, InputError, Ints
+from jld_core.refinement import arrangement
 
 _SMOOTH: Final = 0.8  # length over which stresses are averaged, relative to a cell
 
@@ -106,8 +105,8 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
                 turned = np.abs(np.einsum("sd,sd->s", along, normal[triangle])) / np.maximum(length, 1e-300)
                 deviation += float(share @ np.arcsin(np.minimum(turned, 1.0)))
                 total += float(share.sum())
-    if len(lines) > MOST:
-        raise InputError("cell", f"that makes {len(lines):.3g} pieces of joints", f"at most {MOST}")
+    if len(lines) > arrangement.MOST:
+        raise InputError("cell", f"that makes {len(lines):.3g} pieces of joints", f"at most {arrangement.MOST}")
     cells = _halved(_cells(field, lines, size), field, direction, _LARGEST * size**2)
     return AlignedCells(cells, deviation / total if total > 0.0 else 0.0)
 

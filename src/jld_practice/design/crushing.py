@@ -8,21 +8,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Deadline, InputError, Route
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
+from jld_core.fields import bounds, problem
 from jld_core.fields.bounds import FieldBounds, FieldRefinement
 from jld_core.fields.problem import material_of, require_planar_fields
 from jld_core.scene import Scene, parse_scene
-from jld_core.strengths import Route
 from jld_practice.design.aligned import TriangleStresses
 
 
 def uniaxial_strength(scene: Scene) -> float:
     """Return the stress at which blocks fail in uniaxial compression, docs/method.md (9.1)."""
     # 2 c (μi + √(1 + μi²)), c and μi of inner faces, or the compressive strength if less
-    material = material_of(build_assembly(scene))
+    material = problem.material_of(build_assembly(scene))
     sheared = 2.0 * material.shear * (material.friction + math.hypot(1.0, material.friction))
     return min(sheared, material.crushing)
 
@@ -30,7 +30,7 @@ def uniaxial_strength(scene: Scene) -> float:
 def why_no_fields(assembly: Assembly) -> str:
     """Return why bounds by fields do not apply to a structure; "" where they do."""
     try:
-        require_planar_fields(assembly)
+        problem.require_planar_fields(assembly)
     except InputError as error:
         return error.problem
     return ""
@@ -81,9 +81,9 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     raise InputError("", "no stresses of the uncut body keep equilibrium with the loads", "a stronger stone")
 
 
-def _refined(assembly: Assembly, until: Deadline | None) -> FieldBounds:
+def _refined(assembly: Assembly, until: Deadline | None) -> bounds.FieldBounds:
     """Return the bounds by fields of a structure under one load case, with their stresses."""
-    refinement = FieldRefinement(assembly, assembly.labels, lower_first=True)
+    refinement = bounds.FieldRefinement(assembly, assembly.labels, lower_first=True)
     found = refinement.step()
     while not refinement.ended and refinement.simplices <= _TRIANGLES and not (until is not None and until.passed()):
         found = refinement.step(False)

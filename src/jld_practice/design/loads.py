@@ -7,11 +7,9 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Floats, ParameterError
 from jld_core.build import build_assembly
-from jld_core.errors import ParameterError
-from jld_core.refinement.walls import prism_of
+from jld_core.refinement import prism_of
 from jld_core.scene import Scene, parse_scene
 from jld_practice.design.options import DesignOptions, loaded_line
 

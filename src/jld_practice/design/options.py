@@ -11,13 +11,10 @@ from typing import Any, Final, Literal
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import ImportOptions
-from jld_core.exchange.forces import parse_force
-from jld_core.geometry.unions import union_outlines
-from jld_core.refinement.voussoirs import find_arcs
+from jld_core import Assembly, Floats, InputError, ParameterError
+from jld_core.exchange import ImportOptions, forces
+from jld_core.geometry import unions
+from jld_core.refinement import voussoirs
 from jld_practice.laying.order import LAID
 
 SIDES: Final = ("top", "bottom", "left", "right")
@@ -162,8 +159,8 @@ def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
 def _extrados(assembly: Assembly, down: Floats) -> LoadedLine:
     """Return the edges on the largest arc that is round outwards and upwards; places are lengths along it."""
     elements = assembly.elements
-    parts = union_outlines([elements.shape[k] for k in elements.free])
-    arcs = [arc for part in parts for arc in find_arcs(part.shell) if not arc.hollow]
+    parts = unions.union_outlines([elements.shape[k] for k in elements.free])
+    arcs = [arc for part in parts for arc in voussoirs.find_arcs(part.shell) if not arc.hollow]
     arcs = [arc for arc in arcs if float((arc.point(0.5 * (arc.angles[0] + arc.angles[-1])) - arc.centre) @ down) < 0.0]
     if not arcs:
         problem = "no arc of the outline is round upwards"
@@ -187,7 +184,7 @@ def _extrados(assembly: Assembly, down: Floats) -> LoadedLine:
 def _outer_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
     """Return the free edges that no other free element touches."""
     elements = assembly.elements
-    parts = union_outlines([elements.shape[k] for k in elements.free])
+    parts = unions.union_outlines([elements.shape[k] for k in elements.free])
     rings = [shapely.LinearRing(ring) for part in parts for ring in (part.shell, *part.holes)]
     outline = shapely.MultiLineString(rings)
     size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
@@ -303,7 +300,7 @@ class DesignOptions:
         if self.load is None:
             return None
         try:
-            written = parse_force(self.load, unit)
+            written = forces.parse_force(self.load, unit)
         except InputError as error:
             raise ParameterError("load", error.problem, error.expected) from None
         if written.components or not written.values[0] > 0.0:

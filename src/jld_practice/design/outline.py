@@ -10,14 +10,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.build import build_assembly
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import Notes, import_file
-from jld_core.exchange.cells import hardly_meant
-from jld_core.exchange.libraries import reading
-from jld_core.exchange.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS
-from jld_core.geometry.unions import union_outlines
+from jld_core import InputError, ParameterError
+from jld_core.build import build_assembly, build_geometry
+from jld_core.exchange import Notes, cells, import_file, libraries
+from jld_core.exchange import options as exchange_options
+from jld_core.geometry import unions
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
 from jld_practice.laying.order import LAID
@@ -45,7 +42,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
                     "a drawing, or no such option",
                 )
         notes = Notes()
-        with reading(file):
+        with libraries.reading(file):
             scene = _united(load_scene(file), notes)
     else:
         scene, notes = _imported(file, options)
@@ -62,7 +59,7 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
         search["assemble"] = LAID[options.laid][0]
     if search:
         document["search"] = search
-    with reading(file):
+    with libraries.reading(file):
         completed = parse_scene(document, str(file))
         build_assembly(completed)
     return Outline(completed, tuple(notes.assumed))
@@ -103,7 +100,7 @@ def _united(scene: Scene, notes: Notes) -> Scene:
             'a pressure "along" a line' if any(places) else "a drawing or scene with one element for each part",
         )
     elements = build_assembly(scene).elements
-    parts = union_outlines([elements.shape[k] for k in elements.free])
+    parts = unions.union_outlines([elements.shape[k] for k in elements.free])
     if any(part.holes for part in parts):
         return scene
     united = [{"id": f"outline{k}", "polygon": part.shell.tolist()} for k, part in enumerate(parts)]
@@ -143,14 +140,14 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     found = import_file(file, options.reading, feet=True)
     report = found.report
     notes = Notes(found=list(report.found), assumed=list(report.assumed), doubtful=list(report.doubtful))
-    with reading(file):
+    with libraries.reading(file):
         # the options say what was assumed instead
         said = ("no load was found", "edit materials")
         loadless = any(said[0] in note for note in notes.assumed)
         notes.assumed = [note for note in notes.assumed if not any(words in note for words in said)]
         if loadless and options.load is None and options.push is None:
             notes.assumed.append("the live load is the weight acting sideways: no load was given or drawn")
-        if found.document["materials"] == DEFAULT_MATERIALS:
+        if found.document["materials"] == exchange_options.DEFAULT_MATERIALS:
             notes.assumed += _defaults(options)
         scene = parse_scene(found.document, str(file))
     if scene.dimension == 3 and options.thickness is not None:
@@ -167,14 +164,14 @@ def _refuse_size(scene: Scene, options: DesignOptions, notes: Notes) -> None:
         if unit and options.unit is None and elements is not None:
             free = elements.free
             extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
-            if hardly_meant(float(extent.max())):
+            if cells.hardly_meant(float(extent.max())):
                 raise ParameterError("unit", problem, f"a unit, such as {unit}")
         notes.assumed.append(f"doubtful: {problem}")
 
 
 def _defaults(options: DesignOptions) -> list[str]:
     """List the default material values in words, without those that the options state."""
-    given = DEFAULT_MATERIALS
+    given = exchange_options.DEFAULT_MATERIALS
     values = {
         "density": ("density", given["density"], " kg/m³"),
         "friction": ("friction", given["dry"]["friction_coefficient"], ""),
@@ -192,12 +189,12 @@ def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) 
     found = {**materials}
     if options.density is not None:
         found["density"] = options.density
-    dry = dict(found.get("dry") or DEFAULT_MATERIALS["dry"])
-    inner = dict(found.get("inner") or DEFAULT_MATERIALS["inner"])
+    dry = dict(found.get("dry") or exchange_options.DEFAULT_MATERIALS["dry"])
+    inner = dict(found.get("inner") or exchange_options.DEFAULT_MATERIALS["inner"])
     if not found.get("dry") and options.friction is None:
-        notes.assumed.append(f"friction {DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")
+        notes.assumed.append(f"friction {exchange_options.DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")
     if not found.get("inner") and (options.tension is None or options.shear is None):
-        notes.assumed.append(f"{DEFAULT_STRENGTHS}, where not given")
+        notes.assumed.append(f"{exchange_options.DEFAULT_STRENGTHS}, where not given")
     if options.friction is not None:
         dry.pop("friction_angle", None)
         dry["friction_coefficient"] = {"nominal": options.friction, "low": options.friction_low or 0.0}

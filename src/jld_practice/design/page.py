@@ -9,9 +9,9 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
+from jld_core import files
 from jld_core.build import build_assembly
 from jld_core.exchange import Layout, blocks_csv
-from jld_core.files import write_text
 from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
@@ -45,15 +45,15 @@ def write_design(work: Design, *, pictures: bool = True) -> dict[str, Any]:
     """Write all files of a design into its folder; return the contents of summary.json."""
     winner = work.winner
     facts = facts_of(work)
-    write_text(work.folder / FILES[1], json.dumps(facts, indent=1))
+    files.write_text(work.folder / FILES[1], json.dumps(facts, indent=1))
     if winner is not None:
-        write_text(work.folder / FILES[2], winner.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+        files.write_text(work.folder / FILES[2], winner.scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
         assembly = built(winner)
         layout = Layout(winner.scene, assembly, assembly.labels)
-        write_text(work.folder / FILES[4], blocks_csv(layout))
+        files.write_text(work.folder / FILES[4], blocks_csv(layout))
         if pictures:
             _draw(work, winner)
-    write_text(work.folder / FILES[0], _page(work, pictures and winner is not None))
+    files.write_text(work.folder / FILES[0], _page(work, pictures and winner is not None))
     return facts
 
 
@@ -337,21 +337,22 @@ def _next() -> list[str]:
 
 def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
+    from jld_core.views import figure_layout, figures, writing
     from jld_core.views.figures import draw_assembly, figure_for, finish, save_figure
     from jld_core.views.writing import write_numbers
 
     shown = [one for one in (work.usual, winner) if one is not None]
     assemblies = [built(one) for one in shown]
-    figure, axes = figure_for(assemblies[0], len(shown))
+    figure, axes = figure_layout.figure_for(assemblies[0], len(shown))
     for ax, one, assembly in zip(axes, shown, assemblies, strict=True):
-        draw_assembly(ax, assembly, assembly.labels)
+        figures.draw_assembly(ax, assembly, assembly.labels)
         title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
         ax.set_title(f"{title}\nλ by fields {_span(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9)
         if one is winner:
             blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
-            write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])
-    finish(figure, axes, f"{work.outline.scene.name}: a design")
-    save_figure(figure, work.folder / FILES[3])
+            writing.write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])
+    figure_layout.finish(figure, axes, f"{work.outline.scene.name}: a design")
+    figures.save_figure(figure, work.folder / FILES[3])
 
 
 def _table(rows: list[dict[str, str]]) -> str:

@@ -12,23 +12,15 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core import Bits, Deadline, InputError, files, one_thread
 from jld_core.build import build_assembly
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError
-from jld_core.files import require_folder
 from jld_core.limit import Status
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
-from jld_core.threads import one_thread
-from jld_explore import ExploreSettings
+from jld_explore import ExploreSettings, Interrupted, busy_factor, explore
 from jld_explore.evaluation import Pool
-from jld_explore.explore import explore
 from jld_explore.report import Exploration
-from jld_explore.search.state import Interrupted
-from jld_explore.space import from_string, search_space
-from jld_explore.space.search_space import feasible
-from jld_explore.steps.time_limit import busy_factor
+from jld_explore.space import feasible, from_string, search_space
 from jld_geometry.optimise import move_joints
 from jld_practice.design.crushing import with_crushing, with_materials_of
 from jld_practice.design.options import DesignOptions
@@ -236,7 +228,7 @@ def design_outline(
     """Design the blocks of an outline, and write its files; Interrupted after a signal."""
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
-    require_folder(folder)
+    files.require_folder(folder)
     there = folder.exists()
     if there and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")

@@ -11,15 +11,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.assembly import Assembly, blocks_of
-from jld_core.build import build_assembly
-from jld_core.build.materials import direction_of_weight
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError, ParameterError
-from jld_core.geometry.unions import region_of, union_outlines
+from jld_core import Assembly, Deadline, Floats, InputError, ParameterError, blocks_of
+from jld_core.build import build_assembly, materials
+from jld_core.geometry import unions
 from jld_core.refinement import refine
-from jld_core.refinement.voussoirs import Arc, find_arcs
+from jld_core.refinement import voussoirs as refinement_voussoirs
 from jld_core.scene import Scene, parse_scene
 from jld_practice.design.aligned import TriangleStresses, aligned_cells
 from jld_practice.design.crushing import stresses_of_body
@@ -109,7 +105,11 @@ def _planar(
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     area = float(sum(shapely.Polygon(elements.shape[k]).area for k in free))
     cell = _cell_size(assembly, area, 2, options)
-    arcs = [arc for part in union_outlines([elements.shape[k] for k in free]) for arc in find_arcs(part.shell)]
+    arcs = [
+        arc
+        for part in unions.union_outlines([elements.shape[k] for k in free])
+        for arc in refinement_voussoirs.find_arcs(part.shell)
+    ]
 
     def half_bricks(size: float) -> Scene:
         """Cut into bricks of two square cells in running bond, and these into halves."""
@@ -155,7 +155,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
     volume = float(elements.volume[free].sum())
     cell = _cell_size(assembly, volume, 3, options)
     extent = elements.upper[free].max(axis=0) - elements.lower[free].min(axis=0)
-    side, height = side_of(assembly), float(extent @ abs(direction_of_weight(outline)))
+    side, height = side_of(assembly), float(extent @ abs(materials.direction_of_weight(outline)))
 
     def vault(bond: str) -> _Make:
         """Return the function that cuts a vault by voussoirs and courses of a bond."""
@@ -219,7 +219,7 @@ def _even(length: float, size: float) -> float:
     return float(length / max(2, 2 * round(0.5 * length / size)))
 
 
-def _voussoirs(arcs: list[Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
+def _voussoirs(arcs: list[refinement_voussoirs.Arc], lower: Any, upper: Any, cell: float) -> tuple[int, int]:
     """Return the numbers of voussoirs and of rings for cells of about one size."""
     hollow = [arc for arc in arcs if arc.hollow] or arcs
     if not hollow:
@@ -240,7 +240,7 @@ def _bare(scene: Scene) -> Scene:
     return parse_scene(document, scene.name)
 
 
-def _ready(scene: Scene, arcs: list[Arc], *, blocks: bool = False) -> Scene:
+def _ready(scene: Scene, arcs: list[refinement_voussoirs.Arc], *, blocks: bool = False) -> Scene:
     """Complete a planar scene by the key "move"; without `blocks` remove labels and block names."""
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
@@ -263,8 +263,12 @@ def region_words(scene: Scene) -> str:
         count, volume = len(elements.free), float(elements.volume[elements.free].sum())
         return f"{count} solid{'s' * (count != 1)}, volume {volume:.4g} {unit}³"
     shapes = [assembly.elements.shape[k] for k in assembly.elements.free]
-    parts = union_outlines(shapes)
-    arcs = [arc for part in parts for arc in find_arcs(region_of(shapely.Polygon(part.shell)).shell)]
+    parts = unions.union_outlines(shapes)
+    arcs = [
+        arc
+        for part in parts
+        for arc in refinement_voussoirs.find_arcs(unions.region_of(shapely.Polygon(part.shell)).shell)
+    ]
     unit = assembly.units[0]
     told = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
     area = sum(shapely.Polygon(part.shell, part.holes).area for part in parts)

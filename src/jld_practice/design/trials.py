@@ -14,24 +14,24 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import Assembly, Bits, Deadline, DeadlinePassed, InputError, files
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, cases_of_scene
 from jld_core.build.assemble import cases_of_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
+from jld_core.fields import governing_bounds
 from jld_core.fields.bounds import governing_bounds
 from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene, parse_scene
-from jld_core.scene.units import force_in_words
-from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import EvaluatorSettings, evaluator_of
-from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
-from jld_explore.report.languages import stronger_cut
+from jld_core.scene import Scene, parse_scene, units
+from jld_explore import most_without_cuts
+from jld_explore.drivers import Genetic
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of, field_evaluator
+from jld_explore.report import languages
 from jld_explore.space import search_space
-from jld_explore.steps.uncut import most_without_cuts
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 from jld_practice.design.crushing import why_no_fields, with_crushing
@@ -96,7 +96,9 @@ def _search_seconds(assembly: Assembly) -> float:
     if assembly.dimension == 3 or why_no_fields(assembly):
         return _TABLES
     corners = sum(len(assembly.elements.shape[element]) - 2 for element in assembly.elements.free)
-    return _TABLES + _MESHES * len(assembly.by_case) * mesh_seconds(COARSE_RATE, _TRIANGLES * corners)
+    return _TABLES + _MESHES * len(assembly.by_case) * field_evaluator.mesh_seconds(
+        field_evaluator.COARSE_RATE, _TRIANGLES * corners
+    )
 
 
 Bounds = tuple[float, float]  # proven bounds on λ, infinite where nothing is proven
@@ -348,7 +350,7 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
     if high is None or until.passed():
         return Check("without cuts", "without cuts: not compared")
     if winner.faces[0] > high:
-        return Check("without cuts", stronger_cut(high), {"uncut_at_most": high})
+        return Check("without cuts", languages.stronger_cut(high), {"uncut_at_most": high})
     return Check("without cuts", f"without cuts: by faces at most {high:.4g}; the cuts are not proven to gain anything")
 
 
@@ -361,7 +363,7 @@ def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[s
     number = names.index(str(result.governing)) if result.governing in names else 0
     place = work.folder / "experiment.json"
     scene = one_case(winner.scene, number)
-    write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+    files.write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
     told = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
     again = f"jld experiment {place}"
     if until.remaining() < _LEAST_EXPERIMENT:
@@ -404,7 +406,9 @@ def _laid(work: Design, until: Deadline) -> Check:
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
     props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
     held = (
-        "no stage needs a prop" if found.stands else f"props of {force_in_words(props, assembly.units[1])} at the most"
+        "no stage needs a prop"
+        if found.stands
+        else f"props of {units.force_in_words(props, assembly.units[1])} at the most"
     )
     values = {"possible": True, "steps": len(found.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"

@@ -13,25 +13,18 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly, LoadCase
+from jld_core import Assembly, Bits, Floats, InputError, LoadCase, Loads, Route, one_thread
 from jld_core.build import build_assembly
-from jld_core.errors import InputError
 from jld_core.limit import FIELD_SECONDS, CaseBounds, LimitAnalysisResult, SolveOptions, Status, number
-from jld_core.loads import Loads
 from jld_core.mechanics import require_materials
-from jld_core.models import limit_analysis, solve_by_fields, solve_rigid
-from jld_core.models.by_fields import FieldResult, case_bounds_of, least_by_fields, stands_by
-from jld_core.models.crack_models import require_cracks
+from jld_core.models import by_fields as models_by_fields
+from jld_core.models import limit_analysis, require_cracks, solve_by_fields, solve_rigid
 from jld_core.program import ConicProgram, Template
-from jld_core.refinement.cells import crack_cells
-from jld_core.scene import Scene
-from jld_core.scene.cracks import CellCracks, FieldCracks
-from jld_core.scene.design import PartialFactors
-from jld_core.scene.design_values import at_design_values
+from jld_core.refinement import crack_cells
+from jld_core.scene import Scene, cracks
+from jld_core.scene import design as scene_design
 from jld_core.solvers import make_solver
-from jld_core.strengths import Route
-from jld_core.threads import one_thread
+from jld_practice.design_check.design_values import at_design_values
 from jld_practice.reactions.force_range import extreme_value
 from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
 from jld_practice.reliability.form import LimitFunction
@@ -60,13 +53,13 @@ class Combination:
     # favourable one
     heavier: tuple[str, ...] = ()
 
-    def factors(self, partial: PartialFactors) -> dict[str, float]:
+    def factors(self, partial: scene_design.PartialFactors) -> dict[str, float]:
         """Return the factor of each permanent action by its name."""
         names = ("self_weight", "dead", "prestressing")
         return {name: getattr(partial, name)[getattr(self, name) == "unfavourable"] for name in names}
 
 
-def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combination]:
+def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) -> list[Combination]:
     """Return the combinations that differ for a structure, all actions unfavourable first."""
     # An action that is absent, or whose two factors are equal, is not varied. λ is a concave function of dead loads, so
     # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
@@ -88,7 +81,7 @@ def combinations_of(assembly: Assembly, factors: PartialFactors) -> list[Combina
     ]
 
 
-def at_design_loads(assembly: Assembly, factors: PartialFactors, combination: Combination) -> Assembly:
+def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, combination: Combination) -> Assembly:
     """Multiply the loads of a structure by partial factors."""
     chosen = combination.factors(factors)
 
@@ -153,7 +146,7 @@ def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
     if scene.materials.inner is None and not any(one.inner for one in scene.materials.faces or []):
         return "rigid"
     try:
-        require_cracks(replace(assembly, cracks=FieldCracks(kind="fields", gap=FINER[-1])))
+        require_cracks(replace(assembly, cracks=cracks.FieldCracks(kind="fields", gap=FINER[-1])))
     except InputError as error:
         return error.problem
     return ""
@@ -213,7 +206,9 @@ class WorstParts:
     stands: bool | None  # True if every assignment stands without live load, False if one does not, None if undecided
 
 
-def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> WorstParts:
+def worst_parts(
+    structure: Assembly, labels: Bits, factors: scene_design.PartialFactors, combination: Combination
+) -> WorstParts:
     """Bound λ of one load case over all assignments of factors to parts of permanent loads."""
     search = _Search(structure, labels, factors, combination)
     few = len(search.names) <= _ALL
@@ -230,7 +225,9 @@ def worst_parts(structure: Assembly, labels: Bits, factors: PartialFactors, comb
     return WorstParts(chosen, loaded, CaseBounds(status, ends[0], ends[1], value), stands)
 
 
-def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
+def parts_of(
+    structure: Assembly, factors: scene_design.PartialFactors
+) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
     """Return parts of permanent loads: names (k,), loads (k, n, q), factors (k, 2); and loads beside them (n, q)."""
     # Parts are the weights of free elements, and stated dead loads on elements. Beside them are prestress and loads
     # whose factors are equal.
@@ -259,7 +256,9 @@ def parts_of(structure: Assembly, factors: PartialFactors) -> tuple[tuple[str, .
 class _Search:
     """Assignments of one load case; factors (parts,) are values of random variables that its loads follow."""
 
-    def __init__(self, structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination) -> None:
+    def __init__(
+        self, structure: Assembly, labels: Bits, factors: scene_design.PartialFactors, combination: Combination
+    ) -> None:
         self.labels = labels
         self.names, self.loads, self.ends, self.rest = parts_of(structure, factors)
         self.middle = self.ends.mean(axis=1)
@@ -386,7 +385,7 @@ def _least_slack(program: ConicProgram, slack: Floats) -> float:
 
 LISTED: Final = 8  # joints and blocks that a check lists, those nearest to their limit
 
-Solution = LimitAnalysisResult | FieldResult  # solution of a structure under all its load cases
+Solution = LimitAnalysisResult | models_by_fields.FieldResult  # solution of a structure under all its load cases
 
 
 @dataclass(frozen=True)
@@ -452,7 +451,7 @@ class DesignCheck:
     scene: Scene  # scene with characteristic values
     assembly: Assembly  # structure at characteristic values
     labels: Bits  # (m,) labels of the structure that is solved, True = dry
-    factors: PartialFactors  # partial factors
+    factors: scene_design.PartialFactors  # partial factors
     cases: tuple[CaseCheck, ...]  # every load case under its worst combination
     tried: tuple[tuple[CaseCheck, ...], ...]  # every load case under each combination
     solved: LimitAnalysisResult | None  # solution of the governing case under its worst combination; None for fields
@@ -489,7 +488,7 @@ class DesignCheck:
 def design_check(
     scene: Scene,
     labels: Bits | None,
-    factors: PartialFactors,
+    factors: scene_design.PartialFactors,
     *,
     seconds: float = FIELD_SECONDS,
     states: bool = True,
@@ -500,7 +499,7 @@ def design_check(
     assembly = build_assembly(scene)
     own = assembly.labels if labels is None else labels
     require_materials(assembly, own, ~own)
-    if factors.by_parts and isinstance(scene.cracks, FieldCracks):
+    if factors.by_parts and isinstance(scene.cracks, cracks.FieldCracks):
         problem = "EN 1990, 6.4.3.1(4) factors parts of the weight one by one, which fields do not"
         raise InputError("cracks", problem, '"faces" or {"kind": "cells"}')
     assembly.strengths(ROUTE)  # refuses criteria, whose parameters have no partial factors
@@ -523,7 +522,7 @@ def design_check(
     solved = solve_rigid(first.structure, cells) if factors.by_parts else _of_case(solutions[chosen], first)
     checked = DesignCheck(scene, assembly, cells, factors, cases, by_case, solved, (), None)
     checked = _with_cracks_anywhere(checked, own, combinations, seconds)
-    if not states or isinstance(scene.cracks, FieldCracks) or checked.verified is not True:
+    if not states or isinstance(scene.cracks, cracks.FieldCracks) or checked.verified is not True:
         return checked
     at_required = first.structure.dead_loads + first.required * first.structure.live_loads
     loaded = replace(first.structure, dead_loads=at_required)
@@ -539,7 +538,7 @@ def design_check(
 def _structures(
     scene: Scene,
     labels: Bits,
-    factors: PartialFactors,
+    factors: scene_design.PartialFactors,
     combinations: list[Combination],
 ) -> list[tuple[Assembly, Bits]]:
     """Return structure and labels under each combination, at design values; loads of parts are characteristic."""
@@ -555,7 +554,7 @@ def _structures(
                 raise InputError("members", problem, "a larger tension, or other factors")
             require_cracks(built)
             found[prestress] = built, labels
-            if isinstance(scene.cracks, CellCracks):
+            if isinstance(scene.cracks, cracks.CellCracks):
                 cells = crack_cells(design, built, scene.cracks.cell)
                 found[prestress] = cells.fine, cells.labels(labels)
         structure, own = found[prestress]
@@ -565,7 +564,7 @@ def _structures(
 
 def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
     """Solve a structure under all its load cases, by fields where the scene says so."""
-    if isinstance(scene.cracks, FieldCracks):
+    if isinstance(scene.cracks, cracks.FieldCracks):
         return solve_by_fields(structure, labels, gap=scene.cracks.gap, seconds=seconds)
     return solve_rigid(structure, labels)
 
@@ -578,10 +577,12 @@ def _cases(
     places = [case.place for case in structure.cases] or [None]
     found = []
     for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
-        if isinstance(solution, FieldResult):
+        if isinstance(solution, models_by_fields.FieldResult):
             by_fields = list(solution.cases.values())[k]
-            bounds = case_bounds_of(by_fields)
-            stands = stands_by(by_fields, least_by_fields(alone, labels, by_fields, seconds))
+            bounds = models_by_fields.case_bounds_of(by_fields)
+            stands = models_by_fields.stands_by(
+                by_fields, models_by_fields.least_by_fields(alone, labels, by_fields, seconds)
+            )
         else:
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
@@ -594,7 +595,7 @@ def _with_cracks_anywhere(
 ) -> DesignCheck:
     """Add the check by fields to one by faces or cells; labels: (m,) of the joint grid."""
     scene, factors = check.scene, check.factors
-    if isinstance(scene.cracks, FieldCracks):
+    if isinstance(scene.cracks, cracks.FieldCracks):
         return check
     reason = "equilibrium" if factors.by_parts else why_not_anywhere(scene, check.assembly)
     if reason:
@@ -639,7 +640,7 @@ def _with_cracks_anywhere(
 
 
 def _cases_by_parts(
-    structure: Assembly, labels: Bits, factors: PartialFactors, combination: Combination
+    structure: Assembly, labels: Bits, factors: scene_design.PartialFactors, combination: Combination
 ) -> list[CaseCheck]:
     """Return the check of every load case under its worst factors of the parts of permanent loads."""
     names = [case.name for case in structure.cases] or [""]
@@ -663,6 +664,6 @@ def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
 
 
 def _of_case(solution: Solution, case: CaseCheck) -> LimitAnalysisResult | None:
-    if isinstance(solution, FieldResult):
+    if isinstance(solution, models_by_fields.FieldResult):
         return None
     return solution.cases[case.name] if solution.cases else solution

@@ -13,8 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
+import jld_core
+from jld_core import files
 from jld_core._version import __version__
 from jld_core.files import whole_file, write_text
+from jld_core.views import figures, look, path, writing
 from jld_core.views.figures import draw_assembly, draw_mechanism, svg_of
 from jld_core.views.look import INK, SOFT
 from jld_core.views.moved_joints import PathValue, draw_path
@@ -48,12 +51,12 @@ def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[
     facts = {"CreationDate": None, "Title": content.title}
     with (
         mpl.rc_context({"pdf.fonttype": 42}),
-        whole_file(pdf) as fresh,
+        files.whole_file(pdf) as fresh,
         PdfPages(fresh, metadata=facts) as book,
-        as_written(figure),
+        writing.as_written(figure),
     ):
         book.savefig(figure)
-    write_text(page, html_of(check, content, language))
+    files.write_text(page, html_of(check, content, language))
     return [pdf, page]
 
 
@@ -63,7 +66,7 @@ def html_of(check: DesignCheck, content: Content, language: str) -> str:
     _draw(check, content, figure, 0.03, 0.94, 0.02, 0.86)
     parts = [f"<h1>{html.escape(content.title)}</h1>"]
     parts += [f'<p class="result">{html.escape(line)}</p>' for line in content.result]
-    parts.append(svg_of(figure))
+    parts.append(figures.svg_of(figure))
     for table in content.tables:
         parts.append(f"<h2>{html.escape(table.title)}</h2>{_rows(table)}")
         if table.more:
@@ -88,7 +91,9 @@ def _rows(table: Table) -> str:
 def sheet_of(check: DesignCheck, content: Content) -> Figure:
     """Return the sheet of a design check; letters shrink where the tables would not fit on it."""
     figure = Figure(figsize=_PAPER)
-    figure.text(_MARGIN, 0.965, textwrap.shorten(content.title, 70, placeholder=" …"), fontsize=14, color=INK, va="top")
+    figure.text(
+        _MARGIN, 0.965, textwrap.shorten(content.title, 70, placeholder=" …"), fontsize=14, color=look.INK, va="top"
+    )
     top = 0.93
     for line in content.result:
         top = _text(figure, top, line, 9.0)
@@ -100,12 +105,12 @@ def sheet_of(check: DesignCheck, content: Content) -> Figure:
     top = _text(figure, top, content.words["notes"], 1.2 * size)
     for note in content.notes:
         top = _text(figure, top, f"– {note}", size)
-    figure.text(_MARGIN, 0.025, _foot(check), fontsize=7.0, color=SOFT)
+    figure.text(_MARGIN, 0.025, _foot(check), fontsize=7.0, color=look.SOFT)
     return figure
 
 
 def _foot(check: DesignCheck) -> str:
-    return f"{check.scene.name} · {check.scene.fingerprint[:12]} · {check.factors.name} · jld {__version__}"
+    return f"{check.scene.name} · {check.scene.fingerprint[:12]} · {check.factors.name} · jld {jld_core.__version__}"
 
 
 def _line(size: float) -> float:
@@ -141,7 +146,7 @@ def _fitting(content: Content, room: float) -> float:
 def _text(figure: Figure, top: float, text: str, size: float) -> float:
     """Write a wrapped text from the height `top` on; return the height below."""
     for part in _wrapped(text, size):
-        figure.text(_MARGIN, top - _drop(size), part, fontsize=size, color=INK)
+        figure.text(_MARGIN, top - _drop(size), part, fontsize=size, color=look.INK)
         top -= _line(size)
     return top
 
@@ -156,11 +161,11 @@ def _table(figure: Figure, top: float, table: Table, content: Content, size: flo
         for x, share, cell in zip(left, table.widths, row, strict=True):
             letters = int(_PAPER[0] * 72.0 * width * share / (0.56 * size))
             told = cell if len(cell) <= letters else cell[: max(1, letters - 1)] + "…"
-            figure.text(float(x), top - _drop(size), told, fontsize=size, color=SOFT if number == 0 else INK)
+            figure.text(float(x), top - _drop(size), told, fontsize=size, color=look.SOFT if number == 0 else look.INK)
         top -= _line(size)
     if table.more:
         told = content.words["more"].format(count=table.more)
-        figure.text(_MARGIN, top - _drop(size), told, fontsize=size, color=SOFT)
+        figure.text(_MARGIN, top - _drop(size), told, fontsize=size, color=look.SOFT)
         top -= _line(size)
     return top - 0.6 * _line(size)
 
@@ -177,24 +182,24 @@ def _draw(
     for k, kind in enumerate(kinds):
         ax: Axes = figure.add_axes((left + k * share, low, 0.94 * share, height))
         if kind == "structure":
-            draw_assembly(ax, worst.structure, check.labels)
+            figures.draw_assembly(ax, worst.structure, check.labels)
         elif kind == "mechanism" and solved is not None:
-            draw_mechanism(ax, solved)
+            figures.draw_mechanism(ax, solved)
         else:
             inset = 0.1 * share
             ax.set_position((left + k * share + inset, low + 0.14 * height, 0.94 * share - inset, 0.82 * height))
-            draw_path(ax, values, check.assembly.units[0], distance=words["distance"])
+            path.draw_path(ax, values, check.assembly.units[0], distance=words["distance"])
         if kind != "path":
             ax.set_axis_off()
         if legend := ax.get_legend():
             legend.set_visible(kind == "path")
-        ax.set_title(words[kind].format(load=f"{worst.bounds.load_factor:.4g}"), fontsize=8, color=INK)
+        ax.set_title(words[kind].format(load=f"{worst.bounds.load_factor:.4g}"), fontsize=8, color=look.INK)
 
 
-def path_of(check: DesignCheck) -> list[PathValue]:
+def path_of(check: DesignCheck) -> list[path.PathValue]:
     """Return λ of each position of moving loads under its worst combination."""
     return [
-        PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
+        path.PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
         for one in check.cases
         if one.place is not None
     ]

@@ -10,20 +10,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core._version import __version__
-from jld_core.assembly import blocks_of
-from jld_core.build.materials import friction
-from jld_core.build.plausibility import weight_facts
-from jld_core.limit import Status, number
-from jld_core.limit.result import effects
-from jld_core.scene.cracks import cracks_to_json
-from jld_core.scene.design import STATED, UNREDUCED
-from jld_core.scene.design_values import at_design_values
-from jld_core.scene.standard import STRESS_KEYS
-from jld_core.scene.uncertain import uncertain_values
-from jld_core.tolerances import GAP
-from jld_explore.report.languages import words_in
+import jld_core
+from jld_core import blocks_of, tolerances
+from jld_core.build import materials, weight_facts
+from jld_core.limit import Status, effects, number
+from jld_core.scene import cracks as scene_cracks
+from jld_core.scene import design as scene_design
+from jld_core.scene import standard, uncertain
+from jld_explore.report import languages
 from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
+from jld_practice.design_check.design_values import at_design_values
 from jld_practice.reactions.thrust import Reserve
 
 # texts by key, in the order of `report.languages.LANGUAGES`
@@ -100,8 +96,8 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "strength": ("γM, strengths, cohesion", "γM, Festigkeiten, Kohäsion", "γM, resistenze, coesione"),
     "friction": ("γM, friction tan φ", "γM, Reibung tan φ", "γM, attrito tan φ"),
     "members": ("γM, members", "γM, Zugglieder, Bolzen", "γM, tiranti, perni"),
-    STATED: (STATED, "in der Szene angegeben", "indicato nella scena"),
-    UNREDUCED: (UNREDUCED, "nicht in diesem Satz", "non in questa serie"),
+    scene_design.STATED: (scene_design.STATED, "in der Szene angegeben", "indicato nella scena"),
+    scene_design.UNREDUCED: (scene_design.UNREDUCED, "nicht in diesem Satz", "non in questa serie"),
     "masonry": (
         "Masonry units of category {units}, {mortar} mortar, class {execution} of execution control.",
         "Mauersteine der Kategorie {units}, {mortar}, Ausführungsklasse {execution}.",
@@ -279,7 +275,7 @@ class Content:
 
 def content_of(check: DesignCheck, language: str = "en") -> Content:
     """Return the content of the page in one language: "en", "de" or "it"."""
-    words = words_in(language, WORDS)
+    words = languages.words_in(language, WORDS)
     tables = [_factors(check, words), _materials(check, words), _cases(check, words)]
     if check.reactions:
         tables.append(_reactions(check, words))
@@ -382,9 +378,9 @@ def _materials(check: DesignCheck, words: Mapping[str, str]) -> Table:
         both = [getattr(scene.materials, key) for scene in scenes]
         if both[0] is None:
             continue
-        if any(friction(one) for one in both):
-            parts.append((key, "tan_phi", [friction(one) or 0.0 for one in both]))
-        for name in STRESS_KEYS:
+        if any(materials.friction(one) for one in both):
+            parts.append((key, "tan_phi", [materials.friction(one) or 0.0 for one in both]))
+        for name in standard.STRESS_KEYS:
             values = [getattr(one, name, None) for one in both]
             if values[0]:
                 parts.append((key, name, [float(value or 0.0) for value in values]))
@@ -490,7 +486,7 @@ def notes_of(check: DesignCheck, words: Mapping[str, str]) -> list[str]:
         if design is not None and stated:
             told = words["masonry"].format(units=design.units, mortar=words[design.mortar], execution=design.execution)
         found.insert(0, told)
-    if any(True for _ in uncertain_values(check.scene)):
+    if any(True for _ in uncertain.uncertain_values(check.scene)):
         found.append(words["uncertain"])
     if check.scene.materials.faces or check.scene.interfaces:
         found.append(words["of_faces"])
@@ -570,14 +566,14 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
     length, force = check.assembly.units
     return {
         "name": check.scene.name,
-        "version": __version__,
+        "version": jld_core.__version__,
         "units": {"length": length, "force": force},
         **check.factors.to_json(),
         "verified": check.verified,
         "utilisation": number(worst.utilisation),
         "governing": worst.name or None,
         "combination": vars(worst.combination),
-        "by_drawn": {"cracks": cracks_to_json(check.scene.cracks), **check.as_drawn.to_json()},
+        "by_drawn": {"cracks": scene_cracks.cracks_to_json(check.scene.cracks), **check.as_drawn.to_json()},
         "anywhere": None if check.if_anywhere is None else check.if_anywhere.to_json(),
         "not_anywhere": check.not_anywhere or None,
         "cases": [
@@ -589,7 +585,7 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
         "joints": joints_of(check),
         "blocks": blocks_near_cracking(check),
         "members": members_of(check),
-        "not_covered": notes_of(check, words_in("en", WORDS)),
+        "not_covered": notes_of(check, languages.words_in("en", WORDS)),
         "warnings": list(check.assembly.warnings),
     }
 
@@ -614,7 +610,7 @@ def _shown(value: float) -> str:
 
 def _end(value: float | None, largest: float) -> str:
     """Return an end of a range in four digits, a dash where there is none."""
-    return "–" if value is None else f"{0.0 if abs(value) <= GAP * largest else value:.4g}"
+    return "–" if value is None else f"{0.0 if abs(value) <= tolerances.GAP * largest else value:.4g}"
 
 
 def _percent(share: float) -> str:

@@ -8,8 +8,7 @@ from typing import Final
 
 from PIL import Image
 
-from jld_core.deadline import checkpoint
-from jld_core.files import whole_file
+from jld_core import checkpoint, files
 from jld_practice.laying import Laying
 from jld_practice.laying.strip import figure_of_stage
 
@@ -34,5 +33,5 @@ def save_laying_animation(laying: Laying, path: Path) -> None:
     if not frames:
         raise ValueError("a sequence without steps has nothing to animate")
     times = [_STAGE] * (len(frames) - 1) + [_END]
-    with whole_file(path) as fresh:
+    with files.whole_file(path) as fresh:
         frames[0].save(fresh, "GIF", save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)

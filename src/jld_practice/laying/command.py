@@ -11,16 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core.arrays import Ints
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import ParameterError, error_context
+from jld_core import Deadline, DeadlinePassed, Ints, ParameterError, error_context, files
 from jld_core.exchange import Layout
-from jld_core.files import require_folder, write_text
 from jld_core.models import rigid
-from jld_core.scene.units import force_in_words
-from jld_explore.cli.layout import best_of_design, layout_of, require_whole_faces
-from jld_explore.cli.options import Rank, Source
-from jld_explore.cli.streams import say
+from jld_core.scene import units
+from jld_explore.cli import layout, options, streams
 from jld_explore.report import csv_of
 from jld_practice.laying import Laying, assembly_order
 from jld_practice.laying.freedom import Bodies
@@ -37,8 +32,8 @@ _WRITING: Final = 0.3
 
 
 def start_of_design(source: Path) -> LayingStart:
-    """Return from where the stones of a design are laid; "ground" of any other source."""
-    if best_of_design(source) == source:
+    """Return from where the stones of a design are laid as its options say; "ground" of any other source."""
+    if layout.best_of_design(source) == source:
         return "ground"
     facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
     return LAID[facts.get("options", {}).get("laid", "translation")][1]
@@ -46,8 +41,8 @@ def start_of_design(source: Path) -> LayingStart:
 
 def assembly(
     context: typer.Context,
-    source: Source,
-    rank: Rank = None,
+    source: options.Source,
+    rank: options.Rank = None,
     wish: Annotated[
         Literal["translation", "standing"],
         typer.Option(help="Require single translations only, or that every stage stands."),
@@ -74,18 +69,18 @@ def assembly(
     Print one row per step, or the blocks that lock one another. With --out also write assembly.csv and assembly.png.
     """
     if out is not None:
-        require_folder(out)
+        files.require_folder(out)
     elif stages or animation:
         name = "stages" if stages else "animation"
         raise ParameterError(name, "there is no folder for the pictures", "`out` with a folder")
     if seconds is not None and not seconds > 0.0:
         raise ParameterError("seconds", f"{seconds:g} s are no time", "a number above 0")
     deadline = Deadline(seconds, context.obj)
-    scene, found, labels, model = layout_of(source, rank)
+    scene, found, labels, model = layout.layout_of(source, rank)
     begun = start or start_of_design(source)
     sideways = scene.search.assemble_out_of_plane
     with error_context(source):
-        require_whole_faces(model, "an order of laying")
+        layout.require_whole_faces(model, "an order of laying")
         found, labels = rigid(found, labels, "an order of laying")
         stations = None if props is None else stations_below(found, props)
         bodies, parts = Bodies(found, sideways), Parts(found, stations)
@@ -107,28 +102,28 @@ def assembly(
     table = table_of(laying, Layout(scene, found, labels).block_of + 1, stations)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "assembly.csv", csv_of(table))
+        files.write_text(out / "assembly.csv", csv_of(table))
         late = _draw(laying, out, f"{scene.name}: order of laying", stages, animation, deadline)
-    say(words_of(laying))
+    streams.say(words_of(laying))
     if stations is not None and laying.steps and not _unsolved(laying):
-        say(_words_along(laying, stations))
+        streams.say(_words_along(laying, stations))
     if len(table):
         # the forces along a line say in short what stands below the blocks
         unsaid = ["elements"] if stations is None else ["elements", "propped"]
-        say(f"\n{table.drop(columns=unsaid).to_string(index=False)}")
+        streams.say(f"\n{table.drop(columns=unsaid).to_string(index=False)}")
     if out is not None:
         left_out = f"; not drawn for lack of time: {', '.join(late)}" if late else ""
-        say(f"\nwritten to   {out}{left_out}")
+        streams.say(f"\nwritten to   {out}{left_out}")
 
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
-    """Draw an order of laying into a folder; return pictures left out for lack of time."""
-    from jld_core.views.figures import save_figure
+    """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
+    from jld_core.views import figures
     from jld_practice.laying.animation import save_laying_animation
     from jld_practice.laying.strip import figure_of_laying
 
     makes: dict[str, Callable[[Path], None]] = {
-        "assembly.png": lambda path: save_figure(figure_of_laying(laying, title), path)
+        "assembly.png": lambda path: figures.save_figure(figure_of_laying(laying, title), path)
     }
     if animation and laying.steps:
         makes["assembly.gif"] = lambda path: save_laying_animation(laying, path)
@@ -147,10 +142,10 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
 
 
 def _save_stage(laying: Laying, number: int, path: Path) -> None:
-    from jld_core.views.figures import save_figure
+    from jld_core.views import figures
     from jld_practice.laying.strip import figure_of_stage
 
-    save_figure(figure_of_stage(laying, number), path)
+    figures.save_figure(figure_of_stage(laying, number), path)
 
 
 def _words_along(laying: Laying, stations: Stations) -> str:
@@ -162,11 +157,11 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
     told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
     if forces[step, place] > 0.0:
-        largest = force_in_words(forces[step, place], force)
+        largest = units.force_in_words(forces[step, place], force)
         told += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
     beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
     if beside:
-        most = force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
+        most = units.force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
         told += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
     return told
 
@@ -226,7 +221,7 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    told = f"order        {many}, props of {force_in_words(worst, force)} at most\n{_first_fall(laying)}"
+    told = f"order        {many}, props of {units.force_in_words(worst, force)} at most\n{_first_fall(laying)}"
     return "\n".join([told, *_centring(laying)])
 
 

@@ -9,9 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from jld_core.arrays import Bits, Bools, Ints
-from jld_core.assembly import Assembly
-from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core import Assembly, Bits, Bools, Deadline, DeadlinePassed, Ints
 from jld_practice.laying.freedom import Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.order import (
     GROUP,

@@ -11,9 +11,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
-from jld_core.deadline import checkpoint
+from jld_core import Assembly, Bits, Bools, Floats, Ints, blocks_of, checkpoint
 from jld_practice.laying.solids import Solids, tangents
 
 _SMALLER: Final = 1e-6  # relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding

@@ -8,10 +8,12 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
+from jld_core import Assembly, Bits, Bools, Floats, ParameterError, parameters, sub_assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly, labels_of
 from jld_core.errors import ParameterError
 from jld_core.parameters import typed
+from jld_core.scene import units
 from jld_core.scene.units import force_in_words
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
@@ -168,11 +170,11 @@ def words_of_fall(laying: Laying, number: int, step: Step) -> str:
     blocks = laying.blocks
     laid = " + ".join(blocks.name(block) for block in step.blocks)
     propped = " and ".join(blocks.name(block) for block in np.flatnonzero(step.stage.props > 0.0).tolist())
-    need = f"props of {force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
+    need = f"props of {units.force_in_words(step.stage.props.sum(), blocks.assembly.units[1])} below {propped}"
     return f"step {number} of {len(laying.steps)}, when {laid} is laid: it needs {need}"
 
 
-@typed
+@parameters.typed
 def assembly_order(
     assembly: Assembly,
     labels: Bits,
@@ -214,7 +216,7 @@ def assembly_order(
     """
     # removing a block never obstructs another: any choice of single blocks succeeds, only stages need a search
     assembly.members.refuse("an assembly sequence")
-    labels = labels_of(assembly, labels)
+    labels = sub_assembly.labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.deadline import checkpoint
+from jld_core import Assembly, Bits, checkpoint
 from jld_practice.laying.freedom import Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.order import GROUP, Laying, LayingStart, Move, Step, turn_of
 from jld_practice.laying.standing import Stage

@@ -10,11 +10,8 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Assembly, Elements
-from jld_core.errors import ParameterError
-from jld_core.geometry import area_of, area_vector
-from jld_core.geometry.vectors import across
+from jld_core import Assembly, Elements, Floats, Ints, ParameterError
+from jld_core.geometry import across, area_of, area_vector
 
 # relative volume by which a sweep may overlap an element by rounding; its power 2/3 times the size is a depth
 SHARED: Final = 1e-6

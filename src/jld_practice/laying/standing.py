@@ -10,9 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.deadline import checkpoint
+from jld_core import Assembly, Bits, Bools, Floats, Ints, checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import solve_auxiliary

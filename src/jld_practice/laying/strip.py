@@ -10,11 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from jld_core.arrays import Bools, Floats
-from jld_core.deadline import checkpoint
-from jld_core.scene.units import force_in_words
-from jld_core.views.look import INK, SOFT, SUPPORT
-from jld_core.views.structure import painter_order, projection_of
+from jld_core import Bools, Floats, checkpoint
+from jld_core.scene import units
+from jld_core.views import look, structure
 from jld_practice.laying import Laying
 from jld_practice.laying.order import Step
 
@@ -63,9 +61,15 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
         ax.set_axis_off()
     if not steps:
         axes[0].text(
-            0.5, 0.5, "no order of laying was found", ha="center", va="center", color=INK, transform=axes[0].transAxes
+            0.5,
+            0.5,
+            "no order of laying was found",
+            ha="center",
+            va="center",
+            color=look.INK,
+            transform=axes[0].transAxes,
         )
-    figure.suptitle(title, color=INK, fontsize=11, parse_math=False)
+    figure.suptitle(title, color=look.INK, fontsize=11, parse_math=False)
     return figure
 
 
@@ -84,7 +88,7 @@ def figure_of_stage(laying: Laying, number: int) -> Figure:
 def _span(laying: Laying) -> tuple[Floats, Floats]:
     """Return the lower and upper corner (2,) of a drawing of all elements, with margins."""
     assembly = laying.blocks.assembly
-    points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
+    points = structure.projection_of(assembly)(np.concatenate(assembly.elements.shape))
     low, high = points.min(axis=0), points.max(axis=0)
     pad = 0.12 * float((high - low).max())
     return low - pad, high + 2.5 * pad
@@ -97,13 +101,13 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
     """
     blocks = laying.blocks
     assembly = blocks.assembly
-    elements, projection = assembly.elements, projection_of(assembly)
-    order = range(len(elements)) if assembly.dimension == 2 else painter_order(assembly, projection.toward)
+    elements, projection = assembly.elements, structure.projection_of(assembly)
+    order = range(len(elements)) if assembly.dimension == 2 else structure.painter_order(assembly, projection.toward)
     for e in order:
         block = int(blocks.of[e])
         if not before[block] and block not in step.blocks:
             continue
-        face = SUPPORT if elements.support[e] else COMING if block in step.blocks else LAID
+        face = look.SUPPORT if elements.support[e] else COMING if block in step.blocks else LAID
         shapes = (
             [elements.shape[e]]
             if assembly.dimension == 2
@@ -113,7 +117,7 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
             PolyCollection(
                 [projection(shape) for shape in shapes],
                 facecolors=face,
-                edgecolors=INK,
+                edgecolors=look.INK,
                 linewidths=0.6,
                 hatch="///" if block in step.blocks else None,
             )
@@ -122,12 +126,15 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
     middle = projection(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen])[None])[0]
     size = 0.22 * float((high - low).max())
     if assembly.dimension == 2 and len(step.direction) == 3:
-        ax.plot(*middle, marker="o", markersize=7, markerfacecolor="none", markeredgecolor=INK)
-        ax.plot(*middle, marker=".", markersize=3, color=INK)
+        ax.plot(*middle, marker="o", markersize=7, markerfacecolor="none", markeredgecolor=look.INK)
+        ax.plot(*middle, marker=".", markersize=3, color=look.INK)
     else:
         way = projection(step.direction[None])[0] * size
         ax.annotate(
-            "", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2}
+            "",
+            xy=tuple(middle),
+            xytext=tuple(middle + way),
+            arrowprops={"arrowstyle": "-|>", "color": look.INK, "lw": 1.2},
         )
     stage = step.stage
     # places along a line exist in the plane alone
@@ -138,13 +145,13 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
         foot = np.array([points[:, 0].mean(), points[:, 1].min()])
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
-    props = f"props {force_in_words(float(stage.props.sum()), assembly.units[1])}"
+    props = f"props {units.force_in_words(float(stage.props.sum()), assembly.units[1])}"
     verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else props
-    ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
+    ax.set_title(f"{number}: {verdict}", fontsize=8, color=look.INK)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_aspect("equal")
     ax.set_xticks([])
     ax.set_yticks([])
     for spine in ax.spines.values():
-        spine.set_color(SOFT)
+        spine.set_color(look.SOFT)

@@ -9,16 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import tolerances
+from jld_core import Assembly, Bits, Floats, one_thread, tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.build import settlements
 from jld_core.build.loads import Settlement
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
-from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
-from jld_core.mechanics.scaling import reference_load
-from jld_core.program import Template
-from jld_core.program.template import Beside
-from jld_core.threads import one_thread
+from jld_core.mechanics import Scaling, equilibrium_matrix, reference_load, require_materials, scaling_of, yield_set
+from jld_core.program import Beside, Template
 
 # Values from which λ is counted, in weights of the structure; the first one that no state reaches is used
 _REACHES: Final = (2.0, 32.0, 1024.0)
@@ -160,7 +158,7 @@ class Settled:
     seconds : float
     """
 
-    settlement: Settlement
+    settlement: settlements.Settlement
     assembly: Assembly
     labels: Bits
     stands: bool | None
@@ -185,7 +183,7 @@ class Settled:
 
 @one_thread()
 def settle(
-    assembly: Assembly, settlement: Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
+    assembly: Assembly, settlement: settlements.Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
 ) -> Settled:
     """Compute the range of thrust after a support movement, by the assembly's labels unless given."""
     # The model has associative friction and convex contact.

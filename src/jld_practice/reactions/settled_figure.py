@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jld_core.views import figure_layout, figures, look, structure
 from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism, figure_for, finish
 from jld_core.views.look import FRONT
 from jld_core.views.structure import projection_of
@@ -22,18 +23,18 @@ def figure_of_settled(found: Settled) -> Figure:
     # The title says where the structure falls under its dead load alone.
     if not found.settlement.load:
         found = without_live_load(found)
-    figure, axes = figure_for(found.assembly, 3)
+    figure, axes = figure_layout.figure_for(found.assembly, 3)
     force = found.assembly.units[1]
     draw_thrust(axes[0], found, found.least, f"Least reaction {words_of(found.least, force)}")
     if found.least is not None and found.least.state is not None:
-        draw_mechanism(axes[1], found.least.state)
+        figures.draw_mechanism(axes[1], found.least.state)
         axes[1].set_title("Mechanism that follows the supports", fontsize=10)
     else:
         draw_thrust(axes[1], found, None, "no mechanism")
     draw_thrust(axes[2], found, found.most, f"Greatest reaction {words_of(found.most, force)}")
     name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
     what = "" if found.stands is not False else "\nit falls under its dead load alone"
-    finish(figure, axes, f"{name}: {found.settlement.name}{what}")
+    figure_layout.finish(figure, axes, f"{name}: {found.settlement.name}{what}")
     return figure
 
 
@@ -50,10 +51,10 @@ def without_live_load(found: Settled) -> Settled:
 def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
     """Draw the forces at one end of the reaction's range, and the movement of the supports."""
     if end is None or end.state is None:
-        draw_assembly(ax, found.assembly, found.labels)
+        figures.draw_assembly(ax, found.assembly, found.labels)
 
     else:
-        draw_forces(ax, end.state)
+        figures.draw_forces(ax, end.state)
     draw_movement(ax, found)
     ax.set_title(title, fontsize=10)
 
@@ -61,14 +62,14 @@ def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> Non
 def draw_movement(ax: Axes, found: Settled) -> None:
     """Draw an arrow at each translating support, along its movement."""
     assembly, velocity = found.assembly, found.settlement.velocity
-    d, projection = assembly.dimension, projection_of(assembly)
+    d, projection = assembly.dimension, structure.projection_of(assembly)
     size = float(np.linalg.norm(velocity[:, :d], axis=1).max())
     for k in np.flatnonzero(velocity[:, :d].any(axis=1) & (size > 0.0)).tolist():
         start = projection(assembly.elements.centroid[[k]])[0]
         along = 0.12 * assembly.size / size * projection(velocity[[k], :d])[0]
         ax.annotate(
             "", start + along, start, zorder=6.0,
-            arrowprops={"arrowstyle": "-|>", "color": FRONT, "linewidth": 2.2, "mutation_scale": 15.0},
+            arrowprops={"arrowstyle": "-|>", "color": look.FRONT, "linewidth": 2.2, "mutation_scale": 15.0},
         )  # fmt: skip
 
 

@@ -10,17 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.errors import ParameterError
+from jld_core import Assembly, Bits, Floats, Ints, ParameterError, Route, one_thread, tolerances
 from jld_core.geometry import moment_about
-from jld_core.limit import LimitAnalysis, State, number
-from jld_core.limit.result import without_idle
-from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
-from jld_core.mechanics.yield_set import used
-from jld_core.strengths import Route
-from jld_core.threads import one_thread
+from jld_core.limit import LimitAnalysis, State, number, without_idle
+from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, used, yield_set
 from jld_practice.reactions.force_range import ForceFunction, Thrust, extreme_value
 
 # Components in the axes of the scene, by dimension

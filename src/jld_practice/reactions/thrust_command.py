@@ -10,15 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
+from jld_core import Assembly, InputError, ParameterError, error_context, files
 from jld_core.assembly import Assembly
+from jld_core.build import settlements
 from jld_core.build.loads import settlements_of
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.models import rigid
-from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.layout import layout_of, require_whole_faces
-from jld_explore.cli.options import AsJson, Rank
-from jld_explore.cli.streams import say
+from jld_explore.cli import ending, layout, options, streams
 from jld_practice.reactions import Settled
 from jld_practice.reactions.force_range import settle
 from jld_practice.reactions.thrust import (
@@ -34,7 +33,7 @@ from jld_practice.reactions.thrust import (
 
 def thrust(
     source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.")],
-    rank: Rank = None,
+    rank: options.Rank = None,
     load_factor: Annotated[float, typer.Option(help="Factor of the live load that acts beside the dead load.")] = 0.0,
     support: Annotated[
         list[str] | None, typer.Option(help="Name of a support; repeat it for several. Default: all that bear.")
@@ -47,7 +46,7 @@ def thrust(
         typer.Option(help="A line along faces, as X,Y,X,Y in the scene's unit: forces on the part to its left."),
     ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thrust.json and pictures.")] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Bracket the least and the greatest reaction of supports, or forces across joints.
 
@@ -55,10 +54,10 @@ def thrust(
     The exit code is 4 if an end stays uncertified.
     """
     if out is not None:
-        require_folder(out)
-    scene, assembly, labels, model = layout_of(source, rank)
+        files.require_folder(out)
+    scene, assembly, labels, model = layout.layout_of(source, rank)
     with error_context(source):
-        require_whole_faces(model, "a range of reactions")
+        layout.require_whole_faces(model, "a range of reactions")
         assembly, labels = rigid(assembly, labels, "a range of reactions")
         resultants = _resultants(assembly, support, joint, section)
         names: list[str | None] = [case.name for case in assembly.cases] or [None]
@@ -72,9 +71,9 @@ def thrust(
         told |= found[0].to_json()
     if out is not None:
         _write(found, json.dumps(told, indent=1), out)
-    say(json.dumps(told, indent=1) if as_json else "\n\n".join(map(_words, found)))
+    streams.say(json.dumps(told, indent=1) if as_json else "\n\n".join(map(_words, found)))
     if any("uncertified" in (part.least.status, part.most.status) for one in found for part in one.ranges):
-        raise typer.Exit(UNCERTIFIED)
+        raise typer.Exit(ending.UNCERTIFIED)
 
 
 def _resultants(
@@ -120,17 +119,17 @@ def _words(found: ThrustRanges) -> str:
 
 def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
     """Write thrust.json and one picture per resultant and load case."""
-    from jld_core.views.figures import save_figure
+    from jld_core.views import figures
     from jld_practice.reactions.thrust_figure import figure_of_range
 
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "thrust.json", told)
+    files.write_text(out / "thrust.json", told)
     number = 0
     for one in found:
         for part in one.ranges:
             number += 1
             name = re.sub(r"[^\w-]+", "_", f"{part.resultant.place}_{part.resultant.component}")[:50]
-            save_figure(figure_of_range(one, part), out / f"thrust-{number}-{name}.png")
+            figures.save_figure(figure_of_range(one, part), out / f"thrust-{number}-{name}.png")
 
 
 def settlement(
@@ -138,9 +137,9 @@ def settlement(
         Path,
         typer.Argument(help='A scene file with "settlements", or a folder written by jld explore.', show_default=False),
     ],
-    rank: Rank = None,
+    rank: options.Rank = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for settlement.json and pictures.")] = None,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Bracket the thrust along each movement of supports that a scene names.
 
@@ -148,21 +147,21 @@ def settlement(
     stays uncertified.
     """
     if out is not None:
-        require_folder(out)
-    scene, assembly, labels, model = layout_of(source, rank)
+        files.require_folder(out)
+    scene, assembly, labels, model = layout.layout_of(source, rank)
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
     with error_context(source):
-        require_whole_faces(model, "a movement of supports")
+        layout.require_whole_faces(model, "a movement of supports")
         assembly, labels = rigid(assembly, labels, "a movement of supports")
-        found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
+        found = [settle(assembly, one, labels) for one in settlements.settlements_of(scene, assembly)]
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:
         _write_settlement(found, json.dumps(told, indent=1), out)
-    say(json.dumps(told, indent=1) if as_json else "\n".join(map(_settlement_words, found)))
+    streams.say(json.dumps(told, indent=1) if as_json else "\n".join(map(_settlement_words, found)))
     ends = [end for one in found for end in (one.least, one.most) if end is not None]
     if any(end.status == "uncertified" for end in ends):
-        raise typer.Exit(UNCERTIFIED)
+        raise typer.Exit(ending.UNCERTIFIED)
 
 
 def _settlement_words(found: Settled) -> str:
@@ -181,11 +180,11 @@ def _settlement_words(found: Settled) -> str:
 
 def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
     """Write settlement.json and one picture per settlement."""
-    from jld_core.views.figures import save_figure
+    from jld_core.views import figures
     from jld_practice.reactions.settled_figure import figure_of_settled
 
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "settlement.json", told)
+    files.write_text(out / "settlement.json", told)
     for number, one in enumerate(found, 1):
         name = re.sub(r"[^\w-]+", "_", one.settlement.name)[:40]
-        save_figure(figure_of_settled(one), out / f"settlement-{number}-{name}.png")
+        figures.save_figure(figure_of_settled(one), out / f"settlement-{number}-{name}.png")

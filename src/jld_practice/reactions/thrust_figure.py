@@ -7,28 +7,29 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
+from jld_core.views import figure_layout, figures
 from jld_core.views.figures import draw_assembly, draw_forces, figure_for, finish
 from jld_practice.reactions.thrust import ResultantRange, ThrustRanges
 
 
 def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
     """Return a figure of one range: forces at its least and at its greatest value."""
-    figure, axes = figure_for(found.assembly, 2)
+    figure, axes = figure_layout.figure_for(found.assembly, 2)
     moment = one.resultant.component.startswith("M")
     length, force = found.assembly.units
     unit = f"{force}·{length}" if moment else force
     for ax, end, name in zip(axes, (one.least, one.most), ("least", "greatest"), strict=True):
         if end.state is None:
-            draw_assembly(ax, found.assembly, found.labels)
+            figures.draw_assembly(ax, found.assembly, found.labels)
         else:
             state = end.state
             if not found.load_factor:
                 bare = replace(state.assembly, live_loads=0.0 * state.assembly.live_loads)
                 state = replace(state, assembly=bare)
-            draw_forces(ax, state)
+            figures.draw_forces(ax, state)
         value = {"unbounded": "unbounded", "uncertified": "uncertified"}.get(end.status, f"{end.value:.5g} {unit}")
         ax.set_title(f"{name} {one.resultant.component}: {value}", fontsize=10)
     name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
     load = f" under {found.load_factor:g} × the live load" if found.load_factor else " under its dead load"
-    finish(figure, axes, f"{name}: {one.resultant.place}{load}")
+    figure_layout.finish(figure, axes, f"{name}: {one.resultant.place}{load}")
     return figure

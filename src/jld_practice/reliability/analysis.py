@@ -8,10 +8,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
-from jld_core.errors import InputError, ParameterError
+from jld_core import Assembly, Bits, Floats, InputError, ParameterError
+from jld_core.batch import batch_solver
 from jld_core.scene import Scene
 from jld_practice.reliability.form import Form, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import (
@@ -86,13 +84,13 @@ def _failing(function: LimitFunction, spread: float, samples: int, seed: int, jo
     variables = function.variables
 
     def part(number: int) -> Floats:
-        count = min(SAMPLES_OF_A_CALL, samples - number * SAMPLES_OF_A_CALL)
+        count = min(batch_solver.SAMPLES_OF_A_CALL, samples - number * batch_solver.SAMPLES_OF_A_CALL)
         dice = np.random.default_rng([seed, number, _STREAM])
         points = spread * dice.standard_normal((count, len(variables)))
         fails, open_, _ = decided(function.bounds, function.required, variables.values(points))
         return np.asarray(points[fails | open_])
 
-    return np.concatenate(in_threads(part, -(-samples // SAMPLES_OF_A_CALL), jobs))
+    return np.concatenate(in_threads(part, -(-samples // batch_solver.SAMPLES_OF_A_CALL), jobs))
 
 
 def _unexplained(samples: Floats, points: list[Form]) -> np.ndarray:

@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
-from jld_core.arrays import Floats
+from jld_core import Floats, one_thread
 from jld_core.limit import LimitAnalysis, Proof, Status
-from jld_core.mechanics.yield_set import FrictionSet
-from jld_core.scene.standard import PARAMETERS
-from jld_core.threads import one_thread
+from jld_core.mechanics import FrictionSet
+from jld_core.scene import standard
 from jld_practice.reliability.structure import SampleBounds
 
 _STEPS: Final = 60  # largest number of iterations
@@ -132,7 +131,7 @@ class LimitFunction:
 def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.ndarray) -> dict[str, Floats]:
     """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
-    frictions = [one for one in PARAMETERS if one.side == "friction"]
+    frictions = [one for one in standard.PARAMETERS if one.side == "friction"]
     found = {one.field: np.where(labels == (one.label == "dry"), slip, 0.0) for one in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)

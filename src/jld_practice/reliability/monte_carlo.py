@@ -9,8 +9,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from scipy.special import betaincinv, ndtri
 
-from jld_core.arrays import Bools, Floats, Ints
-from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL
+from jld_core import Bools, Floats, Ints
+from jld_core.batch import batch_solver
 from jld_explore.evaluation import Pool
 from jld_practice.reliability.form import Form
 from jld_practice.reliability.structure import GoverningBounds, SampleBounds
@@ -95,7 +95,7 @@ def simulate(
     def one(part: int) -> _Part:
         return _counted(bounds, required, *drawing.part(part))
 
-    parts = in_threads(one, -(-samples // SAMPLES_OF_A_CALL), jobs)
+    parts = in_threads(one, -(-samples // batch_solver.SAMPLES_OF_A_CALL), jobs)
     failures, resolved, undecided = (
         sum(getattr(p, key) for p in parts) for key in ("failures", "resolved", "undecided")
     )
@@ -148,7 +148,9 @@ class _Drawing:
     def part(self, number: int) -> tuple[Floats, Floats]:
         """Return the points (k, v) of a portion and their weights (k,)."""
         samples = int(self.counts.sum())
-        index = np.arange(number * SAMPLES_OF_A_CALL, min((number + 1) * SAMPLES_OF_A_CALL, samples))
+        index = np.arange(
+            number * batch_solver.SAMPLES_OF_A_CALL, min((number + 1) * batch_solver.SAMPLES_OF_A_CALL, samples)
+        )
         dice = np.random.default_rng([self.seed, number])
         points = dice.standard_normal((len(index), self.centres.shape[1]))
         within = dice.uniform(0.0, 1.0, len(index))
@@ -240,7 +242,7 @@ def compare(one: SampleBounds, other: SampleBounds, samples: int, seed: int, job
         weaker = (second.low > first.high) | (np.isposinf(second.low) & ~np.isposinf(first.high))
         return int(stronger.sum()), int(weaker.sum())
 
-    parts = in_threads(count, -(-samples // SAMPLES_OF_A_CALL), jobs)
+    parts = in_threads(count, -(-samples // batch_solver.SAMPLES_OF_A_CALL), jobs)
     stronger, weaker = (sum(part[k] for part in parts) for k in (0, 1))
     return Comparison(samples, stronger, weaker, samples - stronger - weaker)
 

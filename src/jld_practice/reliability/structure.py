@@ -9,25 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.batch.batch_solver import FALLS, LOCKED, SAMPLES_OF_A_CALL, BatchSolver
-from jld_core.batch.rows import BatchRows, rows_of_samples
-from jld_core.build import build_assembly
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status
-from jld_core.limit.bounds import crossed
-from jld_core.loads import Loads
-from jld_core.mechanics import require_materials, yield_set
-from jld_core.mechanics.standard import scaled_strengths
-from jld_core.mechanics.yield_set import FrictionSet
+from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Loads, Route, Strengths, one_thread
+from jld_core.batch import batch_solver
+from jld_core.batch import rows as batch_rows
+from jld_core.build import build_assembly, build_geometry
+from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status, crossed
+from jld_core.mechanics import FrictionSet, require_materials, scaled_strengths, yield_set
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.scene import Scene, parse_scene
-from jld_core.scene.standard import ENDS, PARAMETERS
-from jld_core.scene.uncertain import Path, Uncertain, UncertainVector, in_words, uncertain_values
-from jld_core.strengths import Route, Strengths
-from jld_core.threads import one_thread
+from jld_core.scene import Scene, parse_scene, standard, uncertain
 
 _FARTHEST: Final = 1e3  # largest size of a standard normal variable
 
@@ -126,9 +115,9 @@ class RandomStructure:
             if one.angle:
                 x, m = _tangent(x), _tangent(m)
             base = getattr(own, one.field)[one.faces]
-            least = _LEAST * base if one.field in ENDS else 0.0
+            least = _LEAST * base if one.field in standard.ENDS else 0.0
             tables[one.field][:, one.faces] = np.maximum(base + (x - m), least)
-        inner = {one.side: one.field for one in PARAMETERS if one.label == "inner"}
+        inner = {one.side: one.field for one in standard.PARAMETERS if one.label == "inner"}
         tension, shear, friction = (tables[inner[side]] for side in ("tension", "shear", "friction"))
         with np.errstate(divide="ignore", invalid="ignore"):
             apex = np.where(friction > 0.0, shear / friction, np.inf)
@@ -199,7 +188,7 @@ def _tangent(degrees: Floats) -> Floats:
 
 def random_structure(scene: Scene) -> RandomStructure:
     """Return a structure as it depends on uncertain values; InputError for one that acts otherwise."""
-    found = list(uncertain_values(scene))
+    found = list(uncertain.uncertain_values(scene))
     if not found:
         given = '{"mean": …, "cov": …, "kind": "normal" | "lognormal"} for friction, a strength, a density or a load'
         raise InputError("", "no value of the scene has uncertainty", given)
@@ -209,16 +198,18 @@ def random_structure(scene: Scene) -> RandomStructure:
 class _Measurement:
     """Measure how the assembly of a scene depends on its values with uncertainty."""
 
-    def __init__(self, scene: Scene, found: list[tuple[Path, Uncertain | UncertainVector]]) -> None:
+    def __init__(
+        self, scene: Scene, found: list[tuple[uncertain.Path, uncertain.Uncertain | uncertain.UncertainVector]]
+    ) -> None:
         self.found = found
         self.document = scene.model_dump(mode="json", exclude_defaults=True)
         for path, value in found:
-            _put(self.document, path, list(value) if isinstance(value, UncertainVector) else float(value))
+            _put(self.document, path, list(value) if isinstance(value, uncertain.UncertainVector) else float(value))
         self.plain = parse_scene(self.document)
         self.geometry = build_geometry(self.plain)
         self.base = build_assembly(self.plain, self.geometry)
         self.names: list[str] = []
-        self.sizes: list[Uncertain] = []
+        self.sizes: list[uncertain.Uncertain] = []
         self.followers: list[_Follower] = []
         self.growths: list[list[Growth]] = [[] for _ in self.base.by_case]
 
@@ -241,7 +232,7 @@ class _Measurement:
         fresh = False
         for position, factor in changes:
             path, value = self.found[position]
-            if isinstance(value, UncertainVector):
+            if isinstance(value, uncertain.UncertainVector):
                 _put(document, path, [factor * one for one in value])
             else:
                 _put(document, path, factor * float(value))
@@ -249,10 +240,10 @@ class _Measurement:
         scene = parse_scene(document)
         return build_assembly(scene, None if fresh else self.geometry)
 
-    def _add(self, path: Path, value: Uncertain | UncertainVector) -> list[int]:
+    def _add(self, path: uncertain.Path, value: uncertain.Uncertain | uncertain.UncertainVector) -> list[int]:
         """Add the variables of one value of the scene, and return their positions."""
         position = [one for one, _ in self.found].index(path)
-        size = value.size if isinstance(value, UncertainVector) else value
+        size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
             other = self.changed((position, 1.0 + step))
@@ -263,7 +254,7 @@ class _Measurement:
         rates = self._rates(other, float(size) * step)
         split = self._split(path, size, faces, rates)
         first, many = len(self.names), 1 if split is None else len(split)
-        name = in_words(path)
+        name = uncertain.in_words(path)
         self.names += [name] if split is None else [f"{name} of {one}" for one in self._owners(split, bool(faces))]
         self.sizes += [size] * many
         for field, mask, angle in faces:
@@ -273,7 +264,7 @@ class _Measurement:
         self._grow(rates, first, split if split is not None and not faces else None)
         return list(range(first, first + many))
 
-    def _following(self, path: Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
+    def _following(self, path: uncertain.Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
         """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
         found = []
         key = str(next(one for one in reversed(path) if isinstance(one, str)))
@@ -300,7 +291,11 @@ class _Measurement:
         ]
 
     def _split(
-        self, path: Path, size: Uncertain, faces: list[tuple[str, Any, bool]], rates: list[tuple[Floats, Floats]]
+        self,
+        path: uncertain.Path,
+        size: uncertain.Uncertain,
+        faces: list[tuple[str, Any, bool]],
+        rates: list[tuple[Floats, Floats]],
     ) -> Ints | None:
         """Return the faces or elements with variables of their own; None for one shared variable."""
         loaded = np.any([np.any(load, axis=1) for pair in rates for load in pair], axis=0)
@@ -382,10 +377,12 @@ def _only(load: Floats, element: int) -> Floats:
     return found
 
 
-def _unknown(path: Path) -> InputError:
+def _unknown(path: uncertain.Path) -> InputError:
     """Return the error for a value that acts on several strengths together, as on a bond."""
     problem = "it acts on a bond of joints, which has several strengths"
-    return InputError(in_words(path), f"{problem}, so that its uncertainty is not supported", "a number alone")
+    return InputError(
+        uncertain.in_words(path), f"{problem}, so that its uncertainty is not supported", "a number alone"
+    )
 
 
 def _copied(part: Any) -> Any:
@@ -397,13 +394,13 @@ def _copied(part: Any) -> Any:
     return part
 
 
-def _value(document: Any, path: Path) -> Any:
+def _value(document: Any, path: uncertain.Path) -> Any:
     for key in path:
         document = document[key]
     return document
 
 
-def _put(document: Any, path: Path, value: Any) -> None:
+def _put(document: Any, path: uncertain.Path, value: Any) -> None:
     _value(document, path[:-1])[path[-1]] = value
 
 
@@ -446,19 +443,21 @@ class SampleBounds:
     def _stacked(self) -> FrictionSet:
         """Yield sets of the faces of all samples of a call, to receive their strengths."""
         assembly, template = self.structure.assembly, self.analyses[0].template
-        faces = np.tile(np.arange(len(self.labels)), SAMPLES_OF_A_CALL)
+        faces = np.tile(np.arange(len(self.labels)), batch_solver.SAMPLES_OF_A_CALL)
         many = replace(
             assembly, interfaces=assembly.interfaces.take(faces), face_strengths=assembly.face_strengths.take(faces)
         )
         return yield_set(many, template.scaling).associative
 
-    def _rows(self, case: int, values: Floats) -> BatchRows | None:
+    def _rows(self, case: int, values: Floats) -> batch_rows.BatchRows | None:
         """Return the yield rows of samples (k, v), one or a whole call, under a load case."""
         assembly, template = self.structure.assembly, self.analyses[case].template
         count, unit = len(values), assembly.interfaces.area / template.scaling.force
         scaled = scaled_strengths(self.structure.strengths(values), np.tile(unit, count))
         own = self._stacked if count > 1 else template.yield_set.associative
-        return rows_of_samples(own.with_strengths(scaled), np.tile(self.labels, (count, 1)), assembly.dimension)
+        return batch_rows.rows_of_samples(
+            own.with_strengths(scaled), np.tile(self.labels, (count, 1)), assembly.dimension
+        )
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
@@ -466,14 +465,15 @@ class SampleBounds:
         if not self.batched:
             return self.proven(values)
         parts = [
-            self._portion(values[k : k + SAMPLES_OF_A_CALL], required) for k in range(0, len(values), SAMPLES_OF_A_CALL)
+            self._portion(values[k : k + batch_solver.SAMPLES_OF_A_CALL], required)
+            for k in range(0, len(values), batch_solver.SAMPLES_OF_A_CALL)
         ]
         return GoverningBounds(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("low", "high")))
 
     def _portion(self, values: Floats, required: float | None) -> GoverningBounds:
         """Compute bounds for at most as many samples as one call takes."""
         count = len(values)
-        full = np.concatenate([values, np.repeat(values[-1:], SAMPLES_OF_A_CALL - count, axis=0)])
+        full = np.concatenate([values, np.repeat(values[-1:], batch_solver.SAMPLES_OF_A_CALL - count, axis=0)])
         low, high = np.full(len(full), np.inf), np.full(len(full), np.inf)
         for case in range(len(self.analyses)):
             least, most = self._of_case(case, full, required)
@@ -484,7 +484,7 @@ class SampleBounds:
         """Return bounds (k,) on λ over the required one under a load case."""
         analysis = self.analyses[case]
         template, batch, asked = analysis.template, analysis.batch, float(self.structure.assembly.required[case])
-        assert isinstance(batch, BatchSolver)
+        assert isinstance(batch, batch_solver.BatchSolver)
         plain = self._plain[case]
         rows = self._rows(case, values) if self.structure.varies_in_strength else _repeated(plain, len(values))
         assert rows is not None
@@ -496,8 +496,8 @@ class SampleBounds:
         low, high = found.low.copy(), found.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
-        low[found.verdict == FALLS] = high[found.verdict == FALLS] = -np.inf
-        low[found.verdict == LOCKED] = high[found.verdict == LOCKED] = np.inf
+        low[found.verdict == batch_solver.FALLS] = high[found.verdict == batch_solver.FALLS] = -np.inf
+        low[found.verdict == batch_solver.LOCKED] = high[found.verdict == batch_solver.LOCKED] = np.inf
         share = scaling.load / asked
         return share * low, share * high
 
@@ -523,7 +523,7 @@ class SampleBounds:
         return analysis, solve_labelling(analysis, self.labels, _OPTIONS)
 
 
-def _repeated(rows: BatchRows | None, count: int) -> BatchRows | None:
+def _repeated(rows: batch_rows.BatchRows | None, count: int) -> batch_rows.BatchRows | None:
     """Return rows of one sample for `count` samples."""
     if rows is None:
         return None

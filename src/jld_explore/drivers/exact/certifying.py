@@ -23,9 +23,8 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import InnerPaths
 from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.drivers.exact.proof_state import Conflict
-from jld_explore.space import SearchSpace, to_string
+from jld_explore.space import SearchSpace, feasible, to_string
 from jld_explore.space.labelling import blocks_of
-from jld_explore.space.search_space import feasible
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
 from jld_explore.verification.labellings import Labellings

@@ -11,7 +11,8 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.limit import Status, exceeds
+from jld_core.limit import Status
+from jld_core.limit.bounds import exceeds
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, count_named, values_of

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.solvers.highs import highs_ends, highs_of
+from jld_core import Floats
+from jld_core.solvers import highs_ends, highs_of
 
 _POLISHED: Final = 1e-8  # relative gap to reach by the interior-point method, which ends without crossover
 # Feasibility tolerances of all these programs

@@ -7,12 +7,8 @@ from collections.abc import Callable
 from statistics import NormalDist
 from typing import Any, Final
 
-from jld_core.errors import InputError
-from jld_core.scene.design import PartialFactors
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.schema import Scene
-from jld_core.scene.standard import STRESS_KEYS
-from jld_core.scene.uncertain import Uncertain, UncertainVector, in_words, is_uncertain, uncertain_values
+from jld_core import InputError, Scene, parse_scene
+from jld_core.scene import design, standard, uncertain
 
 _CAPACITIES: Final = ("tension", "compression", "shear")  # keys of members that their factor divides
 
@@ -27,7 +23,7 @@ SMALL_VARIATION: Final = 0.1
 """Largest coefficient of variation at which permanent actions count by their means, EN 1990, 4.1.2(3) with note."""
 
 
-def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) -> Scene:
+def at_design_values(scene: Scene, factors: design.PartialFactors, prestress: float) -> Scene:
     """Return the scene with design values of strengths, friction, capacities and prestress.
 
     A tendon without a stated capacity keeps its prestress alone. Raises InputError for design values that contradict
@@ -45,7 +41,7 @@ def at_design_values(scene: Scene, factors: PartialFactors, prestress: float) ->
         problem = f'the design check has no partial factors of the criterion "{own[0]}"'
         raise InputError("materials", problem, "standard strengths in place of it")
     for entry in [*values, *document.get("interfaces", [])]:
-        for key in STRESS_KEYS:
+        for key in standard.STRESS_KEYS:
             _apply(entry, key, lambda value: value / factors.strength)
         for name in ("friction", "inner_friction"):
             _apply(entry, f"{name}_coefficient", lambda value: value / factors.friction)
@@ -67,29 +63,33 @@ def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) ->
 
 def _put_loads(document: dict[str, Any], scene: Scene) -> None:
     """Replace loads and weights with uncertainty by their characteristic values; a permanent action may vary little."""
-    for path, value in list(uncertain_values(scene)):
+    for path, value in list(uncertain.uncertain_values(scene)):
         if path[0] not in ("loads", "elements") and path[-1] != "density":
             continue
-        size = value.size if isinstance(value, UncertainVector) else value
+        size = value.size if isinstance(value, uncertain.UncertainVector) else value
         live = "live" in path or "moving" in path or "pushes" in path
         if not live and size.cov > SMALL_VARIATION:
             problem = f"its coefficient of variation is {size.cov:g}, and EN 1990, 4.1.2(2) asks for two values"
-            raise InputError(in_words(path), problem, f"at most {SMALL_VARIATION:g}, or a number alone")
+            raise InputError(uncertain.in_words(path), problem, f"at most {SMALL_VARIATION:g}, or a number alone")
         share = fractile(size, HIGH_FRACTILE) / float(size) if live else 1.0
         owner: Any = document
         for key in path[:-1]:
             owner = owner[key]
-        owner[path[-1]] = [share * one for one in value] if isinstance(value, UncertainVector) else share * float(value)
+        owner[path[-1]] = (
+            [share * one for one in value] if isinstance(value, uncertain.UncertainVector) else share * float(value)
+        )
 
 
 def characteristic(value: dict[str, Any]) -> float:
     """Return the characteristic value of a strength, EN 1990, 4.2(3)."""
-    if not is_uncertain(value):
+    if not uncertain.is_uncertain(value):
         return float(value["low"])
-    return max(0.0, fractile(Uncertain(float(value["mean"]), float(value["cov"]), value["kind"]), LOW_FRACTILE))
+    return max(
+        0.0, fractile(uncertain.Uncertain(float(value["mean"]), float(value["cov"]), value["kind"]), LOW_FRACTILE)
+    )
 
 
-def fractile(value: Uncertain, probability: float) -> float:
+def fractile(value: uncertain.Uncertain, probability: float) -> float:
     """Return the value whose size is not exceeded with a probability; its sign is that of the mean."""
     score = NormalDist().inv_cdf(probability)
     if value.kind == "normal":
