@@ -29,8 +29,7 @@ from jld_core.models import limit_analysis, solve
 from jld_core.refinement import refine
 from jld_core.samples import Stone
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space import search_space
 
 HARD_MANY: Final = 512

@@ -17,8 +17,7 @@ import numpy as np
 from benchmarks.common import about, random_segmentations, table, write
 from benchmarks.scenes import ANGLE, cubes, strength
 from jld_core import Assembly, build_assembly, parse_scene
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 LAYOUTS: Final = 24
 RUNS: Final = 3

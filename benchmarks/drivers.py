@@ -24,8 +24,7 @@ from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_explore.drivers import Driver, make_driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation import Evaluation, EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
 from jld_explore.report.tables import on_front
 from jld_explore.space import SearchSpace, keys
 from jld_explore.space.counts import counts

@@ -35,8 +35,7 @@ from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
 from jld_core.views.figures import save_figure
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_explore import Evaluation
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator
 
 
 class FatalLabelling:

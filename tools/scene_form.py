@@ -8,10 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import PointLoad, Scene, cracks, design, fill, loads, materials, move, search
+from jld_core.scene import FillLoad, PointLoad, Scene, cracks, design, fill, loads, materials, move, search
 from jld_core.scene import part as members
 from jld_core.scene import schema as structure
-from jld_core.scene.fill import FillLoad
 from jld_core.scene.loads import BodyLoad, FaceLoad
 from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning

@@ -18,7 +18,7 @@ from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.limit import Status
 from jld_core.limit.bounds import apart
-from jld_core.refinement.cells import crack_cells
+from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_explore.space import search_space
 

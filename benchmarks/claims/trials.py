@@ -31,8 +31,7 @@ from jld_explore.drivers import make_driver
 from jld_explore.drivers.exact.certifying import certify, check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
-from jld_explore.space import SearchSpace, count_named, search_space, values_of
-from jld_explore.space.search_space import feasible
+from jld_explore.space import SearchSpace, count_named, feasible, search_space, values_of
 from jld_explore.verification import verify
 
 MOST: Final = 11

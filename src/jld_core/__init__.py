@@ -24,6 +24,7 @@
 - `SolverError`: error for a program that a solver does not support
 - `Status`: status of a result: collapse, locked, unstable or uncertified
 - `Strengths`: strengths of m interfaces, each as dry and as inner, in scene units
+- `assembly`: module of assemblies: parts of one, labels that a caller gives
 - `blocks_of`: find the blocks of a labelling
 - `build_assembly`: build the assembly of a scene
 - `checkpoint`: raise DeadlinePassed if the deadline enforced around this call has passed
@@ -40,7 +41,6 @@
 - `solve`: compute λ of one labelling, with a two-sided bracket
 - `solve_many`: compute λ of many labellings by the compiled batch solver
 - `solvers`: solvers of conic and linear programs
-- `sub_assembly`: remove elements, or the interfaces of members, from an assembly; check labels that a caller gives
 - `time_left`: return the time left until the enforced deadline ends
 - `tolerances`: tolerances that bound a result: dimensionless, each with the reason for its size
 - `views`: drawings and notebook output
@@ -54,7 +54,7 @@ from jld_core._version import __version__ as __version__
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core import files, parameters, plugins, samples, solvers, sub_assembly, tolerances, views
+    from jld_core import assembly, files, parameters, plugins, samples, solvers, tolerances, views
     from jld_core.arrays import Bits, Bools, Floats, Ints
     from jld_core.assembly import Assembly, Elements, LoadCase, blocks_of
     from jld_core.build import build_assembly
@@ -95,6 +95,7 @@ __all__ = [
     "SolverError",
     "Status",
     "Strengths",
+    "assembly",
     "blocks_of",
     "build_assembly",
     "checkpoint",
@@ -111,7 +112,6 @@ __all__ = [
     "solve",
     "solve_many",
     "solvers",
-    "sub_assembly",
     "time_left",
     "tolerances",
     "views",
@@ -135,5 +135,5 @@ export_lazily(
         "threads": ["one_thread"],
         "lazy_exports": ["export_lazily"],
     },
-    submodules=["files", "parameters", "plugins", "sub_assembly", "tolerances", "samples", "solvers", "views"],
+    submodules=["assembly", "files", "parameters", "plugins", "tolerances", "samples", "solvers", "views"],
 )

@@ -6,11 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, Ints, parameters, sub_assembly
-from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import labels_of
-from jld_core.errors import InputError
-from jld_core.parameters import typed
+from jld_core import Assembly, Bits, Floats, InputError, Ints, parameters
+from jld_core import assembly as structures
 from jld_experiment.bench import EnergyBalance
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings
@@ -145,7 +142,7 @@ def run_experiment(
         If a material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
-    own = sub_assembly.labels_of(assembly, labels)
+    own = structures.labels_of(assembly, labels)
     joints, settings = joints or Joints(), settings or Settings()
     specimen = specimen_of(assembly, own, joints, settings)
     settled, standing = specimen.settle()

@@ -15,16 +15,11 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from jld_core import Assembly, Bits, Floats, InputError, Ints, one_thread
-from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
-from jld_core.fields import ConeProgram, WeakEquilibrium, bounds as fields_bounds, loads as fields_loads, mesh as fields_mesh, problem as fields_problem
-from jld_core.fields.bounds import FieldSetting, Fields
-from jld_core.fields.cones import ConeProgram
-from jld_core.fields.loads import Segment, loaded_mesh, loaded_segments, loads_on
-from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.fields.problem import require_planar_fields, units_of
-from jld_core.fields.weak_equilibrium import WeakEquilibrium
+from jld_core.fields import ConeProgram, WeakEquilibrium
+from jld_core.fields import bounds as fields_bounds
+from jld_core.fields import loads as fields_loads
+from jld_core.fields import mesh as fields_mesh
+from jld_core.fields import problem as fields_problem
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene
 from jld_geometry.convex_cells import VertexMesh

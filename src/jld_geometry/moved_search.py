@@ -16,12 +16,7 @@ import pandas as pd
 
 from jld_core import Assembly, Bits, Deadline, Floats, InputError, ParameterError, files, one_thread
 from jld_core.build import build_assembly
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError, ParameterError
 from jld_core.fields import governing_bounds, problem
-from jld_core.fields.bounds import governing_bounds
-from jld_core.fields.problem import require_planar_fields
-from jld_core.files import write_text
 from jld_core.limit import SolveOptions, Status, number
 from jld_core.scene import Scene
 from jld_core.scene import move as scene_move

@@ -19,8 +19,6 @@ from jld_core.build import build_assembly
 from jld_core.exchange import Layout
 from jld_core.fields import bounds_by_fields
 from jld_core.fields import problem as fields_problem
-from jld_core.fields.problem import require_planar_fields
-from jld_core.files import require_writable, whole_file, write_text
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
 from jld_core.scene import load_scene, units

@@ -6,12 +6,11 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from jld_core import InputError, one_thread, sub_assembly
-from jld_core.assembly import with_members
+from jld_core import InputError, one_thread
+from jld_core import assembly as structures
 from jld_core.build import build_assembly
 from jld_core.models import solve
 from jld_core.scene import parse_scene
-from jld_core.threads import one_thread
 from jld_explore.space import LETTERS, from_string, to_string
 
 KEYS = ("scene", "labelling")
@@ -37,7 +36,7 @@ def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
         count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        labels = sub_assembly.with_members(assembly, from_string(letters))
+        labels = structures.with_members(assembly, from_string(letters))
     result = solve(assembly, labels)
     found, elements = result.to_json(), result.assembly.elements
     found["labelling"] = to_string(labels[: assembly.faces])

@@ -10,22 +10,14 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from jld_core import Assembly, FACTS, InputError, Route, sub_assembly
-from jld_core.assembly import Assembly, with_members
+from jld_core import FACTS, Assembly, InputError, Route
+from jld_core import assembly as structures
 from jld_core.build import build_assembly, build_geometry
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
 from jld_core.models import CaseAnalysis
-from jld_core.models.case_analysis import CaseAnalysis
 from jld_core.scene import Scene, parse_scene, standard
-from jld_core.scene.standard import PARAMETERS
-from jld_core.strengths import CRITERIA, Route, STANDARD
 from jld_explore.report import page_contract, page_data
-from jld_explore.report.page_contract import Solution
-from jld_explore.report.page_data import solution_of, within
 from jld_explore.space import cut, from_string
-from jld_explore.space.void import cut
 
 _ROUTE: Final = Route("sliders of materials", frozenset(FACTS))  # faces with a criterion have none
 
@@ -138,4 +130,4 @@ class LayoutSolver:
             return page_data.within(
                 page_data.solution_of(CaseAnalysis(rest, self._model).solve(labels)), analysis.assembly, letters
             )
-        return page_data.solution_of(analysis.solve(sub_assembly.with_members(analysis.assembly, from_string(letters))))
+        return page_data.solution_of(analysis.solve(structures.with_members(analysis.assembly, from_string(letters))))

@@ -12,22 +12,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, InputError, one_thread, sub_assembly
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly, faces_of, with_members
+from jld_core import Assembly, Bits, InputError, one_thread
+from jld_core import assembly as structures
 from jld_core.build import build_assembly, build_geometry
-from jld_core.build.assemble import build_geometry
-from jld_core.errors import InputError
 from jld_core.models import CaseAnalysis
-from jld_core.models.case_analysis import CaseAnalysis
-from jld_core.scene import Scene, cracks as scene_cracks, parse_scene
-from jld_core.scene.cracks import FieldCracks
-from jld_core.threads import one_thread
+from jld_core.scene import Scene, parse_scene
+from jld_core.scene import cracks as scene_cracks
 from jld_explore.report import columns, page_data
-from jld_explore.report.columns import DIGITS, rounded
-from jld_explore.report.page_data import cases_of, loads_of, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
-from jld_explore.space.reasons import reasons_against
 from jld_geometry.moved_scene import MovedScene
 from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
 from jld_studio.field_brackets import FieldBrackets
@@ -155,7 +147,7 @@ class StudioSession:
         count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return sub_assembly.with_members(assembly, from_string(letters))
+        return structures.with_members(assembly, from_string(letters))
 
     @one_thread()
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -217,7 +209,7 @@ class StudioSession:
             moved = joints.scene(scene, labels, joints.placed(changes["vertices"]))
             return moved.model_dump(mode="json", exclude_defaults=True)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
-        ids, faces = setup.assembly.elements.ids, sub_assembly.faces_of(setup.assembly).interfaces
+        ids, faces = setup.assembly.elements.ids, structures.faces_of(setup.assembly).interfaces
         pairs: dict[tuple[str, str], set[bool]] = {}
         for a, b, dry in zip(faces.a, faces.b, labels[: len(faces)].tolist(), strict=True):
             pairs.setdefault((ids[a], ids[b]), set()).add(dry)

@@ -20,9 +20,8 @@ from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.search.state import Interrupted
 from jld_explore.search.study import Study
-from jld_explore.space import keys
+from jld_explore.space import feasible, keys
 from jld_explore.space.labelling import canonical
-from jld_explore.space.search_space import feasible
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]

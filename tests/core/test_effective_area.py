@@ -16,7 +16,8 @@ from command import SCENES
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_core.mechanics.prescribed_friction import PrescribedFriction
-from jld_core.models.effective_area import areas_under, frozen_areas, largest_area_change
+from jld_core.models import areas_under
+from jld_core.models.effective_area import frozen_areas, largest_area_change
 from jld_core.program import Template
 from jld_core.samples import vault
 from jld_core.solvers import ClarabelSolver

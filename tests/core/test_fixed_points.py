@@ -26,8 +26,9 @@ from jld_core import (
 from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
+from jld_core.models import areas_under
 from jld_core.models.central_path import CentralPath, barrier_weights, load_axes
-from jld_core.models.moving_rows import MovingRows, area_derivatives, areas_under, frozen_areas
+from jld_core.models.moving_rows import MovingRows, area_derivatives, frozen_areas
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from cases import box, prism
 from cases import scene_in_space as scene
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.geometry.polyhedra import distance_from_face
-from jld_core.refinement.cells import crack_cells
+from jld_core.refinement import crack_cells
 
 Document = dict[str, Any]
 

@@ -16,7 +16,7 @@ from command import ROOT
 from jld_core import LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator
 
 LOUD = """
 import os, highspy

@@ -14,9 +14,8 @@ from cases import box, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.fields.problem import require_fields
-from jld_core.refinement import refine
+from jld_core.refinement import crack_cells, refine
 from jld_core.refinement.arrangement import squares
-from jld_core.refinement.cells import crack_cells
 from jld_explore import search_space
 from jld_practice.design.aligned import TriangleStresses, aligned_cells
 from jld_practice.design.crushing import stresses_of_body

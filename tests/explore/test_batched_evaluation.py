@@ -17,14 +17,14 @@ from jld_core.batch import build, chosen, library
 from jld_core.batch.batch_solver import BatchSolver
 from jld_explore import ExploreSettings, search_space
 from jld_explore.drivers import BufferedRandom, make_driver, operators
-from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, RobustEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
-from jld_explore.evaluation.protocol import Evaluator, LabellingEvaluator
+from jld_explore.evaluation.protocol import LabellingEvaluator
 from jld_explore.report.tables import results_table
 from jld_explore.search.study import Study
+from jld_explore.space import feasible
 from jld_explore.space.labelling import blocks_of
-from jld_explore.space.search_space import feasible
 
 SETTINGS = EvaluatorSettings()
 

@@ -12,8 +12,7 @@ import pytest
 from cases import all_inner, grid_document
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_explore import SearchSpace, search_space
-from jld_explore.space import symmetry
-from jld_explore.space.search_space import feasible
+from jld_explore.space import feasible, symmetry
 
 ROOT = Path(__file__).parents[2]
 SQUARE = ["ab", "cd", "##"]

@@ -18,12 +18,10 @@ from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core import blocks_of as assembly_blocks
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.report import words
-from jld_explore.space import from_string, labelling
+from jld_explore.space import feasible, from_string, labelling, reasons_against
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity, slits
 from jld_explore.space.limits import block_sizes
-from jld_explore.space.reasons import reasons_against
-from jld_explore.space.search_space import feasible
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -15,9 +15,8 @@ from cases import grid_document
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
-from jld_explore.space import to_string
+from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import canonical
-from jld_explore.space.search_space import feasible
 
 ROOT = Path(__file__).parents[2]
 DOWN = [{"body": [0, -1]}]

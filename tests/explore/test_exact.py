@@ -26,10 +26,9 @@ from jld_explore.drivers.exact.context import ProofContext, possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
-from jld_explore.space import count_named, values_of
+from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
-from jld_explore.space.search_space import feasible
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -22,7 +22,7 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting
 from jld_core.fields.undecided import PartialUpperBound
 from jld_core.limit import CaseBounds, governing
-from jld_core.refinement.cells import crack_cells
+from jld_core.refinement import crack_cells
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict

@@ -17,22 +17,21 @@ from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, load_s
 from jld_core.deadline import Deadline
 from jld_core.limit.movements import Movements
 from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers import BufferedRandom, make_driver, operators
+from jld_explore.drivers import BufferedRandom, Genetic, make_driver, operators
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.exact.context import TargetSchedule
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.genetic import Genetic, crowding_of, fronts_of
+from jld_explore.drivers.genetic import crowding_of, fronts_of
 from jld_explore.drivers.operators.following import Following
 from jld_explore.drivers.searcher import Pool
 from jld_explore.drivers.surrogate import SLOTS, Surrogate
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import FAILED, Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.protocol import FAILED
 from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.search import driver_choice
-from jld_explore.space import keys
-from jld_explore.space.search_space import feasible
+from jld_explore.space import feasible, keys
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration
 

@@ -15,10 +15,9 @@ from jld_core import InputError, build_assembly, parse_scene
 from jld_explore import SearchSpace, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
 from jld_explore.drivers.operators.segmentations import Segmentations
-from jld_explore.space import keys
+from jld_explore.space import feasible, keys
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, canonical
-from jld_explore.space.search_space import feasible
 
 DOWN = [{"body": [0, -1]}]
 

@@ -30,7 +30,7 @@ from command import Command, Outcome
 from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
-from jld_explore.space.search_space import feasible
+from jld_explore.space import feasible
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim

@@ -12,8 +12,9 @@ from cases import grid_assembly
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
 from jld_core.batch import library
+from jld_core.fields import ConeProgram
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.cones import ConeBatch, ConeProgram, independent_rows, is_installed
+from jld_core.fields.cones import ConeBatch, independent_rows, is_installed
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.upper import UpperBound
 

@@ -16,9 +16,8 @@ from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import loaded_mesh, thickness_of
 from jld_core.limit import Status
-from jld_core.models import solve_by_fields
-from jld_core.models.crack_models import require_cracks
-from jld_core.refinement.cells import crack_cells
+from jld_core.models import require_cracks, solve_by_fields
+from jld_core.refinement import crack_cells
 
 BAR: dict[str, Any] = {
     "name": "bar",

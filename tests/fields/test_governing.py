@@ -9,8 +9,8 @@ import pytest
 
 from jld_core import build_assembly, parse_scene
 from jld_core.assembly import Assembly
-from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import FieldRefinement, governing_bounds
+from jld_core.fields import bounds_by_fields, governing_bounds
+from jld_core.fields.bounds import FieldRefinement
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from jld_core import build_assembly, load_scene
+from jld_core.fields import ConeProgram
 from jld_core.fields.bounds import FieldSetting
-from jld_core.fields.cones import Answer, ConeProgram
+from jld_core.fields.cones import Answer
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.opening import Settling
 from jld_core.fields.problem import Problem

@@ -14,11 +14,10 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.fields import bounds_by_fields
+from jld_core.fields import WeakEquilibrium, bounds_by_fields
 from jld_core.fields.bounds import FieldSetting
 from jld_core.fields.mesh import subdivide
 from jld_core.fields.upper import UpperBound
-from jld_core.fields.weak_equilibrium import WeakEquilibrium
 from jld_geometry.field_search import FieldMesh, FieldSearch, move_by_fields
 from jld_geometry.search import GeometrySearch, TrustRegion
 

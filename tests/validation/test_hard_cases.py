@@ -30,8 +30,7 @@ from cases import grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.program import Template
 from jld_core.solvers import is_large
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from proofs import reference_load_factor
 
 

@@ -4,8 +4,8 @@
 - `build_geometry`: compute the elements and interfaces of a scene
 - `build_robust`: convert a scene to an assembly with the low material values
 - `cases_of_scene`: return the load cases of a scene, stated ones and those of moving loads and pushes
+- `loads`: loads, load cases and settlements of a scene
 - `materials`: conversion of materials to strengths per interface and self-weights per element
-- `settlements`: conversion of a scene's settlements to velocities of its supports
 - `weight_facts`: return thickness, density and weight of all free elements as texts with units
 """
 
@@ -17,7 +17,7 @@ from jld_core.build.assemble import build_assembly, build_robust
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core.build import materials, settlements
+    from jld_core.build import loads, materials
     from jld_core.build.assemble import build_geometry, cases_of_scene
     from jld_core.build.plausibility import weight_facts
 
@@ -26,8 +26,8 @@ __all__ = [
     "build_geometry",
     "build_robust",
     "cases_of_scene",
+    "loads",
     "materials",
-    "settlements",
     "weight_facts",
 ]
 
@@ -37,5 +37,5 @@ export_lazily(
         "assemble": ["build_geometry", "cases_of_scene"],
         "plausibility": ["weight_facts"],
     },
-    submodules=["materials", "settlements"],
+    submodules=["loads", "materials"],
 )

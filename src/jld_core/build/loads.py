@@ -17,8 +17,7 @@ from jld_core.build.patches import patch_tractions, surface_tractions
 from jld_core.errors import InputError
 from jld_core.geometry import spun
 from jld_core.loads import Loads, Traction, edge_traction, points_of
-from jld_core.scene import PointLoad, Scene
-from jld_core.scene.fill import FillLoad
+from jld_core.scene import FillLoad, PointLoad, Scene
 from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, Pushes
 
 

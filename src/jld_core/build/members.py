@@ -14,9 +14,8 @@ from jld_core.assembly import INNER, Assembly, Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import across
 from jld_core.geometry.polyhedra import contains, distance_from_face
-from jld_core.geometry.vectors import across, resultants
+from jld_core.geometry.vectors import resultants
 from jld_core.linalg.projection import summed
-from jld_core.linalg.sums import summed
 from jld_core.members import Members
 from jld_core.scene.part import Anchor, Member
 from jld_core.strengths import Side, Strengths

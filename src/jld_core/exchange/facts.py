@@ -9,9 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.build import build_geometry
-from jld_core.build.assemble import build_geometry
 from jld_core.build.loads import Boundary
-from jld_core.build.pressure import Boundary
 from jld_core.errors import InputError
 from jld_core.exchange.formats import formats
 from jld_core.exchange.layout import Layout

@@ -19,8 +19,8 @@ from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
     from jld_core.fields import bounds, loads, mesh, problem
-    from jld_core.fields.cones import ConeProgram
     from jld_core.fields.bounds import governing_bounds
+    from jld_core.fields.cones import ConeProgram
     from jld_core.fields.weak_equilibrium import WeakEquilibrium
 
 __all__ = [

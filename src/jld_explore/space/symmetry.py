@@ -13,7 +13,6 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Elements, Interfaces, faces_of
 from jld_core.build import cases_of_scene
-from jld_core.build.assemble import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
 from jld_core.mechanics import maps_criteria

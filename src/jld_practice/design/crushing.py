@@ -10,11 +10,7 @@ import numpy as np
 
 from jld_core import Assembly, Deadline, InputError, Route
 from jld_core.build import build_assembly
-from jld_core.deadline import Deadline
-from jld_core.errors import InputError
 from jld_core.fields import bounds, problem
-from jld_core.fields.bounds import FieldBounds, FieldRefinement
-from jld_core.fields.problem import material_of, require_planar_fields
 from jld_core.scene import Scene, parse_scene
 from jld_practice.design.aligned import TriangleStresses
 

@@ -337,13 +337,11 @@ def _next() -> list[str]:
 
 def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
-    from jld_core.views import figure_layout, figures, writing
-    from jld_core.views.figures import draw_assembly, figure_for, finish, save_figure
-    from jld_core.views.writing import write_numbers
+    from jld_core.views import figures, writing
 
     shown = [one for one in (work.usual, winner) if one is not None]
     assemblies = [built(one) for one in shown]
-    figure, axes = figure_layout.figure_for(assemblies[0], len(shown))
+    figure, axes = figures.figure_for(assemblies[0], len(shown))
     for ax, one, assembly in zip(axes, shown, assemblies, strict=True):
         figures.draw_assembly(ax, assembly, assembly.labels)
         title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
@@ -351,7 +349,7 @@ def _draw(work: Design, winner: Trial) -> None:
         if one is winner:
             blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
             writing.write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])
-    figure_layout.finish(figure, axes, f"{work.outline.scene.name}: a design")
+    figures.finish(figure, axes, f"{work.outline.scene.name}: a design")
     figures.save_figure(figure, work.folder / FILES[3])
 
 

@@ -15,15 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Assembly, Bits, Deadline, DeadlinePassed, InputError, files
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, cases_of_scene
-from jld_core.build.assemble import cases_of_scene
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import InputError
 from jld_core.fields import governing_bounds
-from jld_core.fields.bounds import governing_bounds
-from jld_core.files import write_text
 from jld_core.limit import Status, number
 from jld_core.models import solve_rigid
 from jld_core.scene import Scene, parse_scene, units

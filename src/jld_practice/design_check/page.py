@@ -15,13 +15,7 @@ from matplotlib.figure import Figure
 
 import jld_core
 from jld_core import files
-from jld_core._version import __version__
-from jld_core.files import whole_file, write_text
-from jld_core.views import figures, look, path, writing
-from jld_core.views.figures import draw_assembly, draw_mechanism, svg_of
-from jld_core.views.look import INK, SOFT
-from jld_core.views.moved_joints import PathValue, draw_path
-from jld_core.views.writing import as_written
+from jld_core.views import figures, look, moved_joints, writing
 from jld_practice.design_check.check import DesignCheck
 from jld_practice.design_check.tables import Content, Table, content_of
 
@@ -188,7 +182,7 @@ def _draw(
         else:
             inset = 0.1 * share
             ax.set_position((left + k * share + inset, low + 0.14 * height, 0.94 * share - inset, 0.82 * height))
-            path.draw_path(ax, values, check.assembly.units[0], distance=words["distance"])
+            moved_joints.draw_path(ax, values, check.assembly.units[0], distance=words["distance"])
         if kind != "path":
             ax.set_axis_off()
         if legend := ax.get_legend():
@@ -196,10 +190,10 @@ def _draw(
         ax.set_title(words[kind].format(load=f"{worst.bounds.load_factor:.4g}"), fontsize=8, color=look.INK)
 
 
-def path_of(check: DesignCheck) -> list[path.PathValue]:
+def path_of(check: DesignCheck) -> list[moved_joints.PathValue]:
     """Return λ of each position of moving loads under its worst combination."""
     return [
-        path.PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
+        moved_joints.PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
         for one in check.cases
         if one.place is not None
     ]

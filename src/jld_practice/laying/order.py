@@ -8,13 +8,9 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Bools, Floats, ParameterError, parameters, sub_assembly
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly, labels_of
-from jld_core.errors import ParameterError
-from jld_core.parameters import typed
+from jld_core import Assembly, Bits, Bools, Floats, ParameterError, parameters
+from jld_core import assembly as structures
 from jld_core.scene import units
-from jld_core.scene.units import force_in_words
 from jld_practice.laying.freedom import Blocks, Bodies, Freedom, blocks_of_labelling
 from jld_practice.laying.standing import Parts, Stage, Standing
 
@@ -216,7 +212,7 @@ def assembly_order(
     """
     # removing a block never obstructs another: any choice of single blocks succeeds, only stages need a search
     assembly.members.refuse("an assembly sequence")
-    labels = sub_assembly.labels_of(assembly, labels)
+    labels = structures.labels_of(assembly, labels)
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     turn = turn_of(blocks, start)

@@ -10,10 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Assembly, Bits, Floats, one_thread, tolerances
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.build import settlements
-from jld_core.build.loads import Settlement
+from jld_core.build import loads as built
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
 from jld_core.mechanics import Scaling, equilibrium_matrix, reference_load, require_materials, scaling_of, yield_set
 from jld_core.program import Beside, Template
@@ -158,7 +155,7 @@ class Settled:
     seconds : float
     """
 
-    settlement: settlements.Settlement
+    settlement: built.Settlement
     assembly: Assembly
     labels: Bits
     stands: bool | None
@@ -183,7 +180,7 @@ class Settled:
 
 @one_thread()
 def settle(
-    assembly: Assembly, settlement: settlements.Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
+    assembly: Assembly, settlement: built.Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
 ) -> Settled:
     """Compute the range of thrust after a support movement, by the assembly's labels unless given."""
     # The model has associative friction and convex contact.

@@ -9,10 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jld_core.views import figure_layout, figures, look, structure
-from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism, figure_for, finish
-from jld_core.views.look import FRONT
-from jld_core.views.structure import projection_of
+from jld_core.views import figures, look, structure
 from jld_practice.reactions import Settled
 from jld_practice.reactions.force_range import Thrust
 
@@ -23,7 +20,7 @@ def figure_of_settled(found: Settled) -> Figure:
     # The title says where the structure falls under its dead load alone.
     if not found.settlement.load:
         found = without_live_load(found)
-    figure, axes = figure_layout.figure_for(found.assembly, 3)
+    figure, axes = figures.figure_for(found.assembly, 3)
     force = found.assembly.units[1]
     draw_thrust(axes[0], found, found.least, f"Least reaction {words_of(found.least, force)}")
     if found.least is not None and found.least.state is not None:
@@ -34,7 +31,7 @@ def figure_of_settled(found: Settled) -> Figure:
     draw_thrust(axes[2], found, found.most, f"Greatest reaction {words_of(found.most, force)}")
     name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
     what = "" if found.stands is not False else "\nit falls under its dead load alone"
-    figure_layout.finish(figure, axes, f"{name}: {found.settlement.name}{what}")
+    figures.finish(figure, axes, f"{name}: {found.settlement.name}{what}")
     return figure
 
 

@@ -11,11 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from jld_core import Assembly, InputError, ParameterError, error_context, files
-from jld_core.assembly import Assembly
-from jld_core.build import settlements
-from jld_core.build.loads import settlements_of
-from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.files import require_folder, write_text
+from jld_core.build import loads as built
 from jld_core.models import rigid
 from jld_explore.cli import ending, layout, options, streams
 from jld_practice.reactions import Settled
@@ -154,7 +150,7 @@ def settlement(
     with error_context(source):
         layout.require_whole_faces(model, "a movement of supports")
         assembly, labels = rigid(assembly, labels, "a movement of supports")
-        found = [settle(assembly, one, labels) for one in settlements.settlements_of(scene, assembly)]
+        found = [settle(assembly, one, labels) for one in built.settlements_of(scene, assembly)]
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:
         _write_settlement(found, json.dumps(told, indent=1), out)

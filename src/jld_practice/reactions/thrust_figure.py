@@ -7,14 +7,13 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from jld_core.views import figure_layout, figures
-from jld_core.views.figures import draw_assembly, draw_forces, figure_for, finish
+from jld_core.views import figures
 from jld_practice.reactions.thrust import ResultantRange, ThrustRanges
 
 
 def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
     """Return a figure of one range: forces at its least and at its greatest value."""
-    figure, axes = figure_layout.figure_for(found.assembly, 2)
+    figure, axes = figures.figure_for(found.assembly, 2)
     moment = one.resultant.component.startswith("M")
     length, force = found.assembly.units
     unit = f"{force}·{length}" if moment else force
@@ -31,5 +30,5 @@ def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:
         ax.set_title(f"{name} {one.resultant.component}: {value}", fontsize=10)
     name = textwrap.shorten(found.assembly.name, 60, placeholder=" …")
     load = f" under {found.load_factor:g} × the live load" if found.load_factor else " under its dead load"
-    figure_layout.finish(figure, axes, f"{name}: {one.resultant.place}{load}")
+    figures.finish(figure, axes, f"{name}: {one.resultant.place}{load}")
     return figure
