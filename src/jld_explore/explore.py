@@ -402,5 +402,5 @@ def _bound_all(study: Study, *, in_time: bool) -> None:
     """Record a bound on λ of all labellings if the study has none and there is time for it."""
     study.records = study.open_records()
     if study.bound is None and in_time and study.scene.cracks == "faces" and study.settings.own_objective is None:
-        study.keep_bound(bound_of_all(study.space, study.settings.model), "faces")
+        study.keep_bound(bound_of_all(study.space, study.settings.model), "face by face")
     study.records.close()

@@ -57,7 +57,7 @@ def test_no_layout_exceeds_the_bound_by_blocks(tmp_path: Path, cases: bool) -> N
     bound = bound_of(scene)
     assert best <= bound * (1.0 + 1e-9)
     assert bound <= faces.bound * (1.0 + 1e-9)
-    assert faces.facts["bound_by"] == "faces"
+    assert faces.facts["bound_by"] == "face by face"
 
 
 def test_the_bound_scales_with_the_load() -> None:
@@ -67,6 +67,6 @@ def test_the_bound_scales_with_the_load() -> None:
 
 def test_a_search_under_a_time_limit_names_its_bound(tmp_path: Path) -> None:
     done = explore(beam(), tmp_path / "out", driver="random", budget=5, seconds=SECONDS, pictures=False).summary
-    assert done.facts["bound_by"] in ("faces", "blocks")
+    assert done.facts["bound_by"] in ("face by face", "block by block")
     assert done.bound is not None
     assert done.best is None or done.best <= done.bound

@@ -343,21 +343,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
         }
         for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
     ]
-    if found.contacts:
-        of_part = dict(zip((part.name for part in parts), names, strict=True))
-        document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
-        if len(parts) > len(found.parts):  # supports that were added, which no file states
-            document["interfaces"] += [
-                {"elements": [names[one.a], names[one.b]], "polygon": rounded(one.polygon, size)}
-                for one in contacts_of(whole, faces, Notes())
-                if max(one.a, one.b) >= len(found.parts)
-            ]
-        notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
-    else:
-        contacts = contacts_of(whole, faces, notes)
-        if found.drawn and "interfaces" not in document:
-            drawn = [(role, scale * corners) for role, corners in found.drawn]
-            document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
+    _state_contacts(document, found, parts, names, whole, faces, (scale, size, tolerance), notes)
     if found.marks and not found.facts.get("loads"):
         marks = [mark.scaled(scale) for mark in found.marks]
         reach = max(2.0 * tolerance, 1e-7 * size)
@@ -373,6 +359,35 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     if not found.facts:
         say_size(measured, length, drawn_in, notes)
     return Imported(complete(document, options, notes, dimension=3), notes.report(), drawn_in, scale)
+
+
+def _state_contacts(
+    document: dict[str, Any],
+    found: Solids,
+    parts: list[Part],
+    names: list[str],
+    whole: list[Floats],
+    faces: list[Faces],
+    lengths: tuple[float, float, float],
+    notes: Notes,
+) -> None:
+    """Add the interfaces that a file states, or labels of drawn ones; lengths: scale, size and tolerance."""
+    scale, size, tolerance = lengths
+    if found.contacts:
+        of_part = dict(zip((part.name for part in parts), names, strict=True))
+        document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
+        if len(parts) > len(found.parts):  # supports that were added, which no file states
+            document["interfaces"] += [
+                {"elements": [names[one.a], names[one.b]], "polygon": rounded(one.polygon, size)}
+                for one in contacts_of(whole, faces, Notes())
+                if max(one.a, one.b) >= len(found.parts)
+            ]
+        notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
+    else:
+        contacts = contacts_of(whole, faces, notes)
+        if found.drawn and "interfaces" not in document:
+            drawn = [(role, scale * corners) for role, corners in found.drawn]
+            document["labels"] = labels_of(contacts, names, drawn, max(2.0 * tolerance, 1e-4 * size), notes)
 
 
 def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:

@@ -521,8 +521,25 @@ def governing_bounds(
 ) -> tuple[float, float]:
     """Bound the governing load factor of a planar layout whose blocks crack anywhere.
 
-    labels: (m,) True = dry. Result: proven bounds on the least λ / required of all cases, infinite where none was
-    found. Raises InputError as `bounds_by_fields`.
+    Raises InputError as `bounds_by_fields`.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    labels : (m,) array of bool
+        True = dry.
+    seconds : float
+        Time after which no mesh is refined, s.
+    gap : float
+        Relative width to reach.
+    lower_first : bool
+        Begin with the lower bound.
+
+    Returns
+    -------
+    (float, float)
+        Proven bounds on the least λ / required of all cases, infinite where none was found.
     """
     # Each step refines the mesh of the load case with the least lower bound, since the lower bound on the governing
     # factor is that one. Cases that do not govern keep their coarse mesh.

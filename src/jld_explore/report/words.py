@@ -38,10 +38,6 @@ STOPPED: Final = {
 }
 
 
-BOUNDED_BY: Final = {"faces": " (bounded face by face)", "blocks": " (bounded by blocks)"}
-"""Description of `bound_by` of a summary where no driver proved the bound."""
-
-
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     """Describe an assembly and its search space for `jld check`."""
     spots = int(np.count_nonzero(space.candidates))
@@ -77,7 +73,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         proof = "but some layouts are locked: they carry any load"
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
-        by = BOUNDED_BY.get(str(facts.get("bound_by")), "")
+        by = f" (bounded {facts['bound_by']})" if " by " in str(facts.get("bound_by")) else ""
         proof += f": none carries more than {facts['bound']:.9g}{by}{gap}"
     if facts.get(STANDS) is False:
         proof = f"{'strongest' if facts['proven'] else 'not proven strongest'} {falls_below(facts)}"

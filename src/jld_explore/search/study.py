@@ -253,7 +253,7 @@ class Study:
         if self._root is not None and self._root.running:
             bound = self._root.poll(self.deadline.remaining() if wait else 0.0)
             if bound is not None:
-                self.keep_bound(bound, "blocks")
+                self.keep_bound(bound, "block by block")
 
     @property
     def evaluation_seconds(self) -> float:
