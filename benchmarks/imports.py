@@ -1,20 +1,17 @@
-"""Reading files: time and memory of bombs, of large files, and of the shelf of files as programs write them.
+"""Reading files: time and memory of bombs, and of large files.
 
 `python -m benchmarks.imports` writes the table. Each file is read by `jld import` in a process of its own: processor
 seconds of it and of the one that reads, and the larger memory of both. Bombs are small files that expand, nest or
 branch (`tests/files/bombs.py`): each has to end in one line. Large ones are cells of lines beside a closed outline, in
-n × n cells, and blocks of solids.
+n × n cells, and blocks of solids. Memory is an upper bound: a process begins with the peak of the one that started it.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -24,8 +21,8 @@ import numpy as np
 
 from benchmarks.common import ROOT, about, load_of_machine, table, write
 from benchmarks.scenes import cubes
-from jld_core import InputError, build_assembly
-from jld_core.exchange import ImportOptions, Layout, export, import_file
+from jld_core import build_assembly
+from jld_core.exchange import Layout, export
 
 _MB: Final = 1e6
 
@@ -73,12 +70,12 @@ def read(path: Path, out: Path, *options: str) -> tuple[float, float, int, str]:
 def main() -> None:
     """Read every file, and write the table."""
     sys.path.insert(0, str(ROOT / "tests"))
-    bombs, shelf = import_module("files.bombs").bombs, import_module("files.make").shelf
+    bombs = import_module("files.bombs").bombs
     files: list[tuple[str, str, Callable[[Path], None]]] = [("bomb", name, one) for name, (one, _) in bombs().items()]
     files += [("large", f"wall_{count}x{count}.dxf", _walls(count)) for count in (30, 100)]
     kinds = {"obj": "obj", "stl": "stl", "ply": "ply", "step": "step", "ifc": "ifc", "3dm": "3dm", "compas": "json"}
     files += [("large", f"1000_cubes.{ending}", _solids(kind)) for kind, ending in kinds.items()]
-    rows, shelf_times = [], []
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         for group, name, make in files:
             path = Path(folder) / name
@@ -88,18 +85,8 @@ def main() -> None:
             kilobytes = f"{path.stat().st_size / 1e3:.0f}"
             rows.append([group, name, kilobytes, f"{seconds:.1f}", f"{memory:.0f}", str(code), line.replace("|", "/")])
             print(rows[-1], flush=True)
-        for file in shelf():
-            path = Path(folder) / file.name
-            file.write(path)
-            start = time.process_time(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            with contextlib.suppress(InputError):
-                import_file(path, ImportOptions(**file.options))
-            own = time.process_time() - start[0]
-            shelf_times.append((own + resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - start[1], file.name))
-    longest, total = max(shelf_times), sum(seconds for seconds, _ in shelf_times)
-    shelf_line = f"The {len(shelf_times)} files of the shelf: {total:.1f} s, longest {longest[0]:.2f} s ({longest[1]})."
     head = "group | file | kB | s | MB | exit code | what it says"
-    write("imports", f"# Reading files\n\n{about(__doc__)}\n\n{table(head, rows)}\n\n{shelf_line} {load_of_machine()}")
+    write("imports", f"# Reading files\n\n{about(__doc__)}\n\n{table(head, rows)}\n\n{load_of_machine()}")
 
 
 if __name__ == "__main__":
