@@ -20,7 +20,8 @@ from jld_core.memory import memory_limit
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.evaluation.pool import Pool, is_lost
+from jld_explore.evaluation import Pool
+from jld_explore.evaluation.pool import is_lost
 from jld_explore.space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with this bound; its process takes two seconds to start
