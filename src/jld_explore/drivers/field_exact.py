@@ -104,7 +104,7 @@ def _conflicts_in(content: dict[str, Any], proof: FieldProof) -> list[Conflict]:
     cases = content["case"].tolist()
     parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
     for place, load in enumerate(content["load"].tolist()):
-        shapes = {"points": (-1, 2), "triangles": (-1, 3), "tagged": (-1, 2)}
+        shapes = {"points": (-1, 2), "simplices": (-1, 3), "tagged": (-1, 2)}
         arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
         proof.refuter.add_problem(load, Mesh(**arrays))
     triples = zip(
