@@ -16,9 +16,9 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.fields.outlines import merged, ring_of
 from jld_core.geometry import facets_of
 from jld_core.geometry.polyhedra import FacetFrames
-from jld_core.linalg import components
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,10 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
             )
     loops = [facets.loops[k][0] for k in range(len(facets))]
     every = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
-    points, number = _merged(np.concatenate([*every, np.zeros((0, 3)) if more is None else more]), reach)
+    points, number = merged(np.concatenate([*every, np.zeros((0, 3)) if more is None else more]), reach)
     split = np.split(number, np.cumsum([len(one) for one in every]))[:-1]
-    rings = [ring_of(points, corners, reach) for corners in split]
+    near = cKDTree(points)
+    rings = [ring_of(points, near, corners, reach) for corners in split]
     free_side = ~(elements.support[faces.a] & elements.support[faces.b])
     face_rings = rings[len(loops) : len(loops) + len(faces)]
     made = []
@@ -128,32 +129,6 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
     rest = iter(rings[len(loops) + len(faces) :])
     placed = tuple((patch.facet, tuple(next(rest) for _ in patch.rings)) for patch in patches)
     return Surface(points, tuple(made), chosen, placed, reach)
-
-
-def _merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
-    """Merge places (k, 3) within `reach`; return points (p, 3) and the point (k,) of each."""
-    pairs = cKDTree(places).query_pairs(reach, output_type="ndarray")
-    group = components(len(places), pairs[:, 0], pairs[:, 1])
-    _, first, number = np.unique(group, return_index=True, return_inverse=True)
-    return places[first], np.asarray(number)
-
-
-def ring_of(points: Floats, corners: Ints, reach: float) -> Ints:
-    """Return the nodes of a closed polygon: its corners, and all nodes on its edges, in order.
-
-    points: (p, 3) nodes. corners: (k,) nodes of the polygon.
-    """
-    corners = corners[corners != np.roll(corners, 1)]
-    nodes: list[int] = []
-    for a, b in zip(corners.tolist(), np.roll(corners, -1).tolist(), strict=True):
-        along = points[b] - points[a]
-        length = float(np.linalg.norm(along))
-        away = points - points[a]
-        place = away @ (along / length)
-        off = np.linalg.norm(away - place[:, None] * (along / length), axis=1)
-        between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
-        nodes += [a, *between[np.argsort(place[between])].tolist()]
-    return np.array(nodes, dtype=np.int64)
 
 
 _TWICE = 2.0 - 1e-6  # least ratio of the width of a cell to the size of its end at which it is cut in the middle

@@ -202,7 +202,7 @@ def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tupl
     Raises InputError for a flat triangle, and for an interface off the outlines of its cells.
     """
     _require_cover(assembly, mesh)
-    return FieldLoads(_body(assembly, mesh, rest[0]), _body(assembly, mesh, rest[1]), tuple(segments))
+    return FieldLoads(body_forces(assembly, mesh, rest[0]), body_forces(assembly, mesh, rest[1]), tuple(segments))
 
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
@@ -378,27 +378,34 @@ def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
     return replace(mesh, tagged=np.concatenate(pairs), tag=np.concatenate(tags).astype(np.int64))
 
 
-def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Spread loads on cells over their root triangles as forces per volume (t, 2).
+def body_forces(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
+    """Spread loads on cells over their root simplices as forces per volume (t, d).
 
-    loads: (n, 3) forces and moments about the centroids of the elements, scene units. Force and moment of each cell are
-    kept.
+    loads: (n, 3 or 6) forces and moments about the centroids of the elements, scene units. Force and moment of each
+    cell are kept.
     """
-    thickness = thickness_of(assembly)
+    d = mesh.dimension
+    thickness = thickness_of(assembly) if d == 2 else 1.0
     middle = mesh.corners.mean(axis=1)
-    body = np.zeros((len(mesh), 2))
+    body = np.zeros((len(mesh), d))
     for cell in np.unique(mesh.cell).tolist():
         if not loads[cell].any():
             continue
         own = np.flatnonzero(mesh.cell == cell)
-        area = mesh.volume[own]
-        centroid = area @ middle[own] / area.sum()
-        force = loads[cell, :2]
+        volume = mesh.volume[own]
+        centroid = volume @ middle[own] / volume.sum()
+        force, away = loads[cell, :d], middle[own] - centroid
         arm = assembly.elements.centroid[cell] - centroid
-        moment = loads[cell, 2] + arm[0] * force[1] - arm[1] * force[0]
-        body[own] = force / (area.sum() * thickness)
-        away = middle[own] - centroid
-        if abs(moment) > tolerances.ROUNDING * np.hypot(*force) * np.sqrt(area.sum()):
-            spin = moment / (thickness * float(area @ (away**2).sum(axis=1)))
-            body[own] += spin * np.column_stack([-away[:, 1], away[:, 0]])
+        body[own] = force / (volume.sum() * thickness)
+        if d == 2:
+            size, moment = np.sqrt(volume.sum()), loads[cell, 2:] + arm[0] * force[1] - arm[1] * force[0]
+            spin = moment / (thickness * float(volume @ (away**2).sum(axis=1)))
+            turned = spin * np.column_stack([-away[:, 1], away[:, 0]])
+        else:
+            size, moment = np.cbrt(volume.sum()), loads[cell, 3:] + np.cross(arm, force)
+            square = np.einsum("t,ti,tj->ij", volume, away, away)
+            inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - square
+            turned = np.cross(np.linalg.solve(inertia, moment), away)
+        if np.linalg.norm(moment) > tolerances.ROUNDING * size * np.linalg.norm(force):
+            body[own] += turned
     return body

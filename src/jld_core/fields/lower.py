@@ -183,7 +183,7 @@ class LowerBound:
         face = p.face[rows]
         mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
         slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - tangential(pull, normals))
-        return np.minimum(np.minimum(-normal, slides), crush + normal)
+        return np.asarray(np.minimum(np.minimum(-normal, slides), crush + normal))
 
     @cached_property
     def frictionless(self) -> Bools:
@@ -218,7 +218,7 @@ class LowerBound:
         """Return the columns (k, 3 or 6) of stresses at one corner of sides (k,), in simplex a or the other one."""
         s, (_, corners, size) = self.problem.sides, self._shape
         simplex, local = (s.b, s.corner_b) if other else (s.a, s.corner_a)
-        return size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size)
+        return np.asarray(size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size))
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
         """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; both are kept.

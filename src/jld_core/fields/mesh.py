@@ -81,7 +81,7 @@ class Mesh:
     @property
     def dimension(self) -> int:
         """2 or 3."""
-        return self.points.shape[1]
+        return int(self.points.shape[1])
 
     @cached_property
     def corners(self) -> Floats:

@@ -47,13 +47,10 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     corners = np.concatenate(shapes)
     every = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
     reach = tolerances.ON_OUTLINE * assembly.size
-    pairs = cKDTree(every).query_pairs(reach, output_type="ndarray")
-    group = components(len(every), pairs[:, 0], pairs[:, 1])
-    _, first, number = np.unique(group, return_index=True, return_inverse=True)
-    points = every[first]
+    points, number = merged(every, reach)
     rings, start, near = [], len(ends), cKDTree(points)
     for shape in shapes:
-        rings.append(_ring(points, near, number[start : start + len(shape)], reach))
+        rings.append(ring_of(points, near, number[start : start + len(shape)], reach))
         start += len(shape)
     face_ends = number[: len(ends)].reshape(-1, 2)
     own: list[list[int]] = [[] for _ in assembly.elements.ids]
@@ -64,27 +61,39 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     return Outlines(points, cells, tuple(rings), tuple(tags))
 
 
-def _ring(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
-    """Return the nodes of an outline in order: its corners, and all nodes on its edges.
+def merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
+    """Merge places (k, d) within `reach`; return points (p, d) and the point (k,) of each."""
+    from scipy.spatial import cKDTree
 
-    points: (p, 2). near: tree of the points. corners: (k,) nodes. reach: largest distance from an edge, length.
+    pairs = cKDTree(places).query_pairs(reach, output_type="ndarray")
+    group = components(len(places), pairs[:, 0], pairs[:, 1])
+    _, first, number = np.unique(group, return_index=True, return_inverse=True)
+    return places[first], np.asarray(number)
+
+
+def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
+    """Return the nodes of a closed polygon: its corners, and all nodes on its edges, in order.
+
+    points: (p, d). near: tree of the points. corners: (k,) nodes. reach: largest distance from an edge, length.
     """
     corners = corners[corners != np.roll(corners, 1)]
     after = np.roll(corners, -1)
-    middle, half = 0.5 * (points[corners] + points[after]), 0.5 * np.hypot(*(points[after] - points[corners]).T)
+    middle, half = (
+        0.5 * (points[corners] + points[after]),
+        0.5 * np.linalg.norm(points[after] - points[corners], axis=1),
+    )
     around = near.query_ball_point(middle, half + reach, return_sorted=True)
     nodes: list[int] = []
     for a, b, found in zip(corners.tolist(), after.tolist(), around, strict=True):
         along = points[b] - points[a]
-        length = float(np.hypot(*along))
+        length = float(np.linalg.norm(along))
         along = along / length
         some = np.array(found, dtype=np.int64)
         away = points[some] - points[a]
         place = away @ along
-        off = abs(away[:, 0] * along[1] - away[:, 1] * along[0])
-        inside = (off <= reach) & (place > reach) & (place < length - reach)
-        between = some[inside]
-        nodes += [a, *between[np.argsort(place[inside])].tolist()]
+        off = np.linalg.norm(away - place[:, None] * along, axis=1)
+        between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
+        nodes += [a, *some[between[np.argsort(place[between])]].tolist()]
     return np.array(nodes, dtype=np.int64)
 
 

@@ -20,9 +20,10 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.forms import across
-from jld_core.fields.layers import Facet, Layers, Patch, Surface, corners_of, layers_of, pieces, ring_of, surface_of
-from jld_core.fields.loads import FieldLoads, PatchLoad, steepest
+from jld_core.fields.layers import Facet, Layers, Patch, Surface, corners_of, layers_of, pieces, surface_of
+from jld_core.fields.loads import FieldLoads, PatchLoad, body_forces, steepest
 from jld_core.fields.mesh import Mesh, patch_tag
+from jld_core.fields.outlines import ring_of
 from jld_core.loads import Loads, Traction, resultants
 
 # Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit it
@@ -46,6 +47,7 @@ class _Filler:
     def __init__(self, surface: Surface, ids: tuple[str, ...]) -> None:
         self.surface, self.ids = surface, ids
         self.points = surface.points.tolist()
+        self._near = cKDTree(surface.points)
 
     def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
         """Triangulate a plane region of a facet, counter-clockwise seen from outside.
@@ -65,7 +67,7 @@ class _Filler:
                 if not close:
                     raise self._refusal(facet)
                 nodes.append(close[int(np.linalg.norm(facet.flat(fixed[close]) - place, axis=1).argmin())])
-            named.append(ring_of(fixed, np.array(nodes), reach))
+            named.append(ring_of(fixed, self._near, np.array(nodes), reach))
         region = shapely.Polygon(
             *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]
         )
@@ -292,7 +294,7 @@ def loaded_solids(
     if layers:
         surface = surface_of(assembly, tuple(patches), corners_of(surface, layers))
     mesh = coarse_solids(assembly, surface, dry, layers)
-    dead, live = (_body(assembly, mesh, one) for one in rest)
+    dead, live = (body_forces(assembly, mesh, one) for one in rest)
     return mesh, FieldLoads(dead, live, tuple(tractions))
 
 
@@ -499,30 +501,3 @@ def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
 def _place_text(place: Floats) -> str:
     """Return a place as text, for messages."""
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"
-
-
-def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Spread loads on cells over their root tetrahedra as forces per volume (t, 3).
-
-    loads: (n, 6) forces and moments about the centroids of the elements, scene units. Force and moment of each cell are
-    kept.
-    """
-    middle = mesh.corners.mean(axis=1)
-    body = np.zeros((len(mesh), 3))
-    for cell in np.unique(mesh.cell).tolist():
-        if not loads[cell].any():
-            continue
-        own = np.flatnonzero(mesh.cell == cell)
-        volume = mesh.volume[own]
-        centroid = volume @ middle[own] / volume.sum()
-        force = loads[cell, :3]
-        moment = loads[cell, 3:] + np.cross(assembly.elements.centroid[cell] - centroid, force)
-        body[own] = force / volume.sum()
-        away = middle[own] - centroid
-        size = float(np.cbrt(volume.sum()))
-        if np.linalg.norm(moment) > tolerances.ROUNDING * size * np.linalg.norm(force):
-            inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - np.einsum(
-                "t,ti,tj->ij", volume, away, away
-            )
-            body[own] += np.cross(np.linalg.solve(inertia, moment), away)
-    return body

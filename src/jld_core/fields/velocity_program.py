@@ -249,7 +249,8 @@ class VelocityProgram:
         """
         count, size = len(tail), tail.shape[1] + 1
         entries: Entries = []
-        for place, parts in enumerate((head, *([(columns, tail[:, j])] for j in range(size - 1)))):
+        tails: list[Entries] = [[(columns, tail[:, j])] for j in range(size - 1)]
+        for place, parts in enumerate([head, *tails]):
             for where, values in parts:
                 flat = where.reshape(count, -1)
                 wide = np.zeros((count, size, flat.shape[1]))

@@ -184,8 +184,8 @@ class FieldResult(Result):
             if several:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
         facts["stands at 0"] = stands_in_words(self)
-        bounds = list(self.cases.values())
-        facts[bounds[0].shape] = ", ".join(str(one.simplices) for one in bounds)
+        every = list(self.cases.values())
+        facts[every[0].shape] = ", ".join(str(one.simplices) for one in every)
         facts["seconds"] = f"{self.seconds['total']:.3g}"
         return facts
 

@@ -93,7 +93,7 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     cases = content["case"].tolist()
     parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
     for place, load in enumerate(content["load"].tolist()):
-        shapes = {"points": (-1, 2), "triangles": (-1, 3), "tagged": (-1, 2)}
+        shapes = {"points": (-1, 2), "simplices": (-1, 3), "tagged": (-1, 2)}
         arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
         driver.refuter.add_problem(load, Mesh(**arrays))
     triples = zip(
