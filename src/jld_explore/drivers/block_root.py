@@ -19,7 +19,6 @@ from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import possible_blocks
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import is_lost
 from jld_explore.space import SearchSpace
