@@ -187,6 +187,7 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
 
 
 def _sized(values: list[float], size: int, where: str) -> Floats:
+    """Convert numbers to a vector; raise InputError unless their number is `size`."""
     if len(values) != size:
         raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
     return np.array(values, dtype=float)
