@@ -70,6 +70,7 @@ class Deadline:
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
+        """Return a deadline with the same start and another end."""
         made = Deadline(None, self.started)
         made.end = end
         return made

@@ -47,6 +47,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 @cache
 def _installed(path: tuple[str, ...]) -> Any:
+    """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 
     return metadata.entry_points()
@@ -96,6 +97,7 @@ def refuse_type(group: str, name: str, expected: str) -> InputError:
 
 
 def package(point: EntryPoint) -> str:
+    """Return the name of the package that an entry point belongs to."""
     return point.dist.name if point.dist is not None else point.module
 
 

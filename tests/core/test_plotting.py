@@ -530,7 +530,7 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "moved_joints.figure_of_vertex_rates": lambda draw, made, _: draw(
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
-    "path.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
+    "moved_joints.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
     "settled_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),

@@ -151,11 +151,13 @@ def _key(a: Ints, b: Ints, places: Floats) -> tuple[bytes, bytes, bytes, tuple[i
 
 
 def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
+    """Return the ends (e,), (e,) of the edges of a key."""
     return np.frombuffer(first, dtype=np.int64), np.frombuffer(second, dtype=np.int64)
 
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> FactorPattern:
+    """Compute the factor pattern of a key of the caches."""
     return _laid_out(*_ends(first, second), *_elimination(first, second, where, shape))
 
 

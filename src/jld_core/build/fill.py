@@ -132,6 +132,7 @@ class Backing:
         return any(edge.place[0] <= place <= edge.place[1] for edge in self.edges)
 
     def position(self, point: Floats) -> float:
+        """Return the horizontal position of a point (2,)."""
         return float(point @ self._right)
 
     def pressures(self) -> Members:
@@ -185,6 +186,7 @@ class Backing:
 
     @property
     def _free(self) -> list[CoveredEdge]:
+        """Return the covered edges of free elements."""
         return [edge for edge in self.edges if not self.elements.support[edge.element]]
 
     @property
@@ -195,6 +197,7 @@ class Backing:
         return max(0.0, upright / weight) if weight else 0.0
 
     def _vertical(self, depth: Floats) -> Floats:
+        """Return the vertical stress at depths (k,) below the surface."""
         return self.fill.surcharge + self.fill.density * self.gravity * depth
 
     def _active(self, edge: CoveredEdge) -> Floats:
@@ -213,6 +216,7 @@ class Backing:
         )
 
     def _rise(self, edge: CoveredEdge) -> float:
+        """Return the vertical length of an edge, 0 for a level one."""
         return float(abs(edge.height[1] - edge.height[0])) if edge.side else 0.0
 
     def _point(self, place: float, height: float) -> Floats:

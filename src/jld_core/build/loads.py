@@ -54,7 +54,7 @@ def force_of(entry: PointLoad, index: int, elements: Elements, where: str) -> Po
 def _vector(values: list[float], dimension: int, where: str) -> Floats:
     """Convert numbers to a vector; raise InputError unless their number is `dimension`."""
     if len(values) != dimension:
-        raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
+        raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{dimension} in this scene")
     return np.array(values, dtype=float)
 
 
@@ -174,21 +174,17 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
             rows.append(row)
         if not bearing.intersection(rows):
             raise InputError(f"{key}.elements", "no free element touches them", "supports that bear something")
-        move = _sized(part.move if part.move is not None else [0.0] * d, d, f"{key}.move")
-        turn = _sized(np.atleast_1d(part.turn).tolist() if np.any(part.turn) else [0.0] * (q - d), q - d, f"{key}.turn")
-        about = elements.centroid[rows].mean(axis=0) if part.about is None else _sized(part.about, d, f"{key}.about")
+        move = _vector(part.move if part.move is not None else [0.0] * d, d, f"{key}.move")
+        turn = _vector(
+            np.atleast_1d(part.turn).tolist() if np.any(part.turn) else [0.0] * (q - d), q - d, f"{key}.turn"
+        )
+        about = elements.centroid[rows].mean(axis=0) if part.about is None else _vector(part.about, d, f"{key}.about")
         for row in rows:
             arm = elements.centroid[row] - about
             velocity[row] += np.concatenate([move + spun(turn, arm), turn])
     if not velocity.any():
         raise InputError(f"settlements[{place}]", "nothing moves", '"move" or "turn" of some support')
     return velocity
-
-
-def _sized(values: list[float], size: int, where: str) -> Floats:
-    if len(values) != size:
-        raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
-    return np.array(values, dtype=float)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,7 @@ def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]
 
 
 def _ring(ring: shapely.LinearRing) -> Floats:
+    """Return the corners (k, 2) of a closed ring, without the repeated last one."""
     corners: Floats = shapely.get_coordinates(ring)[:-1]
     return corners
 

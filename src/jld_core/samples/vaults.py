@@ -96,6 +96,7 @@ def _barrel(
 
 
 def _cross(inner: float, outer: float, reach: float, half: int, courses: int, first: float) -> list[dict[str, Any]]:
+    """Return the elements of a cross vault: eight half webs, from groin to end."""
     # The lowest cells of each half web stand on separate supports.
     end = outer + reach
     angles = np.linspace(first, np.pi / 2.0, half + 1)

@@ -111,6 +111,7 @@ class _Walls:
         self.near = _SAME * float(np.ptp(shapely.get_coordinates(plan), axis=0).max())
 
     def _refusal(self, problem: str, expected: str) -> InputError:
+        """Return the error of an element that cannot be cut."""
         return InputError(f"element {self.name!r}", problem, expected)
 
     def walls(self, k: int) -> list[Rectangle]:

@@ -243,6 +243,7 @@ def page(title: str, facts: Mapping[str, str], drawing: str | bytes | None, *tab
 
 
 def _shown(value: float | None) -> str:
+    """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"
 
 
