@@ -284,7 +284,7 @@ def test_public_names() -> None:
     core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many
     BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples
     views solvers Bits Bools Floats Ints Elements LoadCase Loads Deadline DeadlinePassed checkpoint time_left
-    ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters plugins sub_assembly
+    ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters plugins assembly
     tolerances"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
