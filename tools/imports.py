@@ -70,7 +70,8 @@ def home_of(module: str, name: str, here: str) -> str:
         homes = [one for one in files if name in defined(one)]
         if homes:
             return ".".join(homes[0].relative_to(SOURCES).with_suffix("").parts).removesuffix(".__init__")
-    if module != package and not inside and name in exported(package):
+    module_too = path_of(f"{package}.{name}") is not None
+    if module != package and not inside and name in exported(package) and not module_too:
         return package
     return module
 

@@ -1,5 +1,6 @@
 """Parametric sample structures, for `jld new NAME` and for Python.
 
+- `KINDS`: functions that make samples, by name
 - `Stone`: material of a sample
 - `arch`: make a circular arch of voussoirs in rings
 - `box`: make a spatial box element between two corners
@@ -37,6 +38,7 @@ KINDS: Final[dict[str, Callable[..., Scene]]] = {
 """Functions that make samples, by the name used in `jld new`."""
 
 __all__ = [
+    "KINDS",
     "Stone",
     "arch",
     "box",

@@ -13,8 +13,9 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, formats, import_file
+from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.exchange.facts import lost
+from jld_core.exchange.formats import formats
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
 from jld_core.refinement import refine
