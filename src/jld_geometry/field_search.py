@@ -93,7 +93,9 @@ class FieldMesh:
         return replace(self, setting=setting, base=base, mesh=mesh)
 
 
-def _ends(segments: Sequence[fields_loads.Segment]) -> Floats:
+def _ends(tractions: Sequence[object]) -> Floats:
+    """Return the ends (k, 2) of the segments among tractions; all are segments in the plane."""
+    segments = [one for one in tractions if isinstance(one, fields_loads.Segment)]
     return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
 
 

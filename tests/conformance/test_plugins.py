@@ -25,7 +25,7 @@ SCENE = SCENES / "flat_beam_arch.json"
 
 def forget() -> None:
     """Forget which plug-ins were found."""
-    from jld_core.exchange import formats
+    from jld_core.exchange.formats import formats
     from jld_explore.space import counts
 
     for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):

@@ -13,90 +13,13 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.fields.forms import Material
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
 from jld_core.fields.mesh import Mesh, Sides, patch_tag
 from jld_core.scene.standard import key_of
 from jld_core.strengths import Route
 
 _ROUTE: Final = Route("cracks by fields")
-
-
-@dataclass(frozen=True)
-class Material:
-    """Mohr–Coulomb material with tension cut-off in plane stress."""
-
-    tension: float  # tensile strength σt, a stress
-    shear: float  # shear strength τ without normal stress, a stress
-    friction: float = 0.0  # friction μi = tan φ of crack planes
-    crushing: float = np.inf  # compressive strength σc, a stress; inf where none is given
-
-    @property
-    def sine(self) -> float:
-        """Sine of the angle of friction φ of crack planes, tan φ = `friction`."""
-        return self.friction / float(np.hypot(1.0, self.friction))
-
-    @property
-    def intercept(self) -> float:
-        """Largest R = (σ1 − σ2)/2 that Mohr–Coulomb admits at m = 0: τ cos φ, stress."""
-        return self.shear / float(np.hypot(1.0, self.friction))
-
-    def scaled(self, unit: float) -> Material:
-        """Return the same material with its strengths divided by `unit`, a stress above 0."""
-        return Material(self.tension / unit, self.shear / unit, self.friction, self.crushing / unit)
-
-    @cached_property
-    def lines(self) -> Floats:
-        """(k, 2) coefficients (a, b) of the yield conditions R ≤ a + b m.
-
-        m = (σx + σy)/2 and R = (σ1 − σ2)/2. The rows are Mohr–Coulomb, tension cut-off and, where a compressive
-        strength is given, crushing.
-        """
-        rows = [(self.intercept, -self.sine), (self.tension, -1.0)]
-        if np.isfinite(self.crushing):
-            rows.append((self.crushing, 1.0))
-        return np.array(rows)
-
-    @cached_property
-    def vertices(self) -> Floats:
-        """(k, 2) corners (m, R) of the yield set in the half-plane R ≥ 0, stress."""
-        # m = (σx + σy)/2 and R = (σ1 − σ2)/2. Without a compressive strength the set is unbounded towards m = −∞; that
-        # end has no corner.
-        corners = [(self.tension, 0.0)]
-        if np.isfinite(self.crushing):
-            corners.append((-self.crushing, 0.0))
-        for i, (a, b) in enumerate(self.lines):
-            for c, d in self.lines[i + 1 :]:
-                if b != d:
-                    m = (c - a) / (b - d)
-                    corners.append((m, a + b * m))
-        slack = 1e-12 * max(self.tension, self.shear)
-        kept = [(m, r) for m, r in corners if r >= 0.0 and (r <= self.lines @ (1.0, m) + slack).all()]
-        return np.array(kept)
-
-    def slack(self, stress: Floats) -> Floats:
-        """Return the least slack a + b m − R over all yield conditions (see `lines`), a stress.
-
-        stress: (..., 3) values (m, d, s) = ((σx + σy)/2, (σx − σy)/2, τxy). The result is (...,); negative means that
-        yield is violated.
-        """
-        radius = np.hypot(stress[..., 1], stress[..., 2])
-        heads = self.lines[:, 0] + self.lines[:, 1] * stress[..., :1]
-        return np.asarray(heads.min(axis=-1) - radius)
-
-    def missing(self, trace: Floats, shear: Floats) -> Floats:
-        """Return the trace that strain rates lack to obey the flow rule, (k,).
-
-        trace, shear: (k,) e and g of docs/method.md (9.2). The result is g sin φ − e; above 0 the dissipation is
-        infinite. It is −inf for a material that crushes, which has no such rule.
-        """
-        if np.isfinite(self.crushing):
-            return np.full_like(trace, -np.inf)
-        return self.sine * shear - trace
-
-    def dissipation(self, trace: Floats, shear: Floats, allowance: float = 0.0) -> Floats:
-        """Return the power per volume of strain rates, (...,): docs/method.md (9.2)."""
-        power = (trace[..., None] * self.vertices[:, 0] + shear[..., None] * self.vertices[:, 1]).max(axis=-1)
-        return np.asarray(np.where(self.missing(trace, shear) > allowance, np.inf, power))
 
 
 def material_of(assembly: Assembly) -> Material:
